@@ -1,0 +1,6 @@
+"""`python -m lab3_usd`: the same command as `lab3`."""
+
+from lab3_usd.cli import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Comparing the graphs a spec asks for with the graphs a stage holds."""

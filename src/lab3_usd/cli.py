@@ -1,0 +1,69 @@
+"""The command line: which commands exist, and what each exit status means."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+from lab3_usd.errors import Lab3Error
+
+# Each command is a module that defines `command`; it is imported only when it is asked for,
+# so that `lab3 --help` starts without pxr and networkx.
+COMMANDS = {
+    "build": "Build the nine checkpoint stages from a starter scene.",
+    "check": "Check stages or whole submissions against the lab.",
+    "starter": "Write the bundled starter scene.",
+    "map": "Make an occupancy map from the walls of a stage.",
+    "rules": "List all rules.",
+    "rule": "Explain one rule.",
+    "tf": "Print the TF tree that a stage publishes.",
+    "topics": "Print the topics that a stage publishes and subscribes to.",
+    "nav2": "Write launch, parameter and RViz files for localization and navigation.",
+    "collect": "Write the script that collects evidence from the running system.",
+    "draw": "Draw Action Graphs and the TF tree.",
+    "grade": "Grade a whole class of submissions.",
+    "completion": "Print the shell completion script.",
+}
+EXIT_USAGE = 2
+EXIT_CRASH = 3
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are run."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Name the commands in the order a course meets them."""
+        del ctx
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import one command; None when there is no such command."""
+        del ctx
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"lab3_usd.commands.{cmd_name}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands from the table, so that help imports none of them."""
+        del ctx
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="lab3-usd", prog_name="lab3")
+def lab3() -> None:
+    """Author and check the USD stages of the TurtleBot 3 lab, without Isaac Sim."""
+
+
+def main() -> None:
+    """Run the command line; an error of ours is one line on stderr and exit status 2."""
+    try:
+        lab3.main(prog_name="lab3")
+    except Lab3Error as error:
+        click.echo(f"lab3: {error}", err=True)
+        sys.exit(EXIT_USAGE)

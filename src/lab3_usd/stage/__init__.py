@@ -1,0 +1,1 @@
+"""Reading and writing USD: the only package that imports pxr."""
