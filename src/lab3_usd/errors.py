@@ -1,4 +1,4 @@
-"""The exceptions of the package: each says in one line what is wrong, where, and how to repair it."""
+"""The exceptions of the package: each says in one line what is wrong, where, how to repair it."""
 
 
 class Lab3Error(Exception):
