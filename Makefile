@@ -1,0 +1,98 @@
+# `make demo` and `make test` set up everything they need in .venv, from a Python and nothing else.
+SUPPORTED := 3.10 3.11 3.12 3.13
+VENV := .venv
+BIN := $(VENV)/bin
+OUT := out
+WORKERS := 2
+PIP := -m pip install --quiet --disable-pip-version-check
+PINS := $(wildcard requirements/*.txt)
+NO_PYTHON := needs Python 3.10 or newer with the module venv (Debian and Ubuntu: \
+	apt install python3-venv), or name one: make PYTHON=/path/to/python
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint pytest test-all test-pythons test-lowest bench sweep fuzz clean
+
+help:
+	@echo "make demo          set up, build the nine checkpoint stages into $(OUT)/ and check them"
+	@echo "make test          set up, then every static check and the test suite"
+	@echo "make test-all      the same, then the suite on every other Python $(SUPPORTED) here"
+	@echo "                   and on the lowest releases the package allows"
+	@echo "make bench         measure speed"
+	@echo "make sweep         break a stage in every single way and count what is found"
+	@echo "make fuzz          throw damaged files at the program"
+	@echo "make clean         remove environments, caches and built files"
+
+demo: $(VENV)/run
+	$(BIN)/lab3 build --out $(OUT) --force
+	$(BIN)/lab3 check $(OUT)
+
+test: lint pytest
+
+lint: $(VENV)/dev
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+pytest: $(VENV)/dev
+	$(BIN)/python -m pytest -n $(WORKERS) --cov --cov-report=term
+
+test-all: test test-pythons
+
+# One after the other: each environment's suite already uses every worker.
+test-pythons: $(VENV)/dev
+	@set -eu; tested=$$($(BIN)/python -c 'import sys; print("%d.%d" % sys.version_info[:2])'); \
+	for version in $(SUPPORTED); do \
+		if [ "$$version" = "$$tested" ]; then \
+			echo "== Python $$version: tested by make test"; \
+		elif sh .ci/find-python "$$version" >/dev/null; then \
+			echo "== Python $$version"; $(MAKE) --no-print-directory "test-$$version"; \
+		else \
+			echo "== Python $$version: SKIPPED, not on this machine"; \
+		fi; \
+	done
+	@echo "== lowest releases"; $(MAKE) --no-print-directory test-lowest
+
+$(SUPPORTED:%=test-%): test-%: .venv-%/dev
+	.venv-$*/bin/python -m pytest -q -n $(WORKERS)
+
+test-lowest: .venv-lowest/dev
+	.venv-lowest/bin/python -m pytest -q -n $(WORKERS)
+
+bench: $(VENV)/dev
+	$(BIN)/python benchmarks/bench.py
+
+sweep: $(VENV)/dev
+	$(BIN)/python benchmarks/sweep.py
+
+fuzz: $(VENV)/dev
+	$(BIN)/python benchmarks/fuzz.py
+
+clean:
+	rm -rf .venv .venv-* $(OUT) build dist .coverage .coverage.* htmlcov
+	rm -rf .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
+
+# Each environment holds empty files `python`, `run` and `dev`: how far its set-up has come. The
+# build tools come first and pinned, so that building the package fetches nothing else.
+ENVIRONMENTS := $(VENV) $(SUPPORTED:%=.venv-%) .venv-lowest
+VERSIONS = $(patsubst .venv-%,%,$(filter-out $(VENV),$(@D)))
+RUN_PINS = requirements/run.txt
+CONSTRAINTS = -c requirements/build.txt -c $(RUN_PINS) -c requirements/dev.txt
+.venv-lowest/%: VERSIONS = $(SUPPORTED)
+.venv-lowest/%: RUN_PINS = requirements/lowest.txt
+
+$(ENVIRONMENTS:%=%/python): requirements/build.txt
+	@python="$(if $(filter $(VENV),$(@D)),$(PYTHON))"; [ -n "$$python" ] || python=$$(sh .ci/find-python $(VERSIONS)) || \
+		{ echo "lab3 $(NO_PYTHON)" >&2; exit 1; }; \
+	echo "$$python -m venv $(@D)"; "$$python" -m venv --clear $(@D)
+	$(@D)/bin/python $(PIP) -r $<
+	@touch $@
+
+$(ENVIRONMENTS:%=%/run): %/run: %/python $(PINS) pyproject.toml
+	$(@D)/bin/python $(PIP) --no-build-isolation $(CONSTRAINTS) -e .
+	@touch $@
+
+$(ENVIRONMENTS:%=%/dev): %/dev: %/python $(PINS) pyproject.toml
+	$(@D)/bin/python $(PIP) --no-build-isolation $(CONSTRAINTS) -e '.[test]'
+	@touch $(@D)/run $@
