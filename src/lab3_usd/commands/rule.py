@@ -1,0 +1,52 @@
+"""`lab3 rule`: the manual of one rule, from its docstring."""
+
+from __future__ import annotations
+
+import difflib
+import textwrap
+from collections.abc import Iterator, Mapping
+
+import click
+
+from lab3_usd.check.registry import FAMILIES, Rule, all_rules
+
+WIDTH = 100
+SECTIONS = ("Why", "Fix", "Example")
+
+
+@click.command("rule")
+@click.argument("rule_id", metavar="ID")
+def command(rule_id: str) -> None:
+    """Explain one rule: what is wrong, why it matters, how to repair it, and an example.
+
+    ID is an id such as W01, or a rule's name.
+    """
+    click.echo("\n".join(manual_lines(find_rule(rule_id, all_rules()))))
+
+
+def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
+    """Return the rule with this id or name.
+
+    Raises:
+        click.UsageError: there is none; names the closest ids.
+    """
+    by_name = {rule.name: rule for rule in rules.values()}
+    found = rules.get(wanted.upper()) or by_name.get(wanted.lower())
+    if found:
+        return found
+    close = difflib.get_close_matches(wanted.upper(), rules, cutoff=0.5)
+    close += [by_name[name].id for name in difflib.get_close_matches(wanted.lower(), by_name)]
+    hint = f"did you mean {', '.join(dict.fromkeys(close))}" if close else "lab3 rules lists all"
+    message = f"no rule {wanted!r}; {hint}"
+    raise click.UsageError(message)
+
+
+def manual_lines(rule: Rule) -> Iterator[str]:
+    """Yield the manual: a heading, what is wrong, and its named sections, wrapped."""
+    yield f"{rule.id} {rule.name} ({rule.severity}, {FAMILIES[rule.id[0]]})"
+    yield ""
+    yield from textwrap.wrap(rule.manual.split("\n\n")[0], WIDTH)
+    for title in SECTIONS:
+        if text := rule.section(title):
+            yield ""
+            yield from textwrap.wrap(f"{title}: {text}", WIDTH, subsequent_indent="  ")

@@ -1,0 +1,36 @@
+"""`lab3 rules`: every rule with its severity and what it is about, by family."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+
+import click
+
+from lab3_usd.check.registry import FAMILIES, Rule, all_rules
+
+
+@click.command("rules")
+def command() -> None:
+    """List all rules: id, severity, name and what each is about.
+
+    `lab3 rule ID` explains one.
+    """
+    click.echo("\n".join(rule_lines(list(all_rules().values()))))
+
+
+def rule_lines(rules: list[Rule]) -> Iterator[str]:
+    """Yield the lines of the list: one family after the other, columns aligned."""
+    width = max((len(rule.name) for rule in rules), default=0)
+    families = list(FAMILIES)
+    ordered = sorted(rules, key=lambda rule: (families.index(rule.id[0]), rule.id))
+    for letter, members in groupby(ordered, key=lambda rule: rule.id[0]):
+        yield f"{letter}  {FAMILIES[letter]}"
+        for rule in members:
+            yield f"  {rule.id}  {rule.severity:<7}  {rule.name:<{width}}  {first_sentence(rule)}"
+
+
+def first_sentence(rule: Rule) -> str:
+    """Return what the rule is about: the first sentence of its manual, without the full stop."""
+    opening = " ".join(rule.manual.split("\n\n")[0].split())
+    return opening.split(". ")[0].removesuffix(".")
