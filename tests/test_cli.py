@@ -1,0 +1,158 @@
+"""The command line itself: start-up, exit statuses, completion, and the manual of rules."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+import pytest
+from click.testing import CliRunner
+
+from lab3_usd import cli
+from lab3_usd.check.registry import FAMILIES, all_rules
+
+if TYPE_CHECKING:
+    from click.testing import Result
+
+HEAVY = ("pxr", "networkx", "yaml", "jinja2")
+
+
+def lab3(*arguments: str) -> Result:
+    return CliRunner().invoke(cli.lab3, arguments, prog_name="lab3")
+
+
+def modules_after(*arguments: str) -> set[str]:
+    code = (
+        "import sys\n"
+        "from lab3_usd.cli import lab3\n"
+        f"lab3.main({list(arguments)!r}, standalone_mode=False)\n"
+        "print(*sys.modules, file=sys.stderr)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    return set(done.stderr.split())
+
+
+@pytest.mark.parametrize("heavy", HEAVY)
+def test_help_does_not_import(heavy: str) -> None:
+    assert heavy not in modules_after("--help")
+
+
+@pytest.mark.parametrize("heavy", HEAVY)
+def test_the_manual_of_a_rule_does_not_import(heavy: str) -> None:
+    assert heavy not in modules_after("rule", "W01")
+
+
+def test_help_lists_every_command() -> None:
+    listed = re.findall(r"^  ([a-z0-9]+) ", lab3("--help").stdout, flags=re.MULTILINE)
+    assert listed == list(cli.COMMANDS)
+
+
+@pytest.mark.parametrize("name", list(cli.COMMANDS))
+def test_every_command_explains_itself(name: str) -> None:
+    result = lab3(name, "--help")
+    assert result.exit_code == 0
+    assert result.stdout.startswith(f"Usage: lab3 {name}")
+
+
+def test_version_is_that_of_the_package() -> None:
+    assert lab3("--version").stdout.strip() == f"lab3, version {version('lab3-usd')}"
+
+
+def test_an_unknown_command_is_wrong_use() -> None:
+    result = lab3("chek")
+    assert result.exit_code == cli.EXIT_USAGE
+    assert "chek" in result.stderr
+
+
+def test_the_module_is_the_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "lab3_usd", "--version"],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert done.stdout == lab3("--version").stdout
+
+
+def test_an_error_of_ours_is_one_line_and_status_2(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(**_: object) -> None:
+        message = "no such stage"
+        raise cli.Lab3Error(message)
+
+    monkeypatch.setattr(cli.lab3, "main", fail)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    assert stopped.value.code == cli.EXIT_USAGE
+    assert capsys.readouterr().err == "lab3: no such stage\n"
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_script_calls_back_into_lab3(shell: str) -> None:
+    result = lab3("completion", shell)
+    assert result.exit_code == 0
+    assert f"_LAB3_COMPLETE={shell}_complete" in result.stdout
+
+
+def test_the_tab_key_completes_commands_and_imports_none() -> None:
+    environment = {
+        **os.environ,
+        "_LAB3_COMPLETE": "bash_complete",
+        "COMP_WORDS": "lab3 ru",
+        "COMP_CWORD": "1",
+    }
+    code = (
+        "import atexit, sys\n"
+        "atexit.register(lambda: print(*sys.modules, file=sys.stderr))\n"
+        "from lab3_usd.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        env=environment,
+    )
+    assert done.stdout.split() == ["plain,rules", "plain,rule"]
+    assert not [name for name in done.stderr.split() if name.startswith("lab3_usd.commands.")]
+
+
+def test_rules_lists_every_rule_once_and_families_in_order() -> None:
+    lines = lab3("rules").stdout.splitlines()
+    families = [line.split() for line in lines if not line.startswith(" ")]
+    listed = [line.split()[:3] for line in lines if line.startswith(" ")]
+    assert families == [[letter, name] for letter, name in FAMILIES.items()]
+    assert sorted(listed) == [[r.id, r.severity, r.name] for r in all_rules().values()]
+
+
+def test_rule_prints_the_whole_manual() -> None:
+    printed = " ".join(lab3("rule", "W01").stdout.split())
+    for paragraph in all_rules()["W01"].manual.split("\n\n"):
+        assert " ".join(paragraph.split()) in printed
+
+
+def test_a_rule_is_found_by_its_name_too() -> None:
+    rule = all_rules()["W01"]
+    assert lab3("rule", rule.name).stdout == lab3("rule", "w01").stdout
+
+
+def test_an_unknown_rule_is_wrong_use_and_close_ones_are_named() -> None:
+    result = lab3("rule", "W0")
+    assert result.exit_code == cli.EXIT_USAGE
+    assert "W01" in result.stderr
+
+
+def test_a_rule_like_no_other_points_to_the_list() -> None:
+    result = lab3("rule", "zzzzzz")
+    assert result.exit_code == cli.EXIT_USAGE
+    assert "lab3 rules" in result.stderr
