@@ -3,7 +3,7 @@ SUPPORTED := 3.10 3.11 3.12 3.13
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := out
-WORKERS := 2
+PARALLEL := -n 2 --dist loadgroup
 PIP := -m pip install --quiet --disable-pip-version-check
 PINS := $(wildcard requirements/*.txt)
 NO_PYTHON := needs Python 3.10 or newer with the module venv (Debian and Ubuntu: \
@@ -35,7 +35,7 @@ lint: $(VENV)/dev
 	$(BIN)/lint-imports
 
 pytest: $(VENV)/dev
-	$(BIN)/python -m pytest -n $(WORKERS) --cov --cov-report=term
+	$(BIN)/python -m pytest $(PARALLEL) --cov --cov-report=term
 
 test-all: test test-pythons
 
@@ -54,10 +54,10 @@ test-pythons: $(VENV)/dev
 	@echo "== lowest releases"; $(MAKE) --no-print-directory test-lowest
 
 $(SUPPORTED:%=test-%): test-%: .venv-%/dev
-	.venv-$*/bin/python -m pytest -q -n $(WORKERS)
+	.venv-$*/bin/python -m pytest -q $(PARALLEL)
 
 test-lowest: .venv-lowest/dev
-	.venv-lowest/bin/python -m pytest -q -n $(WORKERS)
+	.venv-lowest/bin/python -m pytest -q $(PARALLEL)
 
 bench: $(VENV)/dev
 	$(BIN)/python benchmarks/bench.py
