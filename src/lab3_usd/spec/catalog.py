@@ -1,0 +1,179 @@
+"""The catalog of node types: ports, defaults, and what a type does with topics and frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Union
+
+Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated at run time
+INPUT = "inputs:"
+OUTPUT = "outputs:"
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """One port of a node type.
+
+    `name` is the name in a file (`inputs:topicName`); `ogn_type` OGN's own type word; `usd_type`
+    how a file declares it (`rel` for a relationship). `default` is what a port without a value
+    means, None where there is none. `accepts` lists the types of a union port.
+    """
+
+    name: str
+    ogn_type: str
+    usd_type: str
+    default: Value | None = None
+    allowed: tuple[str, ...] = ()
+    accepts: tuple[str, ...] = ()
+    output_only: bool = False
+    deprecated: bool = False
+
+    @property
+    def short(self) -> str:
+        """The name without `inputs:` or `outputs:`, as specs and people write it."""
+        return self.name.partition(":")[2]
+
+    @property
+    def is_execution(self) -> bool:
+        """Whether the port carries a signal instead of data."""
+        return self.ogn_type == "execution"
+
+    @property
+    def is_target(self) -> bool:
+        """Whether the port is a relationship to prims."""
+        return self.ogn_type == "target"
+
+    @property
+    def is_union(self) -> bool:
+        """Whether the port takes the type of what is wired to it."""
+        return self.ogn_type in {"union", "any"}
+
+    @property
+    def is_source(self) -> bool:
+        """Whether a wire may leave from here (an output, or an input drawn as one)."""
+        return self.name.startswith(OUTPUT) or self.output_only
+
+
+@dataclass(frozen=True, slots=True)
+class Dynamic:
+    """Ports that exist only once asked for: `prefix` + number, as many as `count` says."""
+
+    prefix: str
+    count: str
+    metadata: str
+
+
+@dataclass(frozen=True, slots=True)
+class TfPorts:
+    """Which ports of a type carry TF frames.
+
+    `names`: parent and child frame ids. `arrays`: parents and children that come by wire.
+    `prims`: parent prim and target prims. `gives`: the outputs that carry the frames on.
+    """
+
+    names: tuple[str, ...] = ()
+    arrays: tuple[str, ...] = ()
+    prims: tuple[str, ...] = ()
+    gives: tuple[str, ...] = ()
+    static: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NodeType:
+    """One node type of Isaac Sim 6.0.1.
+
+    `message` maps the value of the port `type` to a message type; the key '' holds where the
+    type has one message only. `role` is publisher, subscriber, helper (publishes as well),
+    service, or '' for types that do not talk to ROS.
+    """
+
+    type: str
+    version: int
+    ui_name: str
+    handout_name: str
+    prim_name: str
+    ports: Mapping[str, Port]
+    dynamic: Dynamic | None = None
+    role: Literal["", "publisher", "subscriber", "helper", "service"] = ""
+    topics: tuple[str, ...] = ()
+    services: tuple[str, ...] = ()
+    frames: tuple[str, ...] = ()
+    message: Mapping[str, str] = field(default_factory=dict)
+    tf: TfPorts | None = None
+
+    def input(self, short: str) -> Port | None:
+        """Return the input `short`; a dynamic input that this type can grow counts."""
+        port = self.ports.get(INPUT + short)
+        return port if port is not None else self._grown(short)
+
+    def source(self, short: str) -> Port | None:
+        """Return the port a wire named `short` leaves from: an output, or an output-only input."""
+        port = self.ports.get(OUTPUT + short)
+        if port is not None:
+            return port
+        port = self.ports.get(INPUT + short)
+        return port if port is not None and port.output_only else None
+
+    def port(self, name: str) -> Port | None:
+        """Return the port with this full name (`inputs:execIn`), dynamic ones included."""
+        found = self.ports.get(name)
+        if found is not None or not name.startswith(INPUT):
+            return found
+        return self._grown(name[len(INPUT) :])
+
+    def _grown(self, short: str) -> Port | None:
+        if self.dynamic is None or not short.startswith(self.dynamic.prefix):
+            return None
+        first = self.ports.get(f"{INPUT}{self.dynamic.prefix}0")
+        number = short[len(self.dynamic.prefix) :]
+        if first is None or not number.isdecimal():
+            return None
+        return Port(INPUT + short, first.ogn_type, first.usd_type, accepts=first.accepts)
+
+
+@dataclass(frozen=True, slots=True)
+class GraphAttribute:
+    """An attribute of a graph prim: how it is saved, and which values are as good."""
+
+    name: str
+    usd_type: str
+    value: Value
+    accepted: tuple[Value, ...] = ()
+    required: bool = False
+    handout: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GraphForm:
+    """How Isaac Sim saves graph and node prims."""
+
+    type: str
+    node_type: str
+    gui_api: str
+    attributes: tuple[GraphAttribute, ...]
+    ignored_below: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Catalog:
+    """Every node type the lab knows, by its name in 6.0.1, and the names that mean another."""
+
+    types: Mapping[str, NodeType]
+    graph: GraphForm
+    prefixes: Mapping[str, str]
+    renamed: Mapping[str, str]
+    lookalikes: Mapping[str, str]
+    events: tuple[str, ...]
+    scripts: tuple[str, ...]
+
+    def modern(self, name: str) -> str:
+        """Return the 6.0.1 name of a type saved before 4.5; other names come back unchanged."""
+        if name in self.renamed:
+            return self.renamed[name]
+        prefix, _, rest = name.rpartition(".")
+        return f"{self.prefixes[prefix]}.{rest}" if prefix in self.prefixes else name
+
+    def get(self, name: str) -> NodeType | None:
+        """Return the type that a file's `node:type` means, old names included."""
+        return self.types.get(name) or self.types.get(self.modern(name))

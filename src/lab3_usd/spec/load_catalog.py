@@ -1,0 +1,196 @@
+"""The catalog out of `node_types.yaml`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from lab3_usd.errors import SpecError
+from lab3_usd.spec.catalog import (
+    INPUT,
+    OUTPUT,
+    Catalog,
+    Dynamic,
+    GraphAttribute,
+    GraphForm,
+    NodeType,
+    Port,
+    TfPorts,
+    Value,
+)
+from lab3_usd.spec.values import typed
+from lab3_usd.spec.yaml_file import expect, known_keys, need
+
+FILE = "node_types.yaml"
+_TYPE_KEYS = (
+    *("version", "name", "handout", "prim", "inputs", "outputs", "dynamic"),
+    *("role", "topics", "services", "message", "frames", "tf"),
+)
+_PORT_KEYS = ("type", "default", "allowed", "of", "output_only", "deprecated")
+_ROLES = ("publisher", "subscriber", "helper", "service")
+
+
+def parse_catalog(data: Mapping[str, Any]) -> Catalog:
+    """Build the catalog from the data of `node_types.yaml`.
+
+    Raises:
+        SpecError: names the file, the type and the port that are wrong.
+    """
+    usd_types = need(data, "usd_types", dict, FILE)
+    types = need(data, "types", dict, FILE)
+    return Catalog(
+        types={name: _node_type(name, spec, usd_types) for name, spec in types.items()},
+        graph=_graph_form(need(data, "graph", dict, FILE)),
+        prefixes=need(data, "prefixes", dict, FILE),
+        renamed=need(data, "renamed", dict, FILE),
+        lookalikes=need(data, "lookalikes", dict, FILE),
+        events=tuple(need(data, "events", list, FILE)),
+        scripts=tuple(need(data, "scripts", list, FILE)),
+    )
+
+
+def _graph_form(data: Mapping[str, Any]) -> GraphForm:
+    where = f"{FILE}: graph"
+    attributes = need(data, "attributes", dict, where)
+    return GraphForm(
+        type=need(data, "type", str, where),
+        node_type=need(data, "node_type", str, where),
+        gui_api=need(data, "gui_api", str, where),
+        attributes=tuple(_graph_attribute(name, spec) for name, spec in attributes.items()),
+        ignored_below=tuple(need(data, "ignored_below", list, where)),
+    )
+
+
+def _graph_attribute(name: str, spec: Mapping[str, Any]) -> GraphAttribute:
+    where = f"{FILE}: graph: {name}"
+    known_keys(spec, ("type", "value", "accepted", "required", "handout"), where)
+    usd_type = need(spec, "type", str, where)
+    accepted = spec.get("accepted", [spec.get("value")])
+    return GraphAttribute(
+        name=name,
+        usd_type=usd_type,
+        value=typed(spec.get("value"), usd_type, where),
+        accepted=tuple(typed(value, usd_type, where) for value in accepted),
+        required=spec.get("required", False),
+        handout=spec.get("handout"),
+    )
+
+
+def _node_type(name: str, spec: Any, usd_types: Mapping[str, str]) -> NodeType:  # noqa: ANN401
+    where = f"{FILE}: {name}"
+    expect(spec, dict, where)
+    known_keys(spec, _TYPE_KEYS, where)
+    ports = _ports(spec, usd_types, where)
+    ui_name = need(spec, "name", str, where)
+    role = spec.get("role", "")
+    if role and role not in _ROLES:
+        message = f"{where}: role '{role}' is not one of {', '.join(_ROLES)}"
+        raise SpecError(message)
+    node_type = NodeType(
+        type=name,
+        version=need(spec, "version", int, where),
+        ui_name=ui_name,
+        handout_name=spec.get("handout", ui_name),
+        prim_name=need(spec, "prim", str, where),
+        ports=ports,
+        dynamic=Dynamic(**_without_type(spec["dynamic"])) if "dynamic" in spec else None,
+        role=role,
+        topics=_inputs_named(spec, "topics", ports, where),
+        services=_inputs_named(spec, "services", ports, where),
+        frames=_inputs_named(spec, "frames", ports, where),
+        message=_message(spec.get("message")),
+        tf=_tf_ports(spec["tf"], where) if "tf" in spec else None,
+    )
+    _check_tf(node_type, where)
+    return node_type
+
+
+def _without_type(dynamic: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in dynamic.items() if key != "type"}
+
+
+def _ports(spec: Mapping[str, Any], usd_types: Mapping[str, str], where: str) -> dict[str, Port]:
+    ports = {}
+    for side, prefix in (("inputs", INPUT), ("outputs", OUTPUT)):
+        for short, text in expect(spec.get(side, {}), dict, f"{where}: {side}").items():
+            port = _port(prefix + short, text, usd_types, where)
+            ports[port.name] = port
+    return ports
+
+
+def _port(name: str, spec: Any, usd_types: Mapping[str, str], where: str) -> Port:  # noqa: ANN401
+    place = f"{where}: {name}"
+    if isinstance(spec, str):
+        spec = _short_form(spec, place)
+    expect(spec, dict, place)
+    known_keys(spec, _PORT_KEYS, place)
+    ogn_type = need(spec, "type", str, place)
+    usd_type = usd_types.get(ogn_type, ogn_type)
+    # The default need not be an allowed token: Isaac Sim's own QoS profile node breaks that.
+    return Port(
+        name=name,
+        ogn_type=ogn_type,
+        usd_type=usd_type,
+        default=_default(spec, usd_type, place),
+        allowed=tuple(spec.get("allowed", ())),
+        accepts=tuple(spec.get("of", ())),
+        output_only=spec.get("output_only", False),
+        deprecated=spec.get("deprecated", False),
+    )
+
+
+def _default(spec: Mapping[str, Any], usd_type: str, place: str) -> Value | None:
+    return typed(spec["default"], usd_type, f"{place}: default") if "default" in spec else None
+
+
+def _short_form(text: str, place: str) -> dict[str, Any]:
+    """Read `TYPE = JSON`."""
+    ogn_type, equals, default = text.partition(" = ")
+    if not equals:
+        return {"type": ogn_type}
+    try:
+        return {"type": ogn_type, "default": json.loads(default)}
+    except ValueError as error:
+        message = f"{place}: default '{default}' is not JSON"
+        raise SpecError(message) from error
+
+
+def _inputs_named(
+    spec: Mapping[str, Any], key: str, ports: Mapping[str, Port], where: str
+) -> tuple[str, ...]:
+    names = tuple(INPUT + short for short in spec.get(key, ()))
+    for name in names:
+        if name not in ports:
+            message = f"{where}: {key} names the port '{name}', which the type does not have"
+            raise SpecError(message)
+    return names
+
+
+def _message(spec: str | Mapping[str, str] | None) -> Mapping[str, str]:
+    if spec is None:
+        return {}
+    return {"": spec} if isinstance(spec, str) else dict(spec)
+
+
+def _tf_ports(spec: Mapping[str, Any], where: str) -> TfPorts:
+    known_keys(spec, ("names", "arrays", "prims", "gives", "static"), f"{where}: tf")
+    static = spec.get("static")
+    return TfPorts(
+        names=tuple(INPUT + short for short in spec.get("names", ())),
+        arrays=tuple(INPUT + short for short in spec.get("arrays", ())),
+        prims=tuple(INPUT + short for short in spec.get("prims", ())),
+        gives=tuple(OUTPUT + short for short in spec.get("gives", ())),
+        static=None if static is None else INPUT + static,
+    )
+
+
+def _check_tf(node_type: NodeType, where: str) -> None:
+    tf = node_type.tf
+    if tf is None:
+        return
+    static = () if tf.static is None else (tf.static,)
+    for name in (*tf.names, *tf.arrays, *tf.prims, *tf.gives, *static):
+        if name not in node_type.ports:
+            message = f"{where}: tf names the port '{name}', which the type does not have"
+            raise SpecError(message)

@@ -1,0 +1,81 @@
+"""What values each USD type can hold, in plain Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from lab3_usd.errors import SpecError
+from lab3_usd.spec.catalog import Value
+
+_RANGES = {
+    "uchar": (0, 2**8 - 1),
+    "int": (-(2**31), 2**31 - 1),
+    "uint": (0, 2**32 - 1),
+    "int64": (-(2**63), 2**63 - 1),
+    "uint64": (0, 2**64 - 1),
+}
+_TUPLES = {
+    "float2": ("float", 2),
+    "float3": ("float", 3),
+    "int2": ("int", 2),
+    "vector3d": ("double", 3),
+    "point3f": ("float", 3),
+    "double3": ("double", 3),
+    "double4": ("double", 4),
+    "quatd": ("double", 4),
+}
+
+
+def _whole(low: int, high: int) -> Callable[[Any], bool]:
+    return lambda value: (
+        isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
+    )
+
+
+_SCALARS: dict[str, Callable[[Any], bool]] = {
+    "bool": lambda value: isinstance(value, bool),
+    "string": lambda value: isinstance(value, str),
+    "token": lambda value: isinstance(value, str),
+    "float": lambda value: isinstance(value, (int, float)) and not isinstance(value, bool),
+    "double": lambda value: isinstance(value, (int, float)) and not isinstance(value, bool),
+    **{name: _whole(*limits) for name, limits in _RANGES.items()},
+}
+
+
+def fits(value: Any, usd_type: str) -> bool:  # noqa: ANN401
+    """Whether a plain value can be stored in an attribute of this USD type."""
+    if usd_type.endswith("[]"):
+        return isinstance(value, (list, tuple)) and all(fits(v, usd_type[:-2]) for v in value)
+    if usd_type in _TUPLES:
+        element, count = _TUPLES[usd_type]
+        return (
+            isinstance(value, (list, tuple))
+            and len(value) == count
+            and all(fits(v, element) for v in value)
+        )
+    check = _SCALARS.get(usd_type)
+    return check is not None and check(value)
+
+
+def typed(value: Any, usd_type: str, where: str) -> Value:  # noqa: ANN401
+    """Return `value` as it is stored: lists become tuples, numbers of float types floats.
+
+    Raises:
+        SpecError: the value does not fit the type; `where` opens the message.
+    """
+    if not fits(value, usd_type):
+        message = f"{where} is {value!r}, expected a value of type {usd_type}"
+        raise SpecError(message)
+    return _frozen(value, usd_type)
+
+
+def _frozen(value: Any, usd_type: str) -> Value:  # noqa: ANN401
+    if usd_type.endswith("[]"):
+        return tuple(_frozen(v, usd_type[:-2]) for v in value)
+    if usd_type in _TUPLES:
+        return tuple(_frozen(v, _TUPLES[usd_type][0]) for v in value)
+    if usd_type in {"float", "double"}:
+        return float(value)
+    result: Value = value
+    return result
