@@ -1,0 +1,97 @@
+"""`lab3 build`: the checkpoint stages from one starter."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+EXIT_REFUSED = 1
+
+
+@click.command("build")
+@click.argument("starter", required=False, type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    "-o",
+    "folder",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Folder for the checkpoint files; made where it does not exist.",
+)
+@click.option("--through", metavar="NN", help="Stop after this checkpoint.")
+@click.option("--only", metavar="NN", help="Build this checkpoint alone.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["usda", "usdc"]),
+    default="usda",
+    show_default=True,
+    help="Text (.usda) or binary (.usd).",
+)
+@click.option(
+    "--lidar-asset",
+    metavar="URL",
+    help="Reference this lidar asset, as the Create menu does, instead of describing one.",
+)
+@click.option("--force", is_flag=True, help="Replace checkpoint files that exist.")
+def command(  # noqa: PLR0913, PLR0917 - one parameter per option
+    starter: Path | None,
+    folder: Path,
+    through: str | None,
+    only: str | None,
+    form: str,
+    lidar_asset: str | None,
+    force: bool,  # noqa: FBT001 - click passes it by name
+) -> None:
+    """Build the nine checkpoint stages, each holding all that the lab asks for by then.
+
+    STARTER is the supplied scene; without it the bundled one is used. It is opened read-only.
+    """
+    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.stage.builder import (  # noqa: PLC0415
+        BuildOptions,
+        StarterError,
+        build_files,
+        plan_files,
+    )
+
+    lab = load_lab()
+    numbers = _numbers(list(lab.checkpoints), through, only)
+    options = BuildOptions(form, lidar_asset, force)
+    try:
+        files = build_files(lab, starter, plan_files(lab, folder, numbers, form), options)
+    except StarterError as error:
+        click.echo(f"lab3: {error}:", err=True)
+        for reason in error.reasons:
+            click.echo(f"  {reason}", err=True)
+        sys.exit(EXIT_REFUSED)
+    for file in files:
+        click.echo(str(file))
+    if starter is not None:
+        _warn(starter)
+
+
+def _numbers(known: list[str], through: str | None, only: str | None) -> list[str]:
+    """Return the checkpoints to build."""
+    if through is not None and only is not None:
+        message = "give --through or --only, not both"
+        raise click.UsageError(message)
+    chosen = only if only is not None else through
+    if chosen is None:
+        return known
+    number = f"{int(chosen):02}" if chosen.isdecimal() else chosen
+    if number not in known:
+        message = f"there is no checkpoint '{chosen}'; known are {', '.join(known)}"
+        raise click.UsageError(message)
+    return [number] if only is not None else known[: known.index(number) + 1]
+
+
+def _warn(starter: Path) -> None:
+    """Say what is merely unlike the handout in a starter that was built on all the same."""
+    from lab3_usd.check.checker import check_stage  # noqa: PLC0415 - only for a given starter
+
+    for finding in check_stage(starter, "00").findings:
+        if finding.severity != "note":
+            click.echo(f"warning: {finding.prim}: {finding.message}", err=True)

@@ -1,0 +1,113 @@
+"""Opening stage files so that whatever is in them, the answer is a stage or one clear line."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pxr import Tf, Usd
+
+from lab3_usd.errors import StageError
+
+ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep usd-core's own warnings off the terminal; what they say is asked of the stage later.
+
+    usd-core writes them to file descriptor 2 from C++, past `sys.stderr`.
+    """
+    with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - a device, not a path
+        saved = os.dup(2)
+        try:
+            os.dup2(nowhere.fileno(), 2)
+            yield
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+
+
+def open_stage(path: Path) -> Usd.Stage:
+    """Open the composed stage with all payloads loaded.
+
+    Raises:
+        StageError: one line that says why the file cannot be opened, and what to do.
+    """
+    _check_file(path)
+    try:
+        with quiet():
+            stage = Usd.Stage.Open(str(path), Usd.Stage.LoadAll)
+    except (Tf.ErrorException, RuntimeError, UnicodeError) as error:
+        message = f"{path}: {_reason(error)}"
+        raise StageError(message) from error
+    if stage is None:
+        message = f"{path}: usd-core opens no stage from it; save it again from Isaac Sim"
+        raise StageError(message)
+    return stage
+
+
+def _check_file(path: Path) -> None:
+    """Say in plain words what usd-core would say in its own."""
+    if not path.exists():
+        message = f"{path}: there is no such file"
+        raise StageError(message)
+    if not path.is_file():
+        message = f"{path}: is not a file"
+        raise StageError(message)
+    if path.suffix.lower() == ".uda":
+        message = f"{path}: '.uda' is not a USD ending; '.usda' is likely meant, rename the file"
+        raise StageError(message)
+    if path.suffix.lower() not in ENDINGS:
+        message = f"{path}: '{path.suffix}' is not a USD ending ({', '.join(ENDINGS)})"
+        raise StageError(message)
+    _check_text(path)
+
+
+def _check_text(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            start = file.read(8)
+            if start.startswith(b"#usda"):
+                _check_bytes(path, start + file.read())
+    except OSError as error:
+        message = f"{path}: cannot be read ({error.strerror})"
+        raise StageError(message) from error
+    if not start:
+        message = f"{path}: is empty; save the stage again from Isaac Sim"
+        raise StageError(message)
+
+
+def _check_bytes(path: Path, data: bytes) -> None:
+    """Refuse text that the parser would cut short or choke on."""
+    if b"\0" in data:
+        line = data.count(b"\n", 0, data.index(b"\0")) + 1
+        message = f"{path}: line {line} holds a NUL byte; the file is damaged, save it again"
+        raise StageError(message)
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        message = f"{path}: line {line} is not UTF-8 text; the file is damaged, save it again"
+        raise StageError(message) from error
+
+
+def _reason(error: Exception) -> str:
+    """Return the first useful line of an exception whose text may itself fail to decode."""
+    try:
+        text = str(error)
+    except UnicodeError:
+        text = ""
+    for line in text.splitlines():
+        cleaned = line.strip()
+        if "Error in" in cleaned or "error:" in cleaned.lower():
+            return f"cannot be read: {_without_place(cleaned)}"
+    return "cannot be read: it is damaged or not USD; save the stage again from Isaac Sim"
+
+
+def _without_place(line: str) -> str:
+    """Drop usd-core's own source position from a message."""
+    _, _, after = line.partition("': '")
+    return after.rstrip("'") if after else line
