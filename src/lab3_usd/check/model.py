@@ -1,0 +1,199 @@
+"""A stage as plain data: what the rules look at instead of USD."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from lab3_usd.spec.catalog import NodeType, Value
+
+Matrix = tuple[float, ...]  # 16 numbers in rows, as USD multiplies: row vectors, translation last
+
+
+@dataclass(frozen=True, slots=True)
+class PortState:
+    """One port as the composed stage holds it.
+
+    `value` is the authored value, None where the port was left alone. `sources` are the full
+    property paths of its connections, `targets` the prim paths of a relationship.
+    """
+
+    name: str
+    usd_type: str
+    value: Value | None = None
+    sources: tuple[str, ...] = ()
+    targets: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A node prim that is active and defined.
+
+    `type_name` is `node:type` as saved ('' where absent), `type` its catalog entry or None.
+    `namespace` joins the namespace attributes of the prim and its ancestors.
+    """
+
+    path: str
+    type_name: str
+    type: NodeType | None
+    version: int | None
+    ports: Mapping[str, PortState]
+    position: tuple[float, float] | None = None
+    namespace: str = ""
+
+    @property
+    def name(self) -> str:
+        """The prim name."""
+        return self.path.rpartition("/")[2]
+
+    def state(self, port: str) -> PortState | None:
+        """Return the state of the port with this full name, None where the file has none."""
+        return self.ports.get(port)
+
+    def sources(self, port: str) -> tuple[str, ...]:
+        """Return the property paths wired into this input."""
+        found = self.ports.get(port)
+        return () if found is None else found.sources
+
+    def targets(self, port: str) -> tuple[str, ...]:
+        """Return the prim paths this relationship names."""
+        found = self.ports.get(port)
+        return () if found is None else found.targets
+
+    def value(self, port: str) -> Value | None:
+        """Return the effective value: the authored one, else the default of Isaac Sim 6.0.1."""
+        found = self.ports.get(port)
+        if found is not None and found.value is not None:
+            return found.value
+        known = None if self.type is None else self.type.port(port)
+        return None if known is None else known.default
+
+    def has_port(self, port: str) -> bool:
+        """Whether a wire can leave from or end at this port.
+
+        The catalog decides where the type is known: the application drops a wire to a port that
+        the type does not have, whatever the file declares.
+        """
+        if self.type is None:
+            return port in self.ports
+        return self.type.port(port) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Absent:
+    """A prim that is in the file but not in the scene, and why."""
+
+    path: str
+    type_name: str
+    reason: Literal["deactivated", "an over without a def", "outside every graph"]
+    ports: Mapping[str, PortState] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class GraphModel:
+    """A graph prim with its nodes in the order of their paths."""
+
+    path: str
+    prim_type: str
+    active: bool
+    attributes: Mapping[str, Value]
+    nodes: tuple[Node, ...]
+    absent: tuple[Absent, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The prim name."""
+        return self.path.rpartition("/")[2]
+
+
+@dataclass(frozen=True, slots=True)
+class Prim:
+    """A prim outside the graphs.
+
+    `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
+    `attributes` holds the values that rules ask about, `relationships` their targets. `local`
+    and `world` are transforms in stage units, None where the prim has no place. `authored` names
+    the attributes with a value of their own.
+    """
+
+    path: str
+    type: str
+    apis: tuple[str, ...]
+    active: bool = True
+    defined: bool = True
+    attributes: Mapping[str, Value] = field(default_factory=dict)
+    relationships: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    local: Matrix | None = None
+    world: Matrix | None = None
+    authored: frozenset[str] = frozenset()
+
+    @property
+    def name(self) -> str:
+        """The prim name."""
+        return self.path.rpartition("/")[2]
+
+    @property
+    def parent(self) -> str:
+        """The path of the parent prim; '' for a prim at the root."""
+        return self.path.rpartition("/")[0]
+
+    @property
+    def present(self) -> bool:
+        """Whether the prim is part of the scene."""
+        return self.active and self.defined
+
+
+@dataclass(frozen=True, slots=True)
+class Unresolved:
+    """An asset that the stage asks for and that cannot be found from here."""
+
+    prim: str
+    asset: str
+    kind: Literal["reference", "payload", "sublayer"]
+    layer: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Collider:
+    """The box around one collision shape in world space, in metres, and the body it moves with."""
+
+    path: str
+    body: str
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class StageModel:
+    """Everything the rules know of one stage."""
+
+    path: str
+    up_axis: str
+    meters_per_unit: float
+    kilograms_per_unit: float
+    graphs: tuple[GraphModel, ...]
+    prims: Mapping[str, Prim]
+    orphans: tuple[Node, ...] = ()
+    absent: tuple[Absent, ...] = ()
+    unresolved: tuple[Unresolved, ...] = ()
+    colliders: tuple[Collider, ...] = ()
+
+    def nodes(self) -> Iterator[Node]:
+        """Yield every live node, graph by graph, then those outside every graph."""
+        for graph in self.graphs:
+            if graph.active:
+                yield from graph.nodes
+        yield from self.orphans
+
+    def prim(self, path: str) -> Prim | None:
+        """Return the prim at `path` when it is part of the scene."""
+        found = self.prims.get(path)
+        return found if found is not None and found.present else None
+
+    def unresolved_above(self, path: str) -> Unresolved | None:
+        """Return the missing asset that could hold the prim at `path`, None where none could."""
+        for missing in self.unresolved:
+            if path == missing.prim or path.startswith(missing.prim.rstrip("/") + "/"):
+                return missing
+        return None

@@ -1,0 +1,51 @@
+"""What the rules of a stage are given: the spec, the stage, and which prim plays which role."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from lab3_usd.check.model import GraphModel, Node, StageModel
+from lab3_usd.spec.spec import Checkpoint, GraphSpec, Lab
+
+
+@dataclass(frozen=True, slots=True)
+class Roles:
+    """Which node of a stage plays which role of a graph spec.
+
+    `graph` is None when the stage holds nothing that could be the graph. `stand_ins` maps a node
+    that does the work of another (a second context with the same settings) to the role it may
+    stand in for; `extra` are the nodes that play no role.
+    """
+
+    graph: GraphModel | None
+    node_of: Mapping[str, Node | None]
+    role_of: Mapping[str, str]
+    stand_ins: Mapping[str, str] = field(default_factory=dict)
+    extra: tuple[Node, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class GraphSubject:
+    """One graph of the spec beside its graph in the stage."""
+
+    lab: Lab
+    checkpoint: Checkpoint
+    spec: GraphSpec
+    roles: Roles
+    stage: StageModel
+
+
+@dataclass(frozen=True, slots=True)
+class StageSubject:
+    """The whole stage at one checkpoint.
+
+    `blamed` holds the prims that already have an error from the rules of their graph: what
+    follows from that error is not said again.
+    """
+
+    lab: Lab
+    checkpoint: Checkpoint
+    stage: StageModel
+    roles: Mapping[str, Roles]
+    blamed: frozenset[str] = frozenset()

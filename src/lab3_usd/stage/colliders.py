@@ -1,0 +1,108 @@
+"""The boxes around collision shapes in world space, in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import product
+from typing import Any
+
+from pxr import Gf, Usd, UsdGeom
+
+from lab3_usd.check.model import Collider
+from lab3_usd.stage.places import Places
+
+_Corner = tuple[float, float, float]
+_Box = tuple[_Corner, _Corner]
+
+
+def find_colliders(prims: Iterable[Usd.Prim], places: Places) -> Iterator[Collider]:
+    """Yield the world box of each collision prim that has a shape of its own or shapes below.
+
+    Planes have no box. The bodies are the nearest ancestors that are rigid bodies, '' for none.
+    Cylinders, spheres and capsules are taken as round, so that a wheel turned about its axle
+    stands as high as one that is not.
+    """
+    for prim in prims:
+        metres = UsdGeom.GetStageMetersPerUnit(prim.GetStage())
+        boxes = [box for shape in _shapes(prim) for box in [_world_box(shape, places)] if box]
+        if boxes:
+            low, high = _union(boxes)
+            body = _body_above(prim)
+            yield Collider(str(prim.GetPath()), body, _scaled(low, metres), _scaled(high, metres))
+
+
+def _shapes(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+    predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+    return (each for each in Usd.PrimRange(prim, predicate) if each.IsA(UsdGeom.Gprim))
+
+
+def _body_above(prim: Usd.Prim) -> str:
+    while prim and not prim.IsPseudoRoot():
+        if "PhysicsRigidBodyAPI" in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+            return str(prim.GetPath())
+        prim = prim.GetParent()
+    return ""
+
+
+def _world_box(prim: Usd.Prim, places: Places) -> _Box | None:
+    matrix = places.world(prim)
+    if prim.IsA(UsdGeom.Cylinder) or prim.IsA(UsdGeom.Capsule):
+        return _round_box(prim, matrix)
+    if prim.IsA(UsdGeom.Sphere):
+        radius = float(UsdGeom.Sphere(prim).GetRadiusAttr().Get())
+        return _ball(Gf.Vec3d(0), radius, matrix)
+    points = _points(prim)
+    return _bounds([matrix.Transform(point) for point in points]) if points else None
+
+
+def _points(prim: Usd.Prim) -> list[Gf.Vec3d]:
+    """Return the points whose hull is the shape: the corners of a cube, the vertices of a mesh."""
+    if prim.IsA(UsdGeom.Cube):
+        half = float(UsdGeom.Cube(prim).GetSizeAttr().Get()) / 2
+        return [Gf.Vec3d(*corner) for corner in product((-half, half), repeat=3)]
+    if prim.IsA(UsdGeom.PointBased):
+        return [Gf.Vec3d(point) for point in UsdGeom.PointBased(prim).GetPointsAttr().Get() or ()]
+    return []
+
+
+def _ball(centre: Gf.Vec3d, radius: float, matrix: Gf.Matrix4d) -> _Box:
+    middle = matrix.Transform(centre)
+    reach = [radius * _length(matrix, axis) for axis in range(3)]
+    return (
+        (middle[0] - reach[0], middle[1] - reach[1], middle[2] - reach[2]),
+        (middle[0] + reach[0], middle[1] + reach[1], middle[2] + reach[2]),
+    )
+
+
+def _length(matrix: Gf.Matrix4d, column: int) -> float:
+    """Return how far a unit ball reaches along a world axis."""
+    return float(sum(matrix[row][column] ** 2 for row in range(3)) ** 0.5)
+
+
+def _round_box(prim: Usd.Prim, matrix: Gf.Matrix4d) -> _Box:
+    shape: Any = UsdGeom.Cylinder(prim) if prim.IsA(UsdGeom.Cylinder) else UsdGeom.Capsule(prim)
+    radius, half = float(shape.GetRadiusAttr().Get()), float(shape.GetHeightAttr().Get()) / 2
+    along = "XYZ".index(shape.GetAxisAttr().Get())
+    round_ends = radius if prim.IsA(UsdGeom.Capsule) else 0.0
+    low, high = [0.0] * 3, [0.0] * 3
+    middle = matrix.Transform(Gf.Vec3d(0))
+    for axis in range(3):
+        disc = sum(matrix[row][axis] ** 2 for row in range(3) if row != along) ** 0.5
+        reach = abs(matrix[along][axis]) * half
+        reach += max(radius * disc, round_ends * _length(matrix, axis))
+        low[axis], high[axis] = middle[axis] - reach, middle[axis] + reach
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+
+
+def _bounds(points: list[Gf.Vec3d]) -> _Box:
+    xs, ys, zs = zip(*points, strict=True)
+    return (min(xs), min(ys), min(zs)), (max(xs), max(ys), max(zs))
+
+
+def _union(boxes: list[_Box]) -> _Box:
+    lows, highs = zip(*boxes, strict=True)
+    return _bounds([*lows, *highs])
+
+
+def _scaled(corner: _Corner, metres: float) -> _Corner:
+    return corner[0] * metres, corner[1] * metres, corner[2] * metres

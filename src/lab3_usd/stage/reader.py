@@ -1,0 +1,259 @@
+"""Reads a composed stage into plain data, in one traversal."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pxr import Usd, UsdGeom
+
+from lab3_usd.check.model import Absent, GraphModel, Node, PortState, Prim, StageModel, Unresolved
+from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.spec import Lab
+from lab3_usd.stage.colliders import find_colliders
+from lab3_usd.stage.opening import open_stage
+from lab3_usd.stage.places import Places
+from lab3_usd.stage.plain import plain
+
+_PORT_PREFIXES = ("inputs:", "outputs:", "state:")
+# What rules ask of prims outside the graphs; everything else on a stage is none of their business.
+_ATTRIBUTES = re.compile(
+    r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
+    r"horizontalAperture|verticalAperture|kind|node)(:|$)"
+)
+_POSITION = "ui:nodegraph:node:pos"
+_NAMESPACE = "isaac:namespace"
+
+
+def read_stage(path: Path, lab: Lab) -> StageModel:
+    """Read the stage at `path` as it is composed, payloads loaded.
+
+    Raises:
+        StageError: the file cannot be opened; the line says why.
+    """
+    return read_model(open_stage(path), lab, str(path))
+
+
+def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
+    """Read an open stage; `path` is the name it goes by in the model."""
+    found = _Found()
+    places = Places()
+    for prim in Usd.PrimRange.AllPrims(stage.GetPseudoRoot()):
+        if not prim.IsPseudoRoot():
+            _read_prim(prim, lab, places, found)
+    return StageModel(
+        path=path,
+        up_axis=str(UsdGeom.GetStageUpAxis(stage)),
+        meters_per_unit=float(UsdGeom.GetStageMetersPerUnit(stage)),
+        kilograms_per_unit=_kilograms(stage),
+        graphs=tuple(_graph(prim_path, prim, found) for prim_path, prim in found.graphs.items()),
+        prims=found.prims,
+        orphans=tuple(found.orphans),
+        absent=tuple(found.absent),
+        unresolved=tuple(_unresolved(stage)),
+        colliders=tuple(find_colliders(found.collision_prims, places)),
+    )
+
+
+@dataclass(slots=True)
+class _Found:
+    """What the traversal has come across so far."""
+
+    graphs: dict[str, Usd.Prim] = field(default_factory=dict)
+    nodes: dict[str, list[Node]] = field(default_factory=dict)
+    graph_absent: dict[str, list[Absent]] = field(default_factory=dict)
+    orphans: list[Node] = field(default_factory=list)
+    absent: list[Absent] = field(default_factory=list)
+    prims: dict[str, Prim] = field(default_factory=dict)
+    collision_prims: list[Usd.Prim] = field(default_factory=list)
+    namespaces: dict[str, str] = field(default_factory=dict)
+
+
+def _kilograms(stage: Usd.Stage) -> float:
+    """Return the stage's mass unit; UsdPhysics says kilograms where nothing is written."""
+    value = stage.GetPseudoRoot().GetMetadata("kilogramsPerUnit")
+    return 1.0 if value is None else float(value)
+
+
+def _read_prim(prim: Usd.Prim, lab: Lab, places: Places, found: _Found) -> None:
+    path = str(prim.GetPath())
+    kind = str(prim.GetTypeName())
+    form = lab.catalog.graph
+    if path.startswith(form.ignored_below):
+        return
+    if kind == form.type:
+        found.graphs[path] = prim
+        found.nodes[path] = []
+        found.graph_absent[path] = []
+    graph = _graph_above(path, found)
+    if kind == form.node_type or (graph and path != graph):
+        _read_node(prim, graph, lab, found)
+        return
+    found.prims[path] = _prim(prim, kind, places, found)
+    if "PhysicsCollisionAPI" in found.prims[path].apis and found.prims[path].present:
+        found.collision_prims.append(prim)
+
+
+def _graph_above(path: str, found: _Found) -> str:
+    """Return the path of the graph that this prim is, or is in; '' for none."""
+    while path:
+        if path in found.graphs:
+            return path
+        path = path.rpartition("/")[0]
+    return ""
+
+
+def _read_node(prim: Usd.Prim, graph: str, lab: Lab, found: _Found) -> None:
+    path = str(prim.GetPath())
+    if prim.IsActive() and prim.IsDefined():
+        node = _node(prim, path, lab, _namespace_of(path, found))
+        if not node.type_name and not node.ports:
+            return  # a settings prim or leftover below a graph, which is no node
+        (found.nodes[graph] if graph else found.orphans).append(node)
+        return
+    ports = _ports(prim)
+    type_name = str(plain(_value_of(prim, "node:type")) or "")
+    reason: Any = "an over without a def" if prim.IsActive() else "deactivated"
+    if ports or type_name:
+        absent = Absent(path, type_name, reason, ports)
+        (found.graph_absent[graph] if graph else found.absent).append(absent)
+
+
+def _value_of(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401
+    attribute = prim.GetAttribute(name)
+    return attribute.Get() if attribute else None
+
+
+def _node(prim: Usd.Prim, path: str, lab: Lab, namespace: str) -> Node:
+    type_name = str(plain(_value_of(prim, "node:type")) or "")
+    version = plain(_value_of(prim, "node:typeVersion"))
+    position = plain(_value_of(prim, _POSITION))
+    return Node(
+        path=path,
+        type_name=type_name,
+        type=lab.catalog.get(type_name),
+        version=version if isinstance(version, int) else None,
+        ports=_ports(prim),
+        position=_pair(position),
+        namespace=namespace,
+    )
+
+
+def _pair(value: Value | None) -> tuple[float, float] | None:
+    if not isinstance(value, tuple) or len(value) != 2:  # noqa: PLR2004 - x and y
+        return None
+    x, y = value
+    return (float(x), float(y)) if isinstance(x, float) and isinstance(y, float) else None
+
+
+def _ports(prim: Usd.Prim) -> Mapping[str, PortState]:
+    ports = {}
+    for prop in prim.GetAuthoredProperties():
+        name = prop.GetName()
+        if not name.startswith(_PORT_PREFIXES):
+            continue
+        if isinstance(prop, Usd.Attribute):
+            ports[name] = _attribute_port(name, prop)
+        else:
+            targets = tuple(str(target) for target in prop.GetTargets())
+            ports[name] = PortState(name, "rel", targets=targets)
+    return ports
+
+
+def _attribute_port(name: str, attribute: Usd.Attribute) -> PortState:
+    sources: tuple[str, ...] = ()
+    if attribute.HasAuthoredConnections():
+        sources = tuple(str(source) for source in attribute.GetConnections())
+    value = plain(attribute.Get())
+    if value is None and not sources:
+        value = _value_in_metadata(attribute)
+    return PortState(name, str(attribute.GetTypeName()), value, sources)
+
+
+def _value_in_metadata(attribute: Usd.Attribute) -> Value | None:
+    """Return the literal of an extended port, which Kit keeps beside the attribute's value."""
+    if not attribute.HasAuthoredCustomDataKey("omni"):
+        return None
+    return plain(attribute.GetCustomDataByKey("omni:graph:attrValue"))
+
+
+def _graph(path: str, prim: Usd.Prim, found: _Found) -> GraphModel:
+    attributes = {}
+    for attribute in prim.GetAuthoredAttributes():
+        value = plain(attribute.Get())
+        if value is not None:
+            attributes[attribute.GetName()] = value
+    return GraphModel(
+        path=path,
+        prim_type=str(prim.GetTypeName()),
+        active=bool(prim.IsActive() and prim.IsDefined()),
+        attributes=attributes,
+        nodes=tuple(found.nodes[path]),
+        absent=tuple(found.graph_absent[path]),
+    )
+
+
+def _namespace_of(path: str, found: _Found) -> str:
+    """Join the namespaces of the ancestors, outermost first."""
+    parts = []
+    while path:
+        path = path.rpartition("/")[0]
+        if path in found.namespaces:
+            parts.append(found.namespaces[path])
+    return "/".join(reversed(parts))
+
+
+def _prim(prim: Usd.Prim, kind: str, places: Places, found: _Found) -> Prim:
+    path = str(prim.GetPath())
+    attributes: dict[str, Value] = {}
+    relationships: dict[str, tuple[str, ...]] = {}
+    for prop in _asked_properties(prim):
+        if isinstance(prop, Usd.Relationship):
+            relationships[prop.GetName()] = tuple(str(target) for target in prop.GetTargets())
+            continue
+        value = plain(prop.Get())
+        if value is not None:
+            attributes[prop.GetName()] = value
+    namespace = attributes.get(_NAMESPACE)
+    if isinstance(namespace, str) and namespace:
+        found.namespaces[path] = namespace
+    local, world = places.of(prim)
+    return Prim(
+        path=path,
+        type=kind,
+        apis=tuple(str(name) for name in prim.GetPrimTypeInfo().GetAppliedAPISchemas()),
+        active=bool(prim.IsActive()),
+        defined=bool(prim.IsDefined()),
+        attributes=attributes,
+        relationships=relationships,
+        local=local,
+        world=world,
+        authored=frozenset(attributes),
+    )
+
+
+def _asked_properties(prim: Usd.Prim) -> Iterator[Usd.Property]:
+    for prop in prim.GetAuthoredProperties():
+        if _ATTRIBUTES.match(prop.GetName()):
+            yield prop
+
+
+_ASSET = re.compile(r"@(.*?)@")
+_KINDS = (("sublayer", "sublayer"), ("payload", "payload"))
+
+
+def _unresolved(stage: Usd.Stage) -> Iterable[Unresolved]:
+    """Yield what composition could not find, in the order of prim and asset."""
+    found = set()
+    for error in stage.GetCompositionErrors():
+        text = str(error)
+        assets = _ASSET.findall(text)
+        kind: Any = next((name for word, name in _KINDS if word in text), "reference")
+        prim = "/" if kind == "sublayer" else str(error.rootSite.path.GetPrimPath())
+        if assets:
+            layer = assets[1] if len(assets) > 1 else ""
+            found.add((prim, assets[0], kind, layer))
+    return [Unresolved(*each) for each in sorted(found)]
