@@ -1,0 +1,89 @@
+"""The table of output formats: which there are, what each is for, and how a report becomes one."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from lab3_usd.check.finding import Report
+from lab3_usd.check.registry import Rule
+from lab3_usd.errors import UsageError
+
+Verbosity = Literal["quiet", "normal", "verbose"]
+Rules = Mapping[str, Rule]
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What a renderer may be told.
+
+    `color` and `width` (columns) describe the terminal, `statistics` adds the table of faults by
+    rule; only text heeds the three. `verbosity` is heeded by text and json. `root` is the folder
+    that paths in SARIF, GitHub and GitLab are relative to (None: the current one). `visibility`
+    says when Gradescope shows the results to the student.
+    """
+
+    color: bool = False
+    width: int = 80
+    verbosity: Verbosity = "normal"
+    statistics: bool = False
+    root: str | None = None
+    visibility: str = "visible"
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """One output format: the module that renders it, what it is for, and its usual file name.
+
+    `manual` says that the renderer quotes the rules' manuals, so that they are worth importing.
+    """
+
+    module: str
+    purpose: str
+    file_name: str
+    manual: bool = False
+
+
+# A module is imported when its format is asked for: checking one file stays fast.
+FORMATS: dict[str, Format] = {
+    "text": Format("text", "for people, on a terminal or in a file", "report.txt"),
+    "concise": Format("concise", "one line for each finding, for editors", "report.txt"),
+    "json": Format("json_report", "for programs; schema/report-1.json", "report.json"),
+    "jsonl": Format("jsonl", "one JSON object for each finding", "report.jsonl"),
+    "sarif": Format("sarif", "SARIF 2.1.0, for code scanning", "report.sarif", manual=True),
+    "junit": Format("junit", "JUnit XML, for Jenkins and its kind", "report.xml"),
+    "github": Format("github", "annotations of GitHub Actions", "report.txt"),
+    "gitlab": Format("gitlab", "GitLab Code Quality", "gl-code-quality-report.json"),
+    "gradescope": Format("gradescope", "results of a Gradescope autograder", "results.json"),
+    "csv": Format("csv_report", "one row for each finding, for spreadsheets", "report.csv"),
+    "markdown": Format("markdown", "tables, for pull requests and wikis", "report.md"),
+    "html": Format("html", "one self-contained page", "report.html", manual=True),
+}
+
+
+def format_named(name: str) -> Format:
+    """Return the entry of one format.
+
+    Raises:
+        UsageError: there is no such format; the message lists those there are.
+    """
+    found = FORMATS.get(name)
+    if found is None:
+        message = f"there is no format '{name}'; the formats are {', '.join(FORMATS)}"
+        raise UsageError(message)
+    return found
+
+
+def render(
+    name: str, report: Report, rules: Rules | None = None, options: Options | None = None
+) -> str:
+    """Return the report in one format, ending with a line feed unless it is empty.
+
+    Raises:
+        UsageError: there is no such format, or it cannot do what `options` asks.
+    """
+    module = importlib.import_module(f"lab3_usd.report.{format_named(name).module}")
+    text: str = module.render(report, rules, options or Options())
+    return text

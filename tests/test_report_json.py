@@ -1,0 +1,148 @@
+"""The JSON report: as its schema says, complete, and the same on every run."""
+
+from __future__ import annotations
+
+import copy
+import json
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+from report_examples import CRASHED, EMPTY, FAILED, HOSTILE, MISSING_WIRE, REPORT, hostile
+from report_schema import assert_valid, problems_of, validator
+
+from lab3_usd.check.finding import Report
+from lab3_usd.report.formats import Options, render
+from lab3_usd.report.json_report import dump, error_report, report_json
+
+
+def test_the_schema_is_a_schema() -> None:
+    Draft202012Validator.check_schema(validator().schema)
+
+
+def test_a_report_is_as_the_schema_says() -> None:
+    assert_valid(render("json", REPORT))
+
+
+def test_an_empty_report_is_valid() -> None:
+    assert assert_valid(render("json", EMPTY))["results"] == []
+
+
+def test_crashes_are_told_apart_from_findings() -> None:
+    result = assert_valid(render("json", Report((CRASHED,))))["results"][0]
+    assert result["crashes"] == [{"rule": "T03", "error": "KeyError: 'odom'"}]
+    assert result["findings"] == []
+
+
+@pytest.mark.parametrize("kind", ["usage", "crash"])
+def test_a_run_that_failed_is_a_report_too(kind: Any) -> None:
+    report = assert_valid(dump(error_report("no such file: x.usda", kind)))
+    assert report["error"] == {"kind": kind, "message": "no such file: x.usda"}
+
+
+def test_a_finding_has_every_field_in_order() -> None:
+    found = report_json(Report((FAILED,)))["results"][0]["findings"][0]
+    assert list(found.items()) == [
+        ("rule", "W01"),
+        ("name", "missing-wire"),
+        ("severity", "error"),
+        ("prim", MISSING_WIRE.prim),
+        ("property", "inputs:input0"),
+        ("message", MISSING_WIRE.message),
+        ("expected", MISSING_WIRE.expected),
+        ("actual", "nothing"),
+        ("layer", MISSING_WIRE.layer),
+        ("line", 9),
+        ("column", 26),
+        ("handout", "C9"),
+        ("hint", MISSING_WIRE.hint),
+        ("related", list(MISSING_WIRE.related)),
+    ]
+
+
+def test_scores_are_floats() -> None:
+    text = render("json", Report((FAILED,)))
+    assert json.loads(text, parse_int=str)["results"][0]["score"] == {
+        "earned": 3.0,
+        "possible": 4.0,
+    }
+
+
+def test_requirements_are_listed_when_verbose() -> None:
+    brief = assert_valid(render("json", Report((FAILED,))))["results"][0]
+    full = assert_valid(render("json", Report((FAILED,)), None, Options(verbosity="verbose")))
+    assert "requirements" not in brief
+    assert full["results"][0]["requirements"][2]["met"] is False
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_hostile_strings_come_back_as_they_were(text: str) -> None:
+    rendered = render("json", hostile(text))
+    assert rendered.isascii()
+    assert assert_valid(rendered)["results"][0]["path"] == f"{text}.usda"
+
+
+def every_object(value: Any) -> list[dict[str, Any]]:
+    """List every JSON object in a document, itself included."""
+    if isinstance(value, list):
+        return [found for item in value for found in every_object(item)]
+    if not isinstance(value, dict):
+        return []
+    return [value, *(found for item in value.values() for found in every_object(item))]
+
+
+def full_document() -> dict[str, Any]:
+    document = report_json(
+        Report((*REPORT.results, CRASHED), REPORT.submissions), requirements=True
+    )
+    document["error"] = {"kind": "crash", "message": "x"}
+    return document
+
+
+def test_the_schema_refuses_unknown_keys_at_every_level() -> None:
+    count = len(every_object(full_document()))
+    for index in range(count):
+        document = full_document()
+        every_object(document)[index]["surprise"] = 1
+        assert problems_of(document), every_object(document)[index]
+
+
+def test_the_schema_refuses_missing_keys_at_every_level() -> None:
+    optional = {"submissions", "error", "requirements", "crashes"}
+    original = full_document()
+    for index, found in enumerate(every_object(original)):
+        for key, value in found.items():
+            document = copy.deepcopy(original)
+            del every_object(document)[index][key]
+            may_be_missing = key in optional and not isinstance(value, str)
+            assert bool(problems_of(document)) != may_be_missing, (key, found)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("severity", "fatal"),
+        ("prim", "make_array"),
+        ("rule", "missing-wire"),
+        ("line", 0),
+        ("line", "9"),
+        ("related", None),
+        ("message", ""),
+    ],
+)
+def test_the_schema_refuses_a_wrong_value(key: str, value: object) -> None:
+    document = report_json(Report((FAILED,)))
+    document["results"][0]["findings"][0][key] = value
+    assert len(problems_of(document)) == 1
+
+
+def test_json_imports_nothing_heavy() -> None:
+    code = (
+        "import sys, lab3_usd.report.json_report;"
+        "print([m for m in ('pxr', 'networkx', 'yaml', 'jinja2', 'click', 'importlib.metadata',"
+        " 'email', 'hashlib', 'xml', 'lab3_usd.report.text') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
