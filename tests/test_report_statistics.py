@@ -1,0 +1,32 @@
+"""Counting: faults by rule, files and verdicts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from report_examples import EMPTY, FAILED, MISSING_WIRE, REPORT
+
+from lab3_usd.check.finding import Report
+from lab3_usd.report.entries import Summary, summarize
+from lab3_usd.report.statistics import RuleCount, count_by_rule, statistics_table
+
+
+def test_the_summary_counts_files_and_findings() -> None:
+    assert summarize(REPORT) == Summary(files=3, passed=1, errors=3, warnings=1, notes=1)
+
+
+def test_the_most_frequent_fault_comes_first() -> None:
+    again = replace(FAILED, path="other.usda", findings=(MISSING_WIRE, MISSING_WIRE))
+    counts = count_by_rule(Report((FAILED, again)))
+    assert counts[0] == RuleCount("W01", "missing-wire", "error", findings=3, files=2)
+    assert [count.rule for count in counts] == ["W01", "F05", "N07"]
+
+
+def test_one_rule_of_two_severities_is_counted_apart() -> None:
+    softer = replace(MISSING_WIRE, severity="warning")
+    counts = count_by_rule(Report((replace(FAILED, findings=(softer, MISSING_WIRE)),)))
+    assert [count.severity for count in counts] == ["error", "warning"]
+
+
+def test_nothing_found_gives_no_table() -> None:
+    assert statistics_table(EMPTY) == []

@@ -1,0 +1,92 @@
+"""The report for people: held against golden files, and what those cannot show."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from report_examples import (
+    CRASHED,
+    FAILED,
+    MISSING_WIRE,
+    PASSED,
+    REPORT,
+    RULES,
+    hostile,
+    write_stage,
+)
+
+from lab3_usd.check.finding import Report
+from lab3_usd.report.formats import Options, render
+
+GOLDEN = Path(__file__).parent / "golden"
+UPDATE = bool(os.environ.get("LAB3_UPDATE_GOLDEN"))
+ANSI = re.compile(r"\x1b\[[0-9;]*m")
+EVERYTHING = Report((*REPORT.results, CRASHED), REPORT.submissions)
+CASES = {
+    "quiet": Options(verbosity="quiet"),
+    "normal": Options(),
+    "verbose": Options(verbosity="verbose"),
+    "statistics": Options(verbosity="quiet", statistics=True),
+    "narrow": Options(width=48),
+    "color": Options(color=True),
+}
+
+
+@pytest.fixture(autouse=True)
+def _beside_the_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_stage(tmp_path)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_text_is_the_golden_one(name: str) -> None:
+    """`LAB3_UPDATE_GOLDEN=1 pytest` writes the files anew, to be read before they are kept."""
+    shown = render("text", EVERYTHING, RULES, CASES[name])
+    golden = GOLDEN / f"text-{name}.txt"
+    if UPDATE:
+        golden.write_text(shown, encoding="utf-8", newline="\n")
+    assert shown == golden.read_text(encoding="utf-8")
+
+
+def test_colours_change_nothing_but_colour() -> None:
+    colored = render("text", EVERYTHING, RULES, Options(color=True))
+    assert colored != ANSI.sub("", colored) == render("text", EVERYTHING, RULES, Options())
+
+
+@pytest.mark.parametrize("width", [40, 60, 100])
+def test_only_unbreakable_words_exceed_the_width(width: int) -> None:
+    lines = render("text", EVERYTHING, RULES, Options(width=width)).splitlines()
+    too_wide = [line for line in lines if line.startswith(" ") and len(line) > width]
+    assert [line for line in too_wide if not re.fullmatch(r"(  [a-z ]{8}  | +)\S+", line)] == []
+
+
+def test_a_frame_is_left_out_where_the_layer_cannot_be_read() -> None:
+    lost = replace(MISSING_WIRE, layer="gone.usda")
+    shown = render("text", Report((replace(FAILED, findings=(lost,)),)))
+    assert "gone.usda:9:26" in shown
+    assert " | " not in shown
+
+
+def test_what_the_message_says_is_not_said_again() -> None:
+    said = replace(MISSING_WIRE, message="is 'scan1', expected 'scan'", expected="'scan'")
+    shown = render("text", Report((replace(FAILED, findings=(said,)),)))
+    assert "actual" in shown
+    assert "  expected  " not in shown
+
+
+def test_files_without_findings_stand_close_together() -> None:
+    assert render("text", Report((PASSED, PASSED))).splitlines() == [
+        "work/Lab3_00_INITIAL.usda: checkpoint 00, pass, 12 of 12 met",
+        "work/Lab3_00_INITIAL.usda: checkpoint 00, pass, 12 of 12 met",
+        "2 files: 2 passed, 0 failed; 0 errors, 0 warnings, 0 notes",
+    ]
+
+
+def test_no_escape_sequence_but_our_own_is_coloured_in() -> None:
+    shown = render("text", hostile("\x1b[31m"), RULES, Options(color=True))
+    assert "\x1b" not in ANSI.sub("", shown)
+    assert shown.count(r"\x1b[31m") == render("text", hostile("\x1b[31m")).count(r"\x1b[31m")
