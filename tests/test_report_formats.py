@@ -1,0 +1,65 @@
+"""The table of formats, and what holds for all of them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from report_examples import EMPTY, HOSTILE, REPORT, RULES, hostile
+
+from lab3_usd.errors import UsageError
+from lab3_usd.report.formats import FORMATS, Options, format_named, render
+
+OURS = [name for name in FORMATS if name != "html"]
+
+
+def test_an_unknown_format_names_those_there_are() -> None:
+    with pytest.raises(UsageError) as caught:
+        render("xml", REPORT)
+    assert all(name in str(caught.value) for name in FORMATS)
+
+
+def test_a_known_format_is_found() -> None:
+    assert format_named("sarif").manual
+
+
+def test_a_format_is_imported_when_it_is_asked_for() -> None:
+    code = (
+        "import sys; from lab3_usd.report.formats import FORMATS, render;"
+        "from lab3_usd.check.finding import Report; render('csv', Report(()));"
+        "print(*[n for n, f in FORMATS.items() if f'lab3_usd.report.{f.module}' in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["csv"]
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_a_format_renders_the_same_twice(name: str) -> None:
+    assert render(name, REPORT, RULES) == render(name, REPORT, RULES)
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_a_format_does_without_the_rules(name: str) -> None:
+    assert render(name, REPORT, None, Options(verbosity="verbose"))
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_a_format_renders_a_report_without_results(name: str) -> None:
+    assert isinstance(render(name, EMPTY), str)
+
+
+@pytest.mark.parametrize("name", OURS)
+@pytest.mark.parametrize("text", HOSTILE)
+def test_no_format_lets_control_characters_through(name: str, text: str) -> None:
+    rendered = render(name, hostile(text), RULES, Options(verbosity="verbose"))
+    line_ends = "\r\n" if name == "csv" else "\n"
+    assert [letter for letter in rendered if not letter.isprintable()] == [
+        letter for letter in rendered if letter in line_ends
+    ]
+    rendered.encode("utf-8")
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_a_crash_is_in_every_format(name: str) -> None:
+    assert "T03" in render(name, hostile("x"))

@@ -1,0 +1,65 @@
+"""Annotations: parsed as the runner of GitHub Actions parses workflow commands."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from report_examples import HOSTILE, LAYER, MISSING_WIRE, REPORT, hostile
+
+from lab3_usd.report.escape import visible
+from lab3_usd.report.formats import Options, render
+
+UNESCAPE_DATA = {"%0D": "\r", "%0A": "\n", "%25": "%"}
+UNESCAPE_PROPERTY = {**UNESCAPE_DATA, "%3A": ":", "%2C": ","}
+
+
+def unescape(text: str, table: dict[str, str]) -> str:
+    return re.sub("%[0-9A-F]{2}", lambda found: table[found[0]], text)
+
+
+def parse(line: str) -> tuple[str, dict[str, str], str]:
+    """Split a command as the runner does: up to the first space, properties, `::`, message."""
+    assert line.startswith("::")
+    head, end, message = line[2:].partition("::")
+    assert end
+    name, _, listed = head.partition(" ")
+    pairs = [item.partition("=")[::2] for item in listed.split(",")]
+    properties = {key: unescape(value, UNESCAPE_PROPERTY) for key, value in pairs}
+    return name, properties, unescape(message, UNESCAPE_DATA)
+
+
+def test_an_annotation_names_file_line_column_and_rule() -> None:
+    name, properties, message = parse(render("github", REPORT).splitlines()[0])
+    assert name == "error"
+    assert properties == {"file": LAYER, "line": "9", "col": "26", "title": "W01 missing-wire"}
+    assert MISSING_WIRE.message in message.split("\n")
+
+
+def test_each_severity_has_its_command() -> None:
+    names = [parse(line)[0] for line in render("github", REPORT).splitlines()]
+    assert names == ["error", "warning", "notice", "error", "error"]
+
+
+def test_a_finding_without_a_line_annotates_the_file() -> None:
+    properties = parse(render("github", REPORT).splitlines()[1])[1]
+    assert "line" not in properties
+    assert properties["file"] == LAYER
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_no_string_breaks_out_of_its_command(text: str) -> None:
+    lines = render("github", hostile(text)).splitlines()
+    assert [parse(line)[0] for line in lines] == ["error"] * 4
+    _, properties, message = parse(lines[0])
+    assert sorted(properties) == ["col", "file", "line", "title"]
+    assert message.split("\n")[1] == visible(f"found {text}")
+
+
+def test_paths_are_relative_to_the_root_of_the_repository(tmp_path: Path) -> None:
+    options = Options(root=str(Path.cwd().parent))
+    properties = parse(render("github", REPORT, None, options).splitlines()[0])[1]
+    assert properties["file"] == f"{Path.cwd().name}/{LAYER}"
+    elsewhere = parse(render("github", REPORT, None, Options(root=str(tmp_path))).splitlines()[0])
+    assert elsewhere[1]["file"] == (Path.cwd() / LAYER).as_posix()

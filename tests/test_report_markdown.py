@@ -1,0 +1,85 @@
+"""Markdown: tables that stay tables, strings that stay text."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from report_examples import FAILED, HOSTILE, LAYER, MISSING_WIRE, REPORT, hostile
+
+from lab3_usd.check.finding import Report
+from lab3_usd.report.escape import visible
+from lab3_usd.report.formats import render
+from lab3_usd.report.markdown import HEADING, code, text
+
+markdown_it = pytest.importorskip("markdown_it", reason="markdown-it-py is not installed")
+HARMLESS = {"text", "code_inline", "softbreak", "strong_open", "strong_close"}
+
+
+def inline_types(source: str) -> set[str]:
+    """Name the kinds of inline markup that a GitHub-flavoured reader finds."""
+    tokens = markdown_it.MarkdownIt("gfm-like", {"linkify": False}).parse(source)
+    return {child.type for token in tokens for child in token.children or ()}
+
+
+def block_types(source: str) -> set[str]:
+    return {
+        token.type for token in markdown_it.MarkdownIt("gfm-like", {"linkify": False}).parse(source)
+    }
+
+
+def cells(source: str) -> list[str]:
+    """Return what a reader shows in each inline block."""
+    tokens = markdown_it.MarkdownIt("gfm-like", {"linkify": False}).parse(source)
+    return [
+        "".join(child.content for child in token.children or ())
+        for token in tokens
+        if token.type == "inline"
+    ]
+
+
+def test_each_file_has_its_table() -> None:
+    shown = cells(render("markdown", Report((FAILED,))))
+    assert LAYER in shown
+    assert [cell for cell in shown if cell in HEADING] == list(HEADING)
+    assert MISSING_WIRE.message in shown
+
+
+def test_a_row_has_a_cell_for_each_column() -> None:
+    tokens = markdown_it.MarkdownIt("gfm-like", {"linkify": False}).parse(
+        render("markdown", hostile("a|b"))
+    )
+    kinds = [token.type for token in tokens]
+    assert kinds.count("td_open") == 2 * len(HEADING) + 4
+
+
+@pytest.mark.parametrize("hostile_text", HOSTILE)
+def test_markup_stays_text(hostile_text: str) -> None:
+    source = render("markdown", hostile(hostile_text))
+    assert inline_types(source) <= HARMLESS
+    assert "html_block" not in block_types(source)
+    assert visible(f"found {hostile_text}").strip() in cells(source)
+
+
+@pytest.mark.parametrize("hostile_text", HOSTILE)
+def test_markup_stays_text_in_gradescope(hostile_text: str) -> None:
+    results = json.loads(render("gradescope", hostile(hostile_text)))
+    for source in (results["output"], *(test["output"] for test in results["tests"])):
+        assert inline_types(source) <= HARMLESS
+        assert "html_block" not in block_types(source)
+
+
+@pytest.mark.parametrize("value", ["a`b", "`a`", "``", "a | b", "/World/x_y*z*", "a\\|b"])
+def test_a_code_span_shows_what_it_was_given(value: str) -> None:
+    assert value in cells(f"| x |\n| --- |\n| {code(value)} |\n")
+
+
+@pytest.mark.parametrize(
+    "value", ["# x", "- x", "1. x", "> x", "a_b_c", "&lt;", "~~x~~", "![a](b)", "a\\b"]
+)
+def test_text_shows_what_it_was_given(value: str) -> None:
+    assert cells(text(value)) == [value]
+
+
+def test_the_checklist_is_a_table() -> None:
+    assert "the robot reaches its goal" in cells(render("markdown", REPORT))

