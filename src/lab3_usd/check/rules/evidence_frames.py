@@ -1,0 +1,125 @@
+"""Rules about what the saved outputs show of the TF tree (J5, J6)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from lab3_usd.check.finding import Problem, Severity
+from lab3_usd.check.registry import rule
+from lab3_usd.check.subjects_lab import Edge, EvidenceSubject, Lookup, Shown, best
+from lab3_usd.spec.ros_spec import Command
+
+
+@rule("E10", "forbidden-transform-shown", scope="evidence")
+def forbidden_transform_shown(subject: EvidenceSubject) -> Iterator[Problem]:
+    """A saved TF tree contains `world -> odom`.
+
+    Why: with AMCL's `map -> odom` the frame `odom` has two parents; tf2 jumps between them and
+    localization fails.
+
+    Fix: delete or deactivate the transform publisher with parent `world` and child `odom` (8.11),
+    then run `view_frames` again.
+
+    Example: `"world" -> "odom"` in frames.gv.
+    """
+    for shown in subject.evidence.view_frames.get("", ()):
+        if subject.frames.forbidden_edge in shown.fact:
+            edge = " -> ".join(subject.frames.forbidden_edge)
+            message = f"the TF tree contains {edge}"
+            yield Problem(shown.file, message, edge, handout="J5")
+
+
+@rule("E11", "transform-not-shown", scope="evidence")
+def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
+    """The saved TF tree lacks a required frame, or hangs it below another parent.
+
+    Why: whatever needs the way from `map` to `base_scan`, and Nav2 needs it for every scan, waits
+    for ever.
+
+    Fix: set the initial pose when `map -> odom` is missing; repair the odometry and TF graph when
+    a frame of the robot is. Then run `view_frames` again while Isaac Sim plays.
+
+    Example: the tree starts at `odom`, because no initial pose was set.
+    """
+    required = [*subject.frames.edges]
+    if subject.frames.localization_from <= subject.until:
+        required.insert(0, subject.frames.localization_edge)
+
+    def judge(shown: Shown[tuple[Edge, ...]]) -> list[Problem]:
+        if not shown.fact:
+            return [Problem(shown.file, "the TF tree is empty", handout="J5")]
+        parents = {child: parent for parent, child in shown.fact}
+        return list(_missing(required, parents, subject.frames.deeper_under, shown.file))
+
+    yield from best(subject.evidence.view_frames.get("", ()), judge)
+
+
+def _missing(
+    required: list[Edge], parents: Mapping[str, str], deeper_under: str, file: str
+) -> Iterator[Problem]:
+    for parent, child in required:
+        actual = parents.get(child)
+        edge = f"{parent} -> {child}"
+        if actual is None:
+            yield Problem(file, f"the TF tree lacks {edge}", edge, handout="J5")
+        elif actual != parent and not (
+            parent == deeper_under and parent in _ancestors(child, parents)
+        ):
+            message = f"{child} hangs below {actual}, expected {edge}"
+            yield Problem(file, message, edge, parent, actual, "J5")
+
+
+def _ancestors(frame: str, parents: Mapping[str, str]) -> list[str]:
+    found: list[str] = []
+    while frame in parents and parents[frame] not in found:
+        frame = parents[frame]
+        found.append(frame)
+    return found
+
+
+@rule("E12", "frame-with-two-parents", scope="evidence")
+def frame_with_two_parents(subject: EvidenceSubject) -> Iterator[Problem]:
+    """A frame has two parents in one saved TF tree, or another parent in each of two.
+
+    Why: tf2 keeps the parent that was published last: the tree, and everything placed in it, jumps.
+
+    Fix: find both publishers with `ros2 topic info /tf --verbose`, and delete the wrong one.
+
+    Example: one run of `view_frames` shows `map -> odom`, the next `world -> odom`.
+    """
+    first: dict[str, tuple[str, str]] = {}
+    for shown in subject.evidence.view_frames.get("", ()):
+        for parent, child in shown.fact:
+            known, file = first.setdefault(child, (parent, shown.file))
+            if known == parent:
+                continue
+            # Two files may be from before and after a repair, one file may not.
+            severity: Severity = "error" if file == shown.file else "warning"
+            message = f"{child} hangs below {known} and below {parent}"
+            yield Problem(
+                shown.file, message, child, handout="J7", related=(file,), severity=severity
+            )
+
+
+@rule("E13", "transform-lookup-failed", scope="evidence")
+def transform_lookup_failed(subject: EvidenceSubject) -> Iterator[Problem]:
+    """`tf2_echo` never printed the transform that it was asked for.
+
+    Why: the two frames are not connected, or no simulation time arrives; localization and
+    navigation ask the same question and get no answer either.
+
+    Fix: check `odom -> base_footprint` first, then AMCL and the initial pose (8.12).
+
+    Example: the output repeats `Waiting for transform map -> base_footprint`.
+    """
+    asked = [c for c in subject.ros.commands if c.to and not c.extra and c.since <= subject.until]
+    for command in asked:
+
+        def judge(shown: Shown[Lookup], command: Command = command) -> list[Problem]:
+            if shown.fact.found:
+                return []
+            edge = f"{command.of} -> {command.to}"
+            message = f"no transform {edge} was printed"
+            return [Problem(shown.file, message, edge, handout="J6")]
+
+        yield from best(subject.evidence.tf2_echo.get(command.target, ()), judge)

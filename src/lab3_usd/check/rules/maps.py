@@ -1,0 +1,218 @@
+"""Rules about the map files that localization loads (4.2, H1, H4, 8.13)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import PurePosixPath, PureWindowsPath
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.registry import rule
+from lab3_usd.check.subjects_lab import MapSubject
+
+_PLAIN_VALUES = ("mode", "resolution", "negate", "occupied_thresh", "free_thresh")
+_DEFAULTS = {"mode": "trinary"}  # what map_server takes where the file says nothing
+
+
+@rule("M01", "map-file-unreadable", scope="maps")
+def map_file_unreadable(subject: MapSubject) -> Iterator[Problem]:
+    """The YAML file of the map is missing, or is not a map file.
+
+    Why: map_server fails to configure, so there is no `/map`, AMCL waits for ever, and
+    `map -> odom` never appears.
+
+    Fix: copy the supplied `turtlebot3_map.yaml` into `maps/` again, without editing it.
+
+    Example: `ls maps` shows `turtlebot3_map (1).yaml.txt`.
+    """
+    if subject.given and subject.fault is not None:
+        yield Problem(
+            subject.file, f"map file {subject.fault}", handout="H1", expected=subject.facts.yaml
+        )
+
+
+@rule("M02", "map-image-path", scope="maps")
+def map_image_path(subject: MapSubject) -> Iterator[Problem]:
+    """The map file names its image by an absolute path, in another folder, or not at all.
+
+    Why: the map loads only on the computer where that path exists; on the grader's it does not,
+    and map_server refuses to configure.
+
+    Fix: write `image: turtlebot3_map.pgm` and put the image into the folder of the YAML file.
+
+    Example: `image: /home/ana/RAS545/Lab3/maps/turtlebot3_map.pgm`.
+    """
+    if subject.values is None:
+        return
+    image = subject.values.get("image")
+    expected = subject.facts.image
+    if not isinstance(image, str) or not image:
+        message = f"'image' is {image!r}" if "image" in subject.values else "'image' is missing"
+        yield Problem(subject.file, message, "image", expected, handout="8.13")
+    elif subject.image_absolute:
+        message = f"'image' is the absolute path '{image}', which exists on one computer only"
+        yield Problem(subject.file, message, "image", expected, image, "8.13")
+    elif PurePosixPath(image).name != image:
+        message = f"'image' is '{image}', in another folder than the map file"
+        yield Problem(subject.file, message, "image", expected, image, "8.13")
+
+
+@rule("M03", "map-image-name", scope="maps")
+def map_image_name(subject: MapSubject) -> Iterator[Problem]:
+    """The map file names another image than the supplied one.
+
+    Why: another image is another map: the walls that AMCL matches the scan with are not those of
+    the scene, and the robot is never where RViz shows it.
+
+    Fix: write `image: turtlebot3_map.pgm`, the image supplied with the lab.
+
+    Example: `image: my_map.pgm`.
+    """
+    image = subject.values.get("image") if subject.values is not None else None
+    if not isinstance(image, str) or not image:
+        return
+    name = PureWindowsPath(image).name
+    if name != subject.facts.image:
+        message = f"'image' names '{name}', expected '{subject.facts.image}'"
+        yield Problem(subject.file, message, "image", subject.facts.image, name, "4.2")
+
+
+@rule("M04", "map-image-missing", scope="maps")
+def map_image_missing(subject: MapSubject) -> Iterator[Problem]:
+    """The image that the map file names does not lie beside it.
+
+    Why: map_server fails to configure and `ros2 lifecycle get /map_server` stays `unconfigured`.
+
+    Fix: copy `turtlebot3_map.pgm` into the folder of the map file; names on Linux tell capital
+    letters from small ones.
+
+    Example: `image: turtlebot3_map.pgm` beside a file `turtlebot3_map.png`.
+    """
+    if subject.image_file and not subject.image_exists:
+        yield Problem(subject.image_file, "map image does not exist", handout="H1")
+
+
+@rule("M05", "map-image-unreadable", scope="maps")
+def map_image_unreadable(subject: MapSubject) -> Iterator[Problem]:
+    """The image of the map is not a readable PGM file.
+
+    Why: map_server cannot load it, or loads half of it.
+
+    Fix: copy the supplied `turtlebot3_map.pgm` again; a PNG that was renamed stays a PNG.
+
+    Example: an image of 28,674 cells of which the last thousand are missing.
+    """
+    if subject.image_fault is not None:
+        yield Problem(subject.image_file, f"map image {subject.image_fault}", handout="4.2")
+
+
+@rule("M06", "map-value", scope="maps")
+def map_value(subject: MapSubject) -> Iterator[Problem]:
+    """A value of the map file differs from the handout's.
+
+    Why: the resolution scales all walls, `negate` swaps free and occupied, and the thresholds
+    decide which grey counts as a wall: AMCL then matches the scan with the wrong places.
+
+    Fix: restore the values of 4.2 in the YAML file; the handout says not to change them.
+
+    Example: `resolution: 0.5` instead of `0.05`.
+    """
+    if subject.values is None:
+        return
+    for name in _PLAIN_VALUES:
+        expected = getattr(subject.facts, name)
+        actual = subject.values.get(name, _DEFAULTS.get(name))
+        if name not in subject.values and actual is None:
+            message = f"'{name}' is missing, expected {expected}"
+            yield Problem(subject.file, message, name, str(expected), handout="4.2")
+        elif not _same(actual, expected):
+            message = f"'{name}' is {actual}, expected {expected}"
+            yield Problem(subject.file, message, name, str(expected), str(actual), "4.2")
+
+
+@rule("M07", "map-origin", scope="maps")
+def map_origin(subject: MapSubject) -> Iterator[Problem]:
+    """The origin of the map differs from the handout's.
+
+    Why: the whole map is shifted or turned against the scene: the scan lies beside the walls,
+    wherever the initial pose is set (8.14).
+
+    Fix: write `origin: [-6.2, -3.32, 0]`; set the initial pose in RViz instead of moving the map.
+
+    Example: `origin: [0, 0, 0]`.
+    """
+    if subject.values is None:
+        return
+    expected = subject.facts.origin
+    actual = subject.values.get("origin")
+    is_triple = isinstance(actual, list) and len(actual) == len(expected)
+    if is_triple and all(map(_same, actual or (), expected)):  # type: ignore[call-overload]
+        return
+    message = f"'origin' is {actual}, expected {_numbers(expected)}"
+    yield Problem(subject.file, message, "origin", _numbers(expected), str(actual), "8.14")
+
+
+@rule("M08", "map-size", scope="maps")
+def map_size(subject: MapSubject) -> Iterator[Problem]:
+    """The image of the map has another size than the handout's 177 x 162 cells.
+
+    Why: it is another map, or it was cropped or scaled: rows and columns no longer stand where
+    resolution and origin say.
+
+    Fix: copy the supplied `turtlebot3_map.pgm` again.
+
+    Example: an image of 384 x 384 cells, the map of another world.
+    """
+    wanted = (subject.facts.width, subject.facts.height)
+    if subject.size is not None and subject.size != wanted:
+        actual, expected = (f"{width} x {height}" for width, height in (subject.size, wanted))
+        message = f"map image has {actual} cells, expected {expected}"
+        yield Problem(subject.image_file, message, None, expected, actual, "H4")
+
+
+@rule("M09", "map-agreement", scope="maps", severity="note")
+def map_agreement(subject: MapSubject) -> Iterator[Problem]:
+    """How well the occupied cells of the map and the walls of the stage agree.
+
+    Why: where they hardly agree, the map may belong to another scene, and AMCL cannot find the
+    robot; but the handout does not say where in the scene the origin of the map lies, so this is a
+    figure to look at and never a fault.
+
+    Fix: nothing, when the scan overlaps the walls in RViz; else compare map and scene.
+
+    Example: 93 % with the origin at the world's, 41 % at the robot's start.
+    """
+    if not subject.agreements:
+        return
+    closest = max(subject.agreements, key=lambda agreement: agreement.figure)
+    figures = ", ".join(f"{each.figure:.0%} {each.about}" for each in subject.agreements)
+    yield Problem(
+        subject.file,
+        f"walls of the map and the stage agree to {figures}",
+        actual=f"{closest.figure:.3f}",
+        handout="8.14",
+    )
+
+
+@rule("M10", "map-not-given", scope="maps", severity="note")
+def map_not_given(subject: MapSubject) -> Iterator[Problem]:
+    """A stage of localization or navigation is checked without its map.
+
+    Why: the map is part of these checkpoints, but lies beside the stage and not in it.
+
+    Fix: check the whole submission folder, or name the folder of the map with `--maps`.
+
+    Example: `lab3 check Lab3_07_localization.usda`.
+    """
+    if not subject.given:
+        yield Problem(subject.file, "map files were not checked", handout="4.2")
+
+
+def _same(actual: object, expected: object) -> bool:
+    if isinstance(actual, (int, float)) and isinstance(expected, (int, float)):
+        return math.isclose(actual, expected, rel_tol=1e-6, abs_tol=1e-9)
+    return actual == expected
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return "[" + ", ".join(f"{value:g}" for value in values) + "]"

@@ -1,0 +1,250 @@
+"""Rules about a parameter file of Nav2 that a student hands in (I3, 8.15, 8.16)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.registry import rule
+from lab3_usd.check.subjects_lab import NavigationSubject, Parameter
+
+
+@rule("V01", "parameters-unreadable", scope="navigation")
+def parameters_unreadable(subject: NavigationSubject) -> Iterator[Problem]:
+    """The parameter file cannot be read, or holds no parameters.
+
+    Why: the launch stops with it, or every node takes its defaults without a word.
+
+    Fix: correct the indentation at the line that is named; each node's values stand under
+    `ros__parameters:`.
+
+    Example: a tab in the indentation.
+    """
+    if subject.fault is not None:
+        yield Problem(subject.file, f"parameter file {subject.fault}", handout="I3")
+
+
+@rule("V02", "not-simulation-time", scope="navigation")
+def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
+    """A node of localization or navigation does not use the simulation time.
+
+    Why: its clock is decades ahead of Isaac Sim's: every transform and scan is too old for it,
+    and Nav2 reports timing errors without end (8.16). Where the value is absent, Humble's launch
+    files have nothing to replace by `use_sim_time:=true`: a warning.
+
+    Fix: write `use_sim_time: true` under the `ros__parameters` of the node.
+
+    Example: `amcl` with `use_sim_time: false`.
+    """
+    name = subject.ros.navigation.parameters.sim_time
+    said = {p.node: p for p in subject.parameters if p.name == name}
+    for parameter in said.values():
+        if parameter.value is not True:
+            message = f"{name} is {_shown(parameter.value)}, expected true"
+            yield _problem(subject, parameter, message, expected="true", handout="8.16")
+    managed = {node.strip("/") for node in subject.ros.lifecycle}
+    for node in dict.fromkeys(p.node for p in subject.parameters):
+        if _last(node) in managed and node not in said and "**" not in said:
+            message = f"{name} is absent, expected true"
+            yield Problem(
+                subject.file, message, f"{node}.{name}", "true", handout="8.16", severity="warning"
+            )
+
+
+@rule("V03", "wrong-base-frame", scope="navigation")
+def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
+    """A node takes a frame for the robot that is none of the robot's.
+
+    Why: tf2 cannot find it, AMCL never publishes, the costmaps stay empty.
+
+    Fix: write `base_footprint`; any frame of the robot at or below it works.
+
+    Example: `robot_base_frame: base` of another robot.
+    """
+    robot = [child for _, child in subject.frames.edges]
+    for parameter in subject.parameters:
+        if parameter.last in subject.ros.navigation.parameters.base_frame:
+            if parameter.value in robot:
+                continue
+            message = f"{parameter.name} is {_shown(parameter.value)}, no frame of the robot"
+            expected = subject.frames.deeper_under
+            yield _problem(subject, parameter, message, expected=expected, handout="8.12")
+
+
+@rule("V04", "wrong-frame", scope="navigation")
+def wrong_frame(subject: NavigationSubject) -> Iterator[Problem]:
+    """A node looks for another fixed frame than the lab's.
+
+    Why: the chain `map -> odom -> base_footprint` is what exists; a costmap in `world` or an AMCL
+    that publishes `map -> odom_combined` has no place in it.
+
+    Fix: write the frame that the lab uses: `map` for AMCL, planner and global costmap, `odom` for
+    odometry and the local costmap.
+
+    Example: `odom_frame_id: world`.
+    """
+    for node, name, frame in subject.ros.navigation.frames:
+        for parameter in subject.parameters:
+            if _last(parameter.node) != node or parameter.name != name or parameter.value == frame:
+                continue
+            message = f"{name} is {_shown(parameter.value)}, expected {frame}"
+            yield _problem(subject, parameter, message, expected=frame, handout="H6")
+
+
+@rule("V05", "wrong-scan-topic", scope="navigation")
+def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
+    """AMCL or a costmap listens to another scan than `/scan`.
+
+    Why: nobody publishes it: AMCL never corrects the pose, and obstacles never appear (8.15).
+
+    Fix: write `scan` or `/scan`; the handout forbids `/scan_fixed`.
+
+    Example: `scan_topic: scan_fixed`.
+    """
+    navigation = subject.ros.navigation
+    for parameter in [*_named(subject, navigation.parameters.scan), *_sources(subject)]:
+        topic = _topic(parameter.value)
+        if topic == navigation.scan_topic:
+            continue
+        said = ", which the handout forbids" if topic == navigation.wrong_scan_topic else ""
+        message = f"{parameter.name} is {_shown(parameter.value)}{said}"
+        yield _problem(subject, parameter, message, expected=navigation.scan_topic, handout="I3")
+
+
+@rule("V06", "wrong-map-topic", scope="navigation")
+def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
+    """AMCL or the static layer listens to another map than `/map`.
+
+    Why: the map server publishes `/map`; without it AMCL waits and the global costmap is empty.
+
+    Fix: write `map_topic: map`, or remove the line.
+
+    Example: `map_topic: /my_map`.
+    """
+    navigation = subject.ros.navigation
+    for parameter in _named(subject, navigation.parameters.map):
+        if _topic(parameter.value) not in {navigation.map_topic, "/"}:
+            message = f"{parameter.name} is {_shown(parameter.value)}"
+            yield _problem(subject, parameter, message, expected=navigation.map_topic, handout="H4")
+
+
+@rule("V07", "other-speed", scope="navigation", severity="note")
+def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
+    """A speed limit of Nav2 differs from that of the Differential Controller.
+
+    Why: what is above 0.22 m/s or 1.0 rad/s the graph cuts off (C8): the robot is slower than Nav2
+    believes. Lower limits only make it slower.
+
+    Fix: nothing has to be done; to agree, write 0.22 and 1.0.
+
+    Example: `max_vel_x: 0.26`, the default of Nav2.
+    """
+    navigation = subject.ros.navigation
+    names = navigation.parameters
+    limits = {
+        **dict.fromkeys(names.linear, navigation.linear_speed),
+        **dict.fromkeys(names.angular, navigation.angular_speed),
+    }
+    wanted = [navigation.linear_speed, 0.0, navigation.angular_speed]
+    for parameter in subject.parameters:
+        limit = limits.get(parameter.last)
+        if limit is not None and not _close(parameter.value, limit):
+            message = f"{parameter.name} is {parameter.value}, the graph allows {limit}"
+            yield _problem(subject, parameter, message, expected=str(limit), handout="C8")
+        elif parameter.last in names.speeds and not _close_all(parameter.value, wanted):
+            message = f"{parameter.name} is {parameter.value}, the graph allows {wanted}"
+            yield _problem(subject, parameter, message, expected=str(wanted), handout="C8")
+
+
+@rule("V08", "stamped-velocity", scope="navigation", severity="warning")
+def stamped_velocity(subject: NavigationSubject) -> Iterator[Problem]:
+    """Stamped velocity commands are switched on, a parameter of later releases than Humble.
+
+    Why: Humble ignores it, and a later Nav2 would send TwistStamped, which Isaac Sim's Twist
+    subscriber does not hear: the robot would never move.
+
+    Fix: remove the line, and check which release the parameter file was written for.
+
+    Example: `enable_stamped_cmd_vel: true`.
+    """
+    name = subject.ros.navigation.parameters.stamped
+    for parameter in subject.parameters:
+        if parameter.last == name and parameter.value is True:
+            message = f"{name} is true, expected plain Twist commands"
+            yield _problem(subject, parameter, message, expected="false", handout="C5")
+
+
+@rule("V09", "plugin-of-another-release", scope="navigation")
+def plugin_of_another_release(subject: NavigationSubject) -> Iterator[Problem]:
+    """A plugin is named as in a later release than Humble.
+
+    Why: Humble looks these plugins up by a name with a slash; the node cannot load the plugin, and
+    the lifecycle manager brings nothing up.
+
+    Fix: write the name with a slash.
+
+    Example: `nav2_navfn_planner::NavfnPlanner` instead of `nav2_navfn_planner/NavfnPlanner`.
+    """
+    navigation = subject.ros.navigation
+    ours = {later: name for name, later in navigation.plugins.items()}
+    for parameter in subject.parameters:
+        value = str(parameter.value)
+        if parameter.last == navigation.parameters.plugin and value in ours:
+            message = f"{parameter.name} is {value}, here it is called {ours[value]}"
+            yield _problem(subject, parameter, message, expected=ours[value], handout="4.1")
+
+
+def _problem(
+    subject: NavigationSubject, parameter: Parameter, message: str, *, expected: str, handout: str
+) -> Problem:
+    return Problem(
+        subject.file,
+        f"line {parameter.line}: {message}",
+        f"{parameter.node}.{parameter.name}",
+        expected,
+        _shown(parameter.value),
+        handout,
+    )
+
+
+def _named(subject: NavigationSubject, names: tuple[str, ...]) -> list[Parameter]:
+    return [parameter for parameter in subject.parameters if parameter.last in names]
+
+
+def _sources(subject: NavigationSubject) -> Iterator[Parameter]:
+    """Yield the topics of the laser sources that the layers of the costmaps list."""
+    by_place = {(p.node, p.name): p for p in subject.parameters}
+    listing = subject.ros.navigation.parameters.sources
+    for parameter in subject.parameters:
+        if parameter.last != listing or not isinstance(parameter.value, str):
+            continue
+        layer = parameter.name.rpartition(".")[0]
+        for source in parameter.value.split():
+            place = f"{layer}.{source}" if layer else source
+            kind = by_place.get((parameter.node, f"{place}.data_type"))
+            topic = by_place.get((parameter.node, f"{place}.topic"))
+            if topic is not None and (kind is None or kind.value == "LaserScan"):
+                yield topic
+
+
+def _last(node: str) -> str:
+    return node.rpartition(".")[2]
+
+
+def _topic(value: object) -> str:
+    return "/" + str(value).strip().lstrip("/")
+
+
+def _shown(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _close(value: object, limit: float) -> bool:
+    return isinstance(value, (int, float)) and math.isclose(value, limit, rel_tol=1e-6)
+
+
+def _close_all(value: object, wanted: list[float]) -> bool:
+    if not isinstance(value, list) or len(value) != len(wanted):
+        return False
+    return all(_close(each, limit) for each, limit in zip(value, wanted, strict=True))

@@ -1,0 +1,178 @@
+"""What the rules about maps, navigation files and saved diagnostics look at: plain frozen data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.spec.ros_spec import MapFacts, RosSpec
+from lab3_usd.spec.spec import FrameSpec
+
+Scalar = str | int | float | bool | None
+# One ROS message, its fields by dotted path (`header.frame_id`, `status_list.0.status`).
+Message = Mapping[str, Scalar]
+Fact = TypeVar("Fact")
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How well map and walls agree, 0 to 1, for one guess of where the map's origin lies."""
+
+    figure: float
+    about: str
+
+
+@dataclass(frozen=True, slots=True)
+class MapSubject:
+    """A map as handed in. `values` is the YAML file as read; None where it cannot be read.
+
+    Paths are relative to the submission; `size` is (width, height) in cells. An absolute
+    image path is looked for by its name beside the YAML; `image_file` is empty when not there.
+    """
+
+    facts: MapFacts
+    given: bool
+    file: str
+    values: Mapping[str, object] | None = None
+    fault: str | None = None
+    image_file: str = ""
+    image_absolute: bool = False
+    image_exists: bool = False
+    image_fault: str | None = None
+    size: tuple[int, int] | None = None
+    agreements: tuple[Agreement, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One value of a parameter file: `node` and dotted `name` (`FollowPath.max_vel_x`)."""
+
+    node: str
+    name: str
+    value: object
+    line: int
+
+    @property
+    def last(self) -> str:
+        """The last part of the name."""
+        return self.name.rpartition(".")[2]
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationSubject:
+    """A parameter file of Nav2 as handed in; `fault` says why it could not be read."""
+
+    ros: RosSpec
+    frames: FrameSpec
+    file: str
+    parameters: tuple[Parameter, ...] = ()
+    fault: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Shown(Generic[Fact]):
+    """A fact and the file that shows it, relative to the submission."""
+
+    fact: Fact
+    file: str
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Topics or nodes that a list names; `whole` unless the list was filtered."""
+
+    names: tuple[str, ...]
+    whole: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A publisher or subscription of a topic, its policies as `ros2 topic info --verbose` says."""
+
+    node: str
+    publishes: bool
+    type: str = ""
+    reliability: str = ""
+    durability: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Lookup:
+    """What `tf2_echo` printed: whether it found the transform, and the last translation (m)."""
+
+    found: bool
+    translation: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GoalRun:
+    """One navigation goal: its status number, and how long it took in seconds when measured."""
+
+    status: int
+    seconds: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One line of the manifest: what was run, how it ended, when it began, how long it took."""
+
+    file: str
+    exit: int
+    start: str
+    seconds: float
+    command: str
+
+
+Edge = tuple[str, str]
+Outputs = Mapping[str, tuple[Shown[Fact], ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What a folder of saved outputs shows, by kind of command and by what each was about.
+
+    The names of the outputs are those of the kinds in `ros.yaml`. The keys are a topic, a node,
+    or two frames; for lists, trees and goals the key is empty.
+    """
+
+    folder: str
+    topic_list: Outputs[Names] = field(default_factory=dict)
+    node_list: Outputs[Names] = field(default_factory=dict)
+    topic_type: Outputs[tuple[str, ...]] = field(default_factory=dict)
+    topic_hz: Outputs[float] = field(default_factory=dict)
+    topic_echo: Outputs[Message] = field(default_factory=dict)
+    topic_info: Outputs[tuple[Endpoint, ...]] = field(default_factory=dict)
+    lifecycle: Outputs[str] = field(default_factory=dict)
+    tf2_echo: Outputs[Lookup] = field(default_factory=dict)
+    view_frames: Outputs[tuple[Edge, ...]] = field(default_factory=dict)
+    packages: Outputs[tuple[str, ...]] = field(default_factory=dict)
+    goals: Outputs[GoalRun] = field(default_factory=dict)
+    runs: tuple[Run, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceSubject:
+    """Saved diagnostics beside what they must show, up to the checkpoint `until`.
+
+    With `required`, evidence that is missing is an error instead of a note.
+    """
+
+    ros: RosSpec
+    frames: FrameSpec
+    facts: MapFacts
+    evidence: Evidence
+    until: str = "08"
+    required: bool = False
+
+
+def best(
+    shown: Sequence[Shown[Fact]], judge: Callable[[Shown[Fact]], list[Problem]]
+) -> list[Problem]:
+    """Judge every output of one command and return what is wrong with the best of them.
+
+    A fault that a later output shows repaired is no fault; of equals the last one speaks.
+    """
+    judged = [judge(each) for each in shown]
+    return min(reversed(judged), key=len, default=[])

@@ -1,0 +1,141 @@
+"""Reads a folder of saved diagnostics, of the collecting script or saved by hand."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from lab3_usd.check.subjects_lab import Evidence, GoalRun, Names, Run, Shown
+from lab3_usd.lab import evidence_outputs as outputs
+from lab3_usd.lab.evidence_blocks import Block, split_blocks
+from lab3_usd.lab.evidence_message import parse_messages
+from lab3_usd.spec.load_ros import load_ros
+from lab3_usd.spec.ros_spec import GoalSpec, RosSpec
+
+MANIFEST = "manifest.tsv"
+_ENDINGS = {"", ".txt", ".log", ".out", ".md", ".gv", ".dot", ".yaml", ".yml"}
+_MOST_BYTES = 4_000_000
+_MOST_FILES = 2_000
+_PARSERS: Mapping[str, Callable[[str], object]] = {
+    "topic_list": outputs.parse_names,
+    "node_list": outputs.parse_names,
+    "topic_type": outputs.parse_types,
+    "topic_hz": outputs.parse_rate,
+    "topic_echo": outputs.parse_message,
+    "topic_info": outputs.parse_endpoints,
+    "lifecycle": outputs.parse_state,
+    "tf2_echo": outputs.parse_lookup,
+    "view_frames": outputs.parse_tree,
+    "packages": outputs.parse_packages,
+}
+_MEASURED = re.compile(r"(?m)^goal status:\s*(\d)(?:\s*\ngoal seconds:\s*([\d.]+))?")
+_RESULT = re.compile(r"Goal finished with status:\s*(\w+)")
+# by kind of output, then by what it is about
+_Found = dict[str, dict[str, list[Shown[Any]]]]
+
+
+def read_evidence(*folders: Path, root: Path | None = None, ros: RosSpec | None = None) -> Evidence:
+    """Read everything that the texts in `folders` and below show.
+
+    Files are named relative to `root`, by default the first folder. Folders that do not exist,
+    files that cannot be read and texts that nobody understands show nothing. Where the collecting
+    script saved an output, its file speaks for that command alone.
+    """
+    spec = ros if ros is not None else load_ros()
+    base = root if root is not None else folders[0]
+    found: _Found = {kind: {} for kind in (*_PARSERS, "goals")}
+    runs: list[Run] = []
+    recorded: set[str] = set()
+    for path in _files(folders):
+        file, text = _relative(path, base), _read(path)
+        if path.name == MANIFEST:
+            runs.extend(outputs.parse_manifest(text))
+            recorded |= {_relative(path.parent / run.file, base) for run in runs}
+            continue
+        for kind, target, fact in _facts(text, path.name, spec):
+            found[kind].setdefault(target, []).append(Shown(fact, file))
+    kept = {kind: _preferred(of, recorded) for kind, of in found.items()}
+    return Evidence(folder=_relative(folders[0], base), runs=tuple(runs), **kept)
+
+
+def _files(folders: tuple[Path, ...]) -> list[Path]:
+    """List the texts in a fixed order; links are left alone, they may lead anywhere."""
+    found: list[Path] = []
+    for folder in folders:
+        inside = sorted(folder.rglob("*")) if folder.is_dir() and not folder.is_symlink() else []
+        found.extend(path for path in inside if path.name == MANIFEST or _is_text(path))
+    return found[:_MOST_FILES]
+
+
+def _is_text(path: Path) -> bool:
+    try:
+        plain = path.is_file() and not path.is_symlink()
+        return plain and path.suffix.lower() in _ENDINGS and path.stat().st_size <= _MOST_BYTES
+    except OSError:
+        return False
+
+
+def _read(path: Path) -> str:
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return ""
+    wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    return data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+
+
+def _relative(path: Path, base: Path) -> str:
+    try:
+        return path.relative_to(base).as_posix()
+    except ValueError:
+        return path.as_posix()
+
+
+def _facts(text: str, name: str, ros: RosSpec) -> Iterator[tuple[str, str, object]]:
+    """Yield kind, target and fact of everything that a text shows."""
+    for block in split_blocks(text, name, ros):
+        if not outputs.was_run(block.text):
+            continue
+        fact = _PARSERS[block.kind](block.text)
+        if isinstance(fact, Names):
+            fact = replace(fact, whole=block.whole)
+        if fact is not None:
+            yield block.kind, block.target, fact
+        if block.target == ros.goal.status:
+            yield from (("goals", "", goal) for goal in _goal_by_status(block))
+    yield from (("goals", "", goal) for goal in _goal_by_words(text, ros.goal))
+
+
+def _goal_by_status(block: Block) -> Iterator[GoalRun]:
+    """Read the last goal of the last `action_msgs/msg/GoalStatusArray` that was echoed."""
+    for message in parse_messages(block.text)[-1:]:
+        statuses = [value for path, value in message.items() if path.endswith("status")]
+        if statuses and isinstance(statuses[-1], int):
+            yield GoalRun(statuses[-1])
+
+
+def _goal_by_words(text: str, goal: GoalSpec) -> Iterator[GoalRun]:
+    """Read what the collecting script, `ros2 action send_goal` or Nav2's log say of a goal."""
+    measured = _MEASURED.search(text)
+    if measured:
+        yield GoalRun(int(measured[1]), float(measured[2]) if measured[2] else None)
+    numbers = {name: number for number, name in enumerate(goal.names)}
+    results = [word.lower() for word in _RESULT.findall(text)]
+    logged = {text.rfind(words): name for name, words in goal.log.items()}
+    last = logged[max(logged)] if max(logged) >= 0 else ""
+    for word in [*results[-1:], last]:
+        if word in numbers:
+            yield GoalRun(numbers[word])
+
+
+def _preferred(
+    outputs_of: dict[str, list[Shown[Any]]], recorded: set[str]
+) -> dict[str, tuple[Shown[Any], ...]]:
+    kept: dict[str, tuple[Shown[Any], ...]] = {}
+    for target, shown in outputs_of.items():
+        own = [each for each in shown if each.file in recorded]
+        kept[target] = tuple(own or shown)
+    return kept

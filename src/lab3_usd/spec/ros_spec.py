@@ -1,0 +1,194 @@
+"""What the running ROS 2 system must show, and what localization and navigation need, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class MapFacts:
+    """The map that the handout asks for; lengths in metres, the size in cells."""
+
+    yaml: str
+    image: str
+    mode: str
+    resolution: float
+    origin: tuple[float, float, float]
+    negate: int
+    occupied_thresh: float
+    free_thresh: float
+    width: int
+    height: int
+    handout: str
+
+    @property
+    def origin_x(self) -> float:
+        """X of the lower left corner, in metres."""
+        return self.origin[0]
+
+    @property
+    def origin_y(self) -> float:
+        """Y of the lower left corner, in metres."""
+        return self.origin[1]
+
+
+@dataclass(frozen=True, slots=True)
+class TopicSpec:
+    """A topic of the running system; None where the handout asks for nothing.
+
+    `rate` is the section that asks for a rate above zero, `fields` what one message must say,
+    `map_fields` the fields that repeat facts of the map.
+    """
+
+    name: str
+    type: str
+    handout: str
+    since: str
+    durability: str | None = None
+    rate: str | None = None
+    publishers: int | None = None
+    fields: Mapping[str, str] | None = None
+    map_fields: Mapping[str, str] | None = None
+    optional: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the handout asks for something, and from which checkpoint on."""
+
+    since: str
+    handout: str
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceKind:
+    """One kind of diagnostic command: its words, the name of its output, its limit in seconds."""
+
+    name: str
+    run: str
+    file: str
+    seconds: int
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One diagnostic command; `extra` ones are recorded although the handout does not ask."""
+
+    kind: EvidenceKind
+    since: str
+    handout: str
+    of: str = ""
+    to: str = ""
+    extra: bool = False
+
+    @property
+    def line(self) -> str:
+        """The command as one types it."""
+        return self.kind.run.format(of=self.of, to=self.to)
+
+    @property
+    def file(self) -> str:
+        """The fixed name of the saved output."""
+        return self.kind.file.format(name=file_word(f"{self.of} {self.to}"))
+
+    @property
+    def target(self) -> str:
+        """What the command is about: a topic, a node, or two frames; empty when about all."""
+        return f"{self.of} {self.to}".strip()
+
+
+@dataclass(frozen=True, slots=True)
+class GoalSpec:
+    """How a navigation goal shows: its topics, and what its status numbers and log lines mean.
+
+    `names` are the names of the status numbers from 0 on.
+    """
+
+    handout: str
+    since: str
+    status: str
+    pose: str
+    robot: str
+    running: tuple[int, ...]
+    succeeded: int
+    names: tuple[str, ...]
+    log: Mapping[str, str]
+
+    def name(self, status: int) -> str:
+        """Name a status number; a number that has no name stands for itself."""
+        return self.names[status] if 0 <= status < len(self.names) else str(status)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterNames:
+    """The names by which Nav2 calls the parameters that are judged."""
+
+    sim_time: str
+    base_frame: tuple[str, ...]
+    scan: tuple[str, ...]
+    map: tuple[str, ...]
+    sources: str
+    linear: tuple[str, ...]
+    angular: tuple[str, ...]
+    speeds: tuple[str, ...]
+    stamped: str
+    plugin: str
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationSpec:
+    """What Nav2 is told; metres, metres and radians per second, and per second squared.
+
+    `frames` are (node, parameter, frame); `plugins` maps Humble's names to those of later releases.
+    """
+
+    handout: str
+    scan_topic: str
+    wrong_scan_topic: str
+    map_topic: str
+    velocity_topic: str
+    odom_topic: str
+    robot_radius: float
+    linear_speed: float
+    angular_speed: float
+    linear_acceleration: float
+    angular_acceleration: float
+    lidar_size: float
+    parameters: ParameterNames
+    frames: tuple[tuple[str, str, str], ...]
+    plugins: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class SystemSpec:
+    """The software of 4.1 and where it lies; `packages` maps ROS packages to their usual names."""
+
+    handout: str
+    distribution: str
+    setup: str
+    domain: int
+    folder: str
+    packages: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class RosSpec:
+    """Everything that `ros.yaml` says."""
+
+    system: SystemSpec
+    topics: Mapping[str, TopicSpec]
+    lifecycle_state: str
+    lifecycle: Mapping[str, Place]
+    nodes: Mapping[str, Place]
+    forbidden_endings: tuple[str, ...]
+    forbidden_handout: str
+    goal: GoalSpec
+    kinds: Mapping[str, EvidenceKind]
+    commands: tuple[Command, ...]
+    navigation: NavigationSpec
+
+
+def file_word(name: str) -> str:
+    """Write a topic, node or pair of frames as part of a file name (`camera_image_raw`)."""
+    return "_".join("".join(c if c.isalnum() else " " for c in name).split())
