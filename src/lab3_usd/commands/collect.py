@@ -1,0 +1,32 @@
+"""`lab3 collect`: write the script that collects evidence from the running system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command("collect")
+@click.option(
+    "-o",
+    "--out",
+    "script",
+    required=True,
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Where to write the script.",
+)
+@click.option("--force", is_flag=True, help="Replace a file that exists.")
+def command(script: Path, *, force: bool) -> None:
+    """Write the script that collects evidence from the running system.
+
+    Run it with bash beside Isaac Sim, in the submission folder: it saves the output of every
+    diagnostic command of the handout under `results/`, where `lab3 check` reads it.
+    """
+    from lab3_usd.files import write_whole  # noqa: PLC0415 - only this command needs these
+    from lab3_usd.lab.collect import collect_script  # noqa: PLC0415
+    from lab3_usd.spec.load_ros import load_ros  # noqa: PLC0415
+
+    write_whole(script, collect_script(load_ros()).encode(), force=force)
+    script.chmod(0o755)
+    click.echo(script)

@@ -1,0 +1,34 @@
+"""`lab3 nav2`: write launch, parameter and RViz files for localization and navigation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command("nav2")
+@click.option(
+    "-o",
+    "--out",
+    "folder",
+    required=True,
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the files.",
+)
+@click.option("--force", is_flag=True, help="Replace files that exist.")
+def command(folder: Path, *, force: bool) -> None:
+    """Write launch, parameter and RViz files for localization and navigation.
+
+    For ROS 2 Humble, parts H and I of the handout; the lidar's RViz configuration is for D10.
+    The files have not been run in ROS. Files that exist are kept.
+    """
+    from lab3_usd.lab.nav2 import nav2_files, write_nav2  # noqa: PLC0415 - only this command
+    from lab3_usd.spec.load_ros import load_ros  # noqa: PLC0415
+    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
+
+    written, kept = write_nav2(folder, nav2_files(load_lab(), load_ros()), force=force)
+    for path in written:
+        click.echo(path)
+    for path in kept:
+        click.echo(f"{path} exists and was kept, --force replaces it", err=True)
