@@ -19,15 +19,17 @@ from lab3_usd.spec.catalog import (
     TfPorts,
     Value,
 )
-from lab3_usd.spec.values import typed
-from lab3_usd.spec.yaml_file import expect, known_keys, need
+from lab3_usd.spec.values import known_type, typed
+from lab3_usd.spec.yaml_file import expect, known_keys, need, parts, texts
 
 FILE = "node_types.yaml"
 _TYPE_KEYS = (
     *("version", "name", "handout", "prim", "inputs", "outputs", "dynamic"),
     *("role", "topics", "services", "message", "frames", "tf"),
 )
+_RELATIONSHIP = "rel"
 _PORT_KEYS = ("type", "default", "allowed", "of", "output_only", "deprecated")
+_DYNAMIC_KEYS = ("prefix", "count", "metadata")
 _ROLES = ("publisher", "subscriber", "helper", "service")
 
 
@@ -37,28 +39,28 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
     Raises:
         SpecError: names the file, the type and the port that are wrong.
     """
-    usd_types = need(data, "usd_types", dict, FILE)
+    usd_types = parts(data, "usd_types", str, FILE)
     types = need(data, "types", dict, FILE)
     return Catalog(
         types={name: _node_type(name, spec, usd_types) for name, spec in types.items()},
         graph=_graph_form(need(data, "graph", dict, FILE)),
-        prefixes=need(data, "prefixes", dict, FILE),
-        renamed=need(data, "renamed", dict, FILE),
-        lookalikes=need(data, "lookalikes", dict, FILE),
-        events=tuple(need(data, "events", list, FILE)),
-        scripts=tuple(need(data, "scripts", list, FILE)),
+        prefixes=parts(data, "prefixes", str, FILE),
+        renamed=parts(data, "renamed", str, FILE),
+        lookalikes=parts(data, "lookalikes", str, FILE),
+        events=texts(data, "events", FILE),
+        scripts=texts(data, "scripts", FILE),
     )
 
 
 def _graph_form(data: Mapping[str, Any]) -> GraphForm:
     where = f"{FILE}: graph"
-    attributes = need(data, "attributes", dict, where)
+    attributes = parts(data, "attributes", dict, where)
     return GraphForm(
         type=need(data, "type", str, where),
         node_type=need(data, "node_type", str, where),
         gui_api=need(data, "gui_api", str, where),
         attributes=tuple(_graph_attribute(name, spec) for name, spec in attributes.items()),
-        ignored_below=tuple(need(data, "ignored_below", list, where)),
+        ignored_below=texts(data, "ignored_below", where),
     )
 
 
@@ -66,13 +68,13 @@ def _graph_attribute(name: str, spec: Mapping[str, Any]) -> GraphAttribute:
     where = f"{FILE}: graph: {name}"
     known_keys(spec, ("type", "value", "accepted", "required", "handout"), where)
     usd_type = need(spec, "type", str, where)
-    accepted = spec.get("accepted", [spec.get("value")])
+    accepted = expect(spec.get("accepted", [spec.get("value")]), list, f"{where}: 'accepted'")
     return GraphAttribute(
         name=name,
         usd_type=usd_type,
         value=typed(spec.get("value"), usd_type, where),
         accepted=tuple(typed(value, usd_type, where) for value in accepted),
-        required=spec.get("required", False),
+        required=expect(spec.get("required", False), bool, f"{where}: 'required'"),
         handout=spec.get("handout"),
     )
 
@@ -94,20 +96,27 @@ def _node_type(name: str, spec: Any, usd_types: Mapping[str, str]) -> NodeType: 
         handout_name=spec.get("handout", ui_name),
         prim_name=need(spec, "prim", str, where),
         ports=ports,
-        dynamic=Dynamic(**_without_type(spec["dynamic"])) if "dynamic" in spec else None,
+        dynamic=_dynamic(spec["dynamic"], ports, where) if "dynamic" in spec else None,
         role=role,
         topics=_inputs_named(spec, "topics", ports, where),
         services=_inputs_named(spec, "services", ports, where),
         frames=_inputs_named(spec, "frames", ports, where),
-        message=_message(spec.get("message")),
-        tf=_tf_ports(spec["tf"], where) if "tf" in spec else None,
+        message=_message(spec, where),
+        tf=_tf_ports(expect(spec["tf"], dict, f"{where}: 'tf'"), where) if "tf" in spec else None,
     )
     _check_tf(node_type, where)
     return node_type
 
 
-def _without_type(dynamic: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in dynamic.items() if key != "type"}
+def _dynamic(spec: Any, ports: Mapping[str, Port], where: str) -> Dynamic:  # noqa: ANN401
+    place = f"{where}: dynamic"
+    known_keys(expect(spec, dict, place), ("prefix", "count", "type", "metadata"), place)
+    prefix, count, metadata = (need(spec, key, str, place) for key in _DYNAMIC_KEYS)
+    for name in (f"{INPUT}{prefix}0", INPUT + count):
+        if name not in ports:
+            message = f"{place}: there is no port '{name}'"
+            raise SpecError(message)
+    return Dynamic(prefix, count, metadata)
 
 
 def _ports(spec: Mapping[str, Any], usd_types: Mapping[str, str], where: str) -> dict[str, Port]:
@@ -127,16 +136,19 @@ def _port(name: str, spec: Any, usd_types: Mapping[str, str], where: str) -> Por
     known_keys(spec, _PORT_KEYS, place)
     ogn_type = need(spec, "type", str, place)
     usd_type = usd_types.get(ogn_type, ogn_type)
+    if usd_type != _RELATIONSHIP and not known_type(usd_type):
+        message = f"{place}: '{ogn_type}' is no type of a port"
+        raise SpecError(message)
     # The default need not be an allowed token: Isaac Sim's own QoS profile node breaks that.
     return Port(
         name=name,
         ogn_type=ogn_type,
         usd_type=usd_type,
         default=_default(spec, usd_type, place),
-        allowed=tuple(spec.get("allowed", ())),
-        accepts=tuple(spec.get("of", ())),
-        output_only=spec.get("output_only", False),
-        deprecated=spec.get("deprecated", False),
+        allowed=texts(spec, "allowed", place, optional=True),
+        accepts=texts(spec, "of", place, optional=True),
+        output_only=expect(spec.get("output_only", False), bool, f"{place}: 'output_only'"),
+        deprecated=expect(spec.get("deprecated", False), bool, f"{place}: 'deprecated'"),
     )
 
 
@@ -159,7 +171,7 @@ def _short_form(text: str, place: str) -> dict[str, Any]:
 def _inputs_named(
     spec: Mapping[str, Any], key: str, ports: Mapping[str, Port], where: str
 ) -> tuple[str, ...]:
-    names = tuple(INPUT + short for short in spec.get(key, ()))
+    names = tuple(INPUT + short for short in texts(spec, key, where, optional=True))
     for name in names:
         if name not in ports:
             message = f"{where}: {key} names the port '{name}', which the type does not have"
@@ -167,20 +179,21 @@ def _inputs_named(
     return names
 
 
-def _message(spec: str | Mapping[str, str] | None) -> Mapping[str, str]:
-    if spec is None:
-        return {}
-    return {"": spec} if isinstance(spec, str) else dict(spec)
+def _message(spec: Mapping[str, Any], where: str) -> Mapping[str, str]:
+    if isinstance(spec.get("message"), str):
+        return {"": spec["message"]}
+    return parts(spec, "message", str, where, optional=True)
 
 
 def _tf_ports(spec: Mapping[str, Any], where: str) -> TfPorts:
-    known_keys(spec, ("names", "arrays", "prims", "gives", "static"), f"{where}: tf")
-    static = spec.get("static")
+    place = f"{where}: tf"
+    known_keys(spec, ("names", "arrays", "prims", "gives", "static"), place)
+    static = need(spec, "static", str, place) if "static" in spec else None
     return TfPorts(
-        names=tuple(INPUT + short for short in spec.get("names", ())),
-        arrays=tuple(INPUT + short for short in spec.get("arrays", ())),
-        prims=tuple(INPUT + short for short in spec.get("prims", ())),
-        gives=tuple(OUTPUT + short for short in spec.get("gives", ())),
+        names=tuple(INPUT + short for short in texts(spec, "names", place, optional=True)),
+        arrays=tuple(INPUT + short for short in texts(spec, "arrays", place, optional=True)),
+        prims=tuple(INPUT + short for short in texts(spec, "prims", place, optional=True)),
+        gives=tuple(OUTPUT + short for short in texts(spec, "gives", place, optional=True)),
         static=None if static is None else INPUT + static,
     )
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.spec import Checkpoint, FrameSpec, GraphSpec, Policy
-from lab3_usd.spec.yaml_file import expect, known_keys, need
+from lab3_usd.spec.yaml_file import expect, known_keys, need, texts
 
 FILE = "checkpoints.yaml"
 SENSORS = ("lidar", "camera")
@@ -32,8 +32,20 @@ def parse_checkpoints(
             message = f"{FILE}: checkpoint '{checkpoint_id}' is missing"
             raise SpecError(message)
         previous = _checkpoint(checkpoint_id, specs[checkpoint_id], previous, graphs)
+        _check_new(previous, found.values())
         found[checkpoint_id] = previous
     return found
+
+
+def _check_new(checkpoint: Checkpoint, earlier: Iterable[Checkpoint]) -> None:
+    """Refuse a file, graph or sensor that an earlier checkpoint has already."""
+    where = f"{FILE}: checkpoint '{checkpoint.id}'"
+    for other in earlier:
+        taken = {other.file, *other.new, *other.new_sensors}
+        for name in (checkpoint.file, *checkpoint.new, *checkpoint.new_sensors):
+            if name in taken:
+                message = f"{where}: '{name}' is of checkpoint '{other.id}' already"
+                raise SpecError(message)
 
 
 def _checkpoint(
@@ -72,7 +84,7 @@ def _from_here(adds: Mapping[str, Any], key: str, before: bool) -> bool:  # noqa
 def _named(
     adds: Mapping[str, Any], key: str, known: tuple[str, ...], where: str
 ) -> tuple[str, ...]:
-    names = tuple(expect(adds.get(key, []), list, f"{where}: {key}"))
+    names = texts(adds, key, where, optional=True)
     for name in names:
         if name not in known:
             message = f"{where}: {key}: there is no '{name}'; known are {', '.join(known)}"
@@ -90,12 +102,12 @@ def parse_policy(data: Mapping[str, Any]) -> Policy:
     spec = need(data, "policy", dict, FILE)
     stamp = need(spec, "stamp_reset", dict, where)
     return Policy(
-        keep_default=tuple(need(spec, "keep_default", list, where)),
+        keep_default=texts(spec, "keep_default", where),
         namespace=need(spec, "namespace", str, where),
         namespace_attribute=need(spec, "namespace_attribute", str, where),
-        stamp_ports=tuple(need(stamp, "ports", list, where)),
+        stamp_ports=texts(stamp, "ports", where),
         stamp_with=need(stamp, "with", str, where),
-        tree_topics=tuple(need(spec, "tree_topics", list, where)),
+        tree_topics=texts(spec, "tree_topics", where),
         tick=need(spec, "tick", str, where),
     )
 
@@ -126,11 +138,11 @@ def parse_frames(data: Mapping[str, Any]) -> FrameSpec:
             need(forbidden, "parent", str, where),
             need(forbidden, "child", str, where),
         ),
-        forbidden_nodes=tuple(need(forbidden, "nodes", list, where)),
+        forbidden_nodes=texts(forbidden, "nodes", where),
         forbidden_handout=need(forbidden, "handout", str, where),
         localization_edge=_edge(need(localization, "edge", str, where), where),
         localization_by=need(localization, "by", str, where),
         localization_from=need(localization, "from", str, where),
         localization_handout=need(localization, "handout", str, where),
-        chain=tuple(need(localization, "chain", list, where)),
+        chain=texts(localization, "chain", where),
     )

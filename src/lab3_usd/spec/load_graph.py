@@ -7,15 +7,16 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.catalog import INPUT, Catalog, Port
+from lab3_usd.spec.catalog import INPUT, Catalog, NodeType, Port
 from lab3_usd.spec.compatible import compatible
 from lab3_usd.spec.spec import GraphSpec, NodeSpec, PortRef, Setting, Target, Wire
 from lab3_usd.spec.values import typed
-from lab3_usd.spec.yaml_file import expect, known_keys, need
+from lab3_usd.spec.yaml_file import expect, known_keys, need, parts, texts
 
 _GRAPH_KEYS = ("graph", "path", "handout", "nodes", "wires", "optional_wires", "forbidden_wires")
 _NODE_KEYS = ("type", "at", "handout", "set", "targets", "keep", "ports", "frames_from")
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
+_ROLE = re.compile(r"^[A-Za-z_]\w*$")
 _PATH = re.compile(r"^(/[A-Za-z_]\w*)+$")
 
 
@@ -29,18 +30,37 @@ def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSp
     name = need(data, "graph", str, file)
     where = f"{file}: {name}"
     nodes = {
-        role: _node(role, expect(spec, dict, f"{where}: {role}"), catalog, where)
+        _role(role, where): _node(role, expect(spec, dict, f"{where}: {role}"), catalog, where)
         for role, spec in need(data, "nodes", dict, where).items()
     }
+    wires = _wires(need(data, "wires", dict, where), nodes, where)
+    _check_sources(wires, where)
     return GraphSpec(
         name=name,
         path=_path(need(data, "path", str, where), f"{where}: path"),
         handout=need(data, "handout", str, where),
         nodes=nodes,
-        wires=_wires(need(data, "wires", dict, where), nodes, where),
+        wires=wires,
         optional_wires=_wires(data.get("optional_wires", {}), nodes, where),
         forbidden_wires=_wires(data.get("forbidden_wires", {}), nodes, where),
     )
+
+
+def _role(role: str, where: str) -> str:
+    if not _ROLE.match(role):
+        message = f"{where}: '{role}' cannot be the name of a prim"
+        raise SpecError(message)
+    return role
+
+
+def _check_sources(wires: tuple[Wire, ...], where: str) -> None:
+    """Refuse a second wire into one input: the lab has one source for each."""
+    fed: dict[PortRef, Wire] = {}
+    for wire in wires:
+        if wire.target in fed:
+            message = f"{where}: wire '{wire}': '{fed[wire.target]}' ends at that input already"
+            raise SpecError(message)
+        fed[wire.target] = wire
 
 
 def _path(path: Any, where: str) -> str:  # noqa: ANN401
@@ -58,12 +78,13 @@ def _node(role: str, spec: Mapping[str, Any], catalog: Catalog, graph: str) -> N
     if node_type is None:
         message = f"{where}: type '{type_name}' is not in the catalog"
         raise SpecError(message)
-    ports = {short: port for short in _named_ports(spec) for port in [node_type.input(short)]}
+    ports = {short: node_type.input(short) for short in _named_ports(spec, where)}
     for short, port in ports.items():
         if port is None:
             message = f"{where}: {type_name} has no input '{short}'"
             raise SpecError(message)
     known = {short: port for short, port in ports.items() if port is not None}
+    _check_uses(spec, known, node_type, where)
     return NodeSpec(
         role=role,
         type=node_type,
@@ -73,11 +94,13 @@ def _node(role: str, spec: Mapping[str, Any], catalog: Catalog, graph: str) -> N
         targets=tuple(_targets(spec, known, where)),
         keep=tuple(
             (INPUT + short, section)
-            for section, shorts in spec.get("keep", {}).items()
-            for short in shorts
+            for section in parts(spec, "keep", list, where, optional=True)
+            for short in spec["keep"][section]
         ),
-        grown=tuple(INPUT + short for short in spec.get("ports", ())),
-        frames_from=tuple(INPUT + short for short in spec.get("frames_from", ())),
+        grown=tuple(INPUT + short for short in texts(spec, "ports", where, optional=True)),
+        frames_from=tuple(
+            INPUT + short for short in texts(spec, "frames_from", where, optional=True)
+        ),
     )
 
 
@@ -87,13 +110,29 @@ def _position(at: list[Any], where: str) -> tuple[float, float]:
     return float(str(pair[0])), float(str(pair[1]))
 
 
-def _named_ports(spec: Mapping[str, Any]) -> Iterator[str]:
+def _named_ports(spec: Mapping[str, Any], where: str) -> Iterator[str]:
     """Yield every input that a node's entry names, whatever for."""
-    for key in ("set", "targets", "keep"):
-        for shorts in spec.get(key, {}).values():
-            yield from shorts
-    yield from spec.get("ports", ())
-    yield from spec.get("frames_from", ())
+    for key in ("set", "targets"):
+        for values in parts(spec, key, dict, where, optional=True).values():
+            yield from values
+    for section in parts(spec, "keep", list, where, optional=True):
+        yield from texts(spec["keep"], section, f"{where}: 'keep'")
+    yield from texts(spec, "ports", where, optional=True)
+    yield from texts(spec, "frames_from", where, optional=True)
+
+
+def _check_uses(
+    spec: Mapping[str, Any], ports: Mapping[str, Port], node_type: NodeType, where: str
+) -> None:
+    """Refuse an added port that every node has, and frames from anything but prims."""
+    for short in texts(spec, "ports", where, optional=True):
+        if ports[short].name in node_type.ports:
+            message = f"{where}: {ports[short].name}: is on every node, it cannot be added"
+            raise SpecError(message)
+    for short in texts(spec, "frames_from", where, optional=True):
+        if not ports[short].is_target:
+            message = f"{where}: {ports[short].name}: is no relationship, it gives no frames"
+            raise SpecError(message)
 
 
 def _settings(spec: Mapping[str, Any], ports: Mapping[str, Port], where: str) -> Iterator[Setting]:
@@ -159,5 +198,8 @@ def _wire_end(role: str, short: str, nodes: Mapping[str, NodeSpec], where: str) 
         ends_at_output = node_type.source(short) is not None
         what = "is an output, a wire ends at an input" if ends_at_output else "is not there"
         message = f"{where}: '{short}' of {node_type.type} {what}"
+        raise SpecError(message)
+    if target.name not in (*node_type.ports, *nodes[role].grown):
+        message = f"{where}: {target.name} is there only once 'ports' of {role} names it"
         raise SpecError(message)
     return target

@@ -13,6 +13,7 @@ from lab3_usd.spec.load_catalog import parse_catalog
 from lab3_usd.spec.load_checkpoints import FILE as CHECKPOINT_FILE
 from lab3_usd.spec.load_checkpoints import parse_checkpoints, parse_frames, parse_policy
 from lab3_usd.spec.load_graph import parse_graph
+from lab3_usd.spec.load_ros import load_ros
 from lab3_usd.spec.scene_spec import SCENE_FILE, check_scene
 from lab3_usd.spec.spec import GraphSpec, Lab
 from lab3_usd.spec.yaml_file import need, read_yaml
@@ -42,6 +43,7 @@ def _load(folder: Path) -> Lab:
         policy=parse_policy(rules),
         frames=parse_frames(rules),
         scene=scene,
+        topics=load_ros(folder).topics,
     )
 
 
@@ -60,6 +62,9 @@ def _load_graphs(folder: Path, names: list[str], catalog: Catalog) -> dict[str, 
     graphs: dict[str, GraphSpec] = {}
     for name in names:
         file = f"{name}.yaml"
+        if not (folder / file).is_file():
+            message = f"{CHECKPOINT_FILE}: asks for the graph '{name}', but there is no {file}"
+            raise SpecError(message)
         spec = parse_graph(read_yaml(folder / file), catalog, file)
         if spec.name != name:
             message = f"{file}: describes the graph '{spec.name}', expected '{name}'"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lab3_usd.spec.values import typed
-from lab3_usd.spec.yaml_file import expect, need
+from lab3_usd.spec.yaml_file import expect, need, parts, texts
 
 SCENE_FILE = "scene.yaml"
 SENSORS = ("lidar", "camera")
@@ -24,6 +24,9 @@ def check_scene(scene: Mapping[str, Any]) -> None:
     for key, value in scene["tolerance"].items():
         expect(value, (int, float), f"{SCENE_FILE}: tolerance: {key}")
     _check_robot(scene["robot"])
+    where = f"{SCENE_FILE}: world"
+    parent = need(scene["world"], "graph_parent", dict, where)
+    need(parent, "path", str, f"{where}: graph_parent")
     for sensor in SENSORS:
         _check_sensor(scene[sensor], f"{SCENE_FILE}: {sensor}")
 
@@ -45,7 +48,8 @@ def _check_sensor(sensor: Mapping[str, Any], where: str) -> None:
     for key in ("path", "type", "handout"):
         need(sensor, key, str, where)
     check_pose(need(sensor, "pose", dict, where), where)
-    for name, attribute in need(sensor, "attributes", dict, where).items():
+    texts(sensor, "apis", where)
+    for name, attribute in parts(sensor, "attributes", dict, where).items():
         place = f"{where}: {name}"
         typed(attribute.get("value"), need(attribute, "type", str, place), place)
 

@@ -43,6 +43,12 @@ _SCALARS: dict[str, Callable[[Any], bool]] = {
 }
 
 
+def known_type(usd_type: str) -> bool:
+    """Whether values of this USD type can be written in a spec."""
+    base = usd_type.removesuffix("[]")
+    return base in _TUPLES or base in _SCALARS
+
+
 def fits(value: Any, usd_type: str) -> bool:  # noqa: ANN401
     """Whether a plain value can be stored in an attribute of this USD type."""
     if usd_type.endswith("[]"):

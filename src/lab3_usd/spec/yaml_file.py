@@ -12,12 +12,17 @@ from lab3_usd.errors import SpecError
 
 # The C loader reads the catalog about seven times as fast as the plain one.
 _Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_TEXT = "tag:yaml.org,2002:str"
 
 
 class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run time
-    """A safe loader that refuses a key given twice, which YAML would silently overwrite."""
+    """A safe loader that refuses keys that are not text, or given twice and so overwritten."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:  # noqa: ANN401, FBT001, FBT002 - PyYAML's signature
+        for key, _ in node.value:
+            if key.tag != _TEXT:
+                message = f"the key '{key.value}' is not text; put it in quotes"
+                raise yaml.MarkedYAMLError(problem=message, problem_mark=key.start_mark)
         mapping: dict[Any, Any] = super().construct_mapping(node, deep=deep)
         if len(mapping) != len(node.value):
             seen = set()
@@ -33,7 +38,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     """Return the mapping that a YAML file holds.
 
     Raises:
-        SpecError: the file is missing, is not YAML, gives a key twice, or is no mapping.
+        SpecError: the file is missing, is not YAML, holds a wrong key, or is no mapping.
     """
     try:
         data = yaml.load(path.read_bytes(), Loader=_UniqueKeys)  # noqa: S506 - a safe loader
@@ -77,6 +82,34 @@ def expect(value: Any, kind: type | tuple[type, ...], where: str) -> Any:  # noq
     names = " or ".join(_KINDS.get(each, each.__name__) for each in kinds)
     message = f"{where} is {value!r}, expected {names}"
     raise SpecError(message)
+
+
+def texts(
+    data: Mapping[str, Any], key: str, where: str, *, optional: bool = False
+) -> tuple[str, ...]:
+    """Return the list of texts at `key`; empty where it is optional and not given.
+
+    Raises:
+        SpecError: it is missing, is no list, or holds something other than text.
+    """
+    if optional and key not in data:
+        return ()
+    place = f"{where}: '{key}'"
+    return tuple(expect(each, str, place) for each in need(data, key, list, where))
+
+
+def parts(
+    data: Mapping[str, Any], key: str, kind: type, where: str, *, optional: bool = False
+) -> dict[str, Any]:
+    """Return the mapping at `key`, each value of `kind`; empty where optional and not given.
+
+    Raises:
+        SpecError: it is missing, is no mapping, or a value is of another kind.
+    """
+    if optional and key not in data:
+        return {}
+    found = need(data, key, dict, where)
+    return {name: expect(value, kind, f"{where}: '{key}': {name}") for name, value in found.items()}
 
 
 _KINDS = {dict: "a mapping", list: "a list", str: "text", int: "a whole number", float: "a number"}
