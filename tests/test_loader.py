@@ -1,0 +1,565 @@
+"""The loader: a wrong spec file is refused in one line that says where it is wrong."""
+
+from __future__ import annotations
+
+import copy
+import shutil
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from lab3_usd.data import data_folder
+from lab3_usd.errors import SpecError
+from lab3_usd.spec.load_catalog import parse_catalog
+from lab3_usd.spec.load_checkpoints import parse_checkpoints, parse_frames, parse_policy
+from lab3_usd.spec.load_graph import parse_graph
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.spec.scene_spec import check_scene
+from lab3_usd.spec.yaml_file import read_yaml
+
+Data = dict[str, Any]
+Edit = Callable[[Data], None]
+
+GRAPHS = data_folder("graphs")
+CLOCK, DRIVE, ODOM = "ROS_Clock.yaml", "ROS_Drive.yaml", "ROS_OdomTF.yaml"
+CHECKPOINTS, SCENE, TYPES = "checkpoints.yaml", "scene.yaml", "node_types.yaml"
+GRAPH_FILES = sorted(path.name for path in GRAPHS.glob("ROS_*.yaml"))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(GRAPHS, tmp_path / "graphs"))
+
+
+def read(file: Path) -> Data:
+    data: Data = yaml.safe_load(file.read_bytes())
+    return data
+
+
+def edited(file: Path, edit: Edit) -> None:
+    data = read(file)
+    edit(data)
+    file.write_text(yaml.safe_dump(data, sort_keys=False))
+
+
+def refusal(folder: Path) -> str:
+    with pytest.raises(SpecError) as refused:
+        load_lab(folder)
+    line = str(refused.value)
+    assert "\n" not in line
+    return line
+
+
+def put(*path: str | int, value: Any) -> Edit:
+    def edit(data: Any) -> None:
+        for key in path[:-1]:
+            data = data[key]
+        data[path[-1]] = value
+
+    return edit
+
+
+def drop(*path: str | int) -> Edit:
+    def edit(data: Any) -> None:
+        for key in path[:-1]:
+            data = data[key]
+        del data[path[-1]]
+
+    return edit
+
+
+def wire(text: str, section: str = "X1", kind: str = "wires") -> Edit:
+    def edit(data: Data) -> None:
+        data.setdefault(kind, {})[section] = [text]
+
+    return edit
+
+
+def setting(role: str, port: str, value: Any, key: str = "set") -> Edit:
+    def edit(data: Data) -> None:
+        data["nodes"][role].setdefault(key, {})["X1"] = {port: value}
+
+    return edit
+
+
+# Each case: the file, what is made wrong in it, and what the line must name.
+WRONG_NODES = {
+    "unknown type": (
+        CLOCK,
+        put("nodes", "ros2_publish_clock", "type", value="isaacsim.ros2.bridge.ROS2PublishClok"),
+        ("ros2_publish_clock", "isaacsim.ros2.bridge.ROS2PublishClok"),
+    ),
+    "name before 4.5": (
+        CLOCK,
+        put("nodes", "ros2_context", "type", value="omni.isaac.ros2_bridge.ROS2Context"),
+        ("ros2_context", "omni.isaac.ros2_bridge.ROS2Context"),
+    ),
+    "missing type": (CLOCK, drop("nodes", "ros2_context", "type"), ("ros2_context", "type")),
+    "unknown port": (
+        CLOCK,
+        setting("ros2_publish_clock", "topicname", "/clock"),
+        ("ros2_publish_clock", "topicname"),
+    ),
+    "unknown kept port": (
+        CLOCK,
+        put("nodes", "ros2_publish_clock", "keep", value={"X1": ["qos"]}),
+        ("ros2_publish_clock", "qos"),
+    ),
+    "unknown relationship": (
+        DRIVE,
+        setting("articulation_controller", "targetPrims", ["/a"], key="targets"),
+        ("articulation_controller", "targetPrims"),
+    ),
+    "unknown added port": (
+        DRIVE,
+        put("nodes", "make_array", "ports", value=["element1"]),
+        ("make_array", "element1"),
+    ),
+    "added port that is always there": (
+        DRIVE,
+        put("nodes", "make_array", "ports", value=["input1", "arraySize"]),
+        ("make_array", "arraySize"),
+    ),
+    "frames from a value": (
+        ODOM,
+        put("nodes", "ros2_publish_odometry", "frames_from", value=["topicName"]),
+        ("ros2_publish_odometry", "topicName"),
+    ),
+    "text for a number": (
+        CLOCK,
+        setting("ros2_publish_clock", "queueSize", "10"),
+        ("ros2_publish_clock", "inputs:queueSize", "'10'", "uint64"),
+    ),
+    "negative for unsigned": (
+        CLOCK,
+        setting("ros2_publish_clock", "queueSize", -1),
+        ("ros2_publish_clock", "inputs:queueSize", "-1"),
+    ),
+    "too large for a byte": (
+        CLOCK,
+        setting("ros2_context", "domain_id", 256),
+        ("ros2_context", "inputs:domain_id", "256", "uchar"),
+    ),
+    "number for a switch": (
+        CLOCK,
+        setting("ros2_context", "useDomainIDEnvVar", 0),
+        ("ros2_context", "inputs:useDomainIDEnvVar", "bool"),
+    ),
+    "switch for a number": (
+        DRIVE,
+        setting("differential_controller", "wheelRadius", value=True),
+        ("differential_controller", "inputs:wheelRadius", "double"),
+    ),
+    "fraction for a count": (
+        DRIVE,
+        setting("make_array", "arraySize", 2.5),
+        ("make_array", "inputs:arraySize", "2.5"),
+    ),
+    "nothing for a text": (
+        CLOCK,
+        setting("ros2_publish_clock", "topicName", None),
+        ("ros2_publish_clock", "inputs:topicName", "None"),
+    ),
+    "value for a signal": (
+        CLOCK,
+        setting("ros2_publish_clock", "execIn", 1),
+        ("ros2_publish_clock", "inputs:execIn", "execution"),
+    ),
+    "value for a relationship": (
+        DRIVE,
+        setting("articulation_controller", "targetPrim", "/a"),
+        ("articulation_controller", "inputs:targetPrim", "target"),
+    ),
+    "prims for a value": (
+        CLOCK,
+        setting("ros2_publish_clock", "topicName", ["/a"], key="targets"),
+        ("ros2_publish_clock", "inputs:topicName", "string"),
+    ),
+    "relative path of a prim": (
+        DRIVE,
+        setting("articulation_controller", "targetPrim", ["base_link"], key="targets"),
+        ("articulation_controller", "inputs:targetPrim", "base_link"),
+    ),
+    "value not among the allowed": (
+        "ROS_Lidar2D.yaml",
+        setting("ros2_rtx_lidar_helper", "type", "laserscan"),
+        ("ros2_rtx_lidar_helper", "inputs:type", "laserscan", "laser_scan, point_cloud"),
+    ),
+    "unit not among the allowed": (
+        DRIVE,
+        setting("scale_linear_velocity", "conversion", "stage units"),
+        ("scale_linear_velocity", "inputs:conversion", "Convert to meters"),
+    ),
+    "unknown key": (
+        CLOCK,
+        put("nodes", "ros2_context", "sets", value={}),
+        ("ros2_context", "sets"),
+    ),
+    "position with one number": (
+        CLOCK,
+        put("nodes", "ros2_context", "at", value=[50]),
+        ("ros2_context", "at", "[50]"),
+    ),
+    "role that cannot name a prim": (
+        CLOCK,
+        put("nodes", "ros2-context", value={}),
+        ("ros2-context",),
+    ),
+}
+
+WRONG_WIRES = {
+    "signal into data": "on_playback_tick.tick -> ros2_publish_odometry.timeStamp",
+    "data into signal": "isaac_read_simulation_time.simulationTime -> ros2_publish_odometry.execIn",
+    "number into text": "ros2_context.context -> ros2_publish_odometry.topicName",
+    "number into vector": "isaac_read_simulation_time.simulationTime -> "
+    "ros2_publish_odometry.robotFront",
+    "vector into quaternion": "isaac_compute_odometry.position -> "
+    "ros2_publish_odometry.orientation",
+    "names into one name": "isaac_compute_transform_tree.parentFrames -> "
+    "ros2_publish_odometry.odomFrameId",
+    "rotations into positions": "isaac_compute_transform_tree.orientations -> "
+    "ros2_publish_transform_tree.translations",
+    "data into a relationship": "ros2_context.context -> ros2_publish_transform_tree.parentPrim",
+    "into an output": "on_playback_tick.time -> ros2_context.context",
+    "into nothing": "on_playback_tick.time -> ros2_context.domain",
+    "from an input": "ros2_publish_odometry.timeStamp -> ros2_publish_transform_tree.timeStamp",
+    "from nothing": "ros2_context.domain -> ros2_publish_transform_tree.timeStamp",
+    "from an unknown role": "ros_context.context -> ros2_publish_odometry.context",
+    "into an unknown role": "ros2_context.context -> ros2_publish_odom.context",
+    "second source": "on_playback_tick.time -> ros2_publish_odometry.timeStamp",
+    "same wire twice": "ros2_context.context -> ros2_publish_odometry.context",
+    "the wrong way round": "ros2_publish_odometry.context -> ros2_context.context",
+    "without an arrow": "ros2_context.context, ros2_publish_odometry.context",
+    "with a full port name": "ros2_context.outputs:context -> ros2_publish_odometry.context",
+}
+
+WRONG_CHECKPOINTS = {
+    "missing": (drop("checkpoints", "04"), ("04",)),
+    "missing at the end": (drop("checkpoints", "08"), ("08",)),
+    "one too many under a gap": (put("checkpoints", "10", value={}), ("09",)),
+    "unknown sensor": (
+        put("checkpoints", "06", "adds", "sensors", value=["radar"]),
+        ("06", "radar"),
+    ),
+    "graph added again": (
+        put("checkpoints", "06", "adds", "graphs", value=["ROS_Clock"]),
+        ("06", "ROS_Clock", "01"),
+    ),
+    "sensor added again": (
+        put("checkpoints", "06", "adds", "sensors", value=["lidar"]),
+        ("06", "lidar", "03"),
+    ),
+    "file name used again": (
+        put("checkpoints", "06", "file", value="Lab3_03_lidar"),
+        ("06", "Lab3_03_lidar", "03"),
+    ),
+    "unknown key": (put("checkpoints", "02", "add", value={}), ("02", "add")),
+    "unknown addition": (put("checkpoints", "02", "adds", "graph", value=[]), ("02", "graph")),
+    "missing title": (drop("checkpoints", "02", "title"), ("02", "title")),
+    "missing policy": (drop("policy", "keep_default"), ("policy", "keep_default")),
+    "edge without arrow": (
+        put("frames", "edges", value=["odom base_footprint"]),
+        ("frames", "odom base_footprint"),
+    ),
+}
+
+WRONG_SCENES = {
+    "missing part": (drop("camera"), ("camera",)),
+    "pose without scale": (drop("lidar", "pose", "scale"), ("lidar", "scale")),
+    "pose with two numbers": (
+        put("camera", "pose", "rotate", value=[90.0, 0.0]),
+        ("camera", "rotate"),
+    ),
+    "attribute of another type": (
+        put("lidar", "attributes", "omni:sensor:tickRate", "value", value="10 Hz"),
+        ("lidar", "omni:sensor:tickRate", "10 Hz", "float"),
+    ),
+    "mass in words": (
+        put("robot", "links", "base_link", "mass", value="0.8 kg"),
+        ("robot", "base_link", "mass", "0.8 kg"),
+    ),
+    "graphs without a parent": (drop("world", "graph_parent"), ("world", "graph_parent")),
+    "tolerance in words": (put("tolerance", "mass", value="small"), ("tolerance", "mass")),
+}
+
+CONTEXT = "isaacsim.ros2.bridge.ROS2Context"
+CLOCK_TYPE = "isaacsim.ros2.bridge.ROS2PublishClock"
+ARRAY = "omni.graph.nodes.ConstructArray"
+RAW_TF = "isaacsim.ros2.bridge.ROS2PublishRawTransformTree"
+WRONG_TYPES = {
+    "default of another type": (
+        put("types", CONTEXT, "inputs", "domain_id", value="uchar = -1"),
+        (CONTEXT, "inputs:domain_id", "-1"),
+    ),
+    "default that is no JSON": (
+        put("types", CONTEXT, "inputs", "domain_id", value="uchar = zero"),
+        (CONTEXT, "inputs:domain_id", "zero"),
+    ),
+    "unknown type of a port": (
+        put("types", CONTEXT, "outputs", "context", value="uint65"),
+        (CONTEXT, "outputs:context", "uint65"),
+    ),
+    "unknown key of a port": (
+        put("types", CONTEXT, "inputs", "domain_id", value={"type": "uchar", "min": 0}),
+        (CONTEXT, "inputs:domain_id", "min"),
+    ),
+    "unknown key of a type": (put("types", CONTEXT, "ui", value="x"), (CONTEXT, "ui")),
+    "missing version": (drop("types", CONTEXT, "version"), (CONTEXT, "version")),
+    "version in words": (put("types", CONTEXT, "version", value="2"), (CONTEXT, "version")),
+    "unknown role": (put("types", CLOCK_TYPE, "role", value="shouter"), (CLOCK_TYPE, "shouter")),
+    "topic port that is not there": (
+        put("types", CLOCK_TYPE, "topics", value=["topic"]),
+        (CLOCK_TYPE, "inputs:topic"),
+    ),
+    "frame port that is not there": (
+        put("types", RAW_TF, "tf", "names", value=["parent", "childFrameId"]),
+        (RAW_TF, "inputs:parent"),
+    ),
+    "count port that is not there": (
+        put("types", ARRAY, "dynamic", "count", value="size"),
+        (ARRAY, "inputs:size"),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_NODES)
+def test_a_wrong_node_is_named_with_file_graph_role_and_port(case: str, folder: Path) -> None:
+    file, edit, named = WRONG_NODES[case]
+    edited(folder / file, edit)
+    line = refusal(folder)
+    for part in (file, Path(file).stem, *named):
+        assert part in line
+
+
+@pytest.mark.parametrize("case", WRONG_WIRES)
+def test_a_wrong_wire_is_quoted_with_file_and_graph(case: str, folder: Path) -> None:
+    text = WRONG_WIRES[case]
+    edited(folder / ODOM, wire(text))
+    assert refusal(folder).startswith(f"{ODOM}: ROS_OdomTF: wire '{text}': ")
+
+
+@pytest.mark.parametrize("kind", ["optional_wires", "forbidden_wires"])
+def test_wires_that_are_not_built_are_checked_too(kind: str, folder: Path) -> None:
+    text = "on_playback_tick.tock -> ros2_publish_clock.timeStamp"
+    edited(folder / CLOCK, wire(text, kind=kind))
+    assert text in refusal(folder)
+
+
+def test_a_wire_into_a_port_that_was_not_added_is_refused(folder: Path) -> None:
+    edited(folder / DRIVE, drop("nodes", "make_array", "ports"))
+    line = refusal(folder)
+    assert line.startswith(f"{DRIVE}: ROS_Drive: wire 'constant_right_joint.value")
+    assert "inputs:input1" in line
+
+
+@pytest.mark.parametrize("case", WRONG_CHECKPOINTS)
+def test_a_wrong_checkpoint_is_named(case: str, folder: Path) -> None:
+    edit, named = WRONG_CHECKPOINTS[case]
+    edited(folder / CHECKPOINTS, edit)
+    line = refusal(folder)
+    for part in (CHECKPOINTS, *named):
+        assert part in line
+
+
+def test_a_checkpoint_that_wants_an_unknown_graph_is_refused(folder: Path) -> None:
+    edited(folder / CHECKPOINTS, put("checkpoints", "06", "adds", "graphs", value=["ROS_Radar"]))
+    line = refusal(folder)
+    assert "ROS_Radar" in line
+    assert CHECKPOINTS in line
+
+
+def test_a_graph_file_that_describes_another_graph_is_refused(folder: Path) -> None:
+    shutil.copyfile(folder / CLOCK, folder / DRIVE)
+    line = refusal(folder)
+    for part in (DRIVE, "ROS_Clock", "ROS_Drive"):
+        assert part in line
+
+
+@pytest.mark.parametrize("case", WRONG_SCENES)
+def test_a_wrong_scene_is_named_with_part_and_attribute(case: str, folder: Path) -> None:
+    edit, named = WRONG_SCENES[case]
+    edited(folder / SCENE, edit)
+    line = refusal(folder)
+    for part in (SCENE, *named):
+        assert part in line
+
+
+@pytest.mark.parametrize("case", WRONG_TYPES)
+def test_a_wrong_node_type_is_named_with_type_and_port(case: str, folder: Path) -> None:
+    edit, named = WRONG_TYPES[case]
+    edited(folder / TYPES, edit)
+    line = refusal(folder)
+    for part in (TYPES, *named):
+        assert part in line
+
+
+@pytest.mark.parametrize(
+    ("file", "key"),
+    [
+        (CLOCK, "  ros2_context: {type: x, at: [0, 0], handout: B3}\n"),
+        (CLOCK, "wires: {}\n"),
+        (CHECKPOINTS, '  "08": {file: x, title: x, part: I, adds: {}}\n'),
+        (SCENE, "camera: {}\n"),
+    ],
+)
+def test_a_role_or_key_given_twice_is_refused(file: str, key: str, folder: Path) -> None:
+    text = (folder / file).read_text()
+    lines = text.splitlines(keepends=True)
+    # A second entry goes right below the section that holds the first one.
+    section = "nodes:\n" if "ros2_context" in key else "checkpoints:\n"
+    place = lines.index(section) + 1 if key.startswith(" ") else len(lines)
+    lines.insert(place, key)
+    (folder / file).write_text("".join(lines))
+    line = refusal(folder)
+    assert line.startswith(f"{file}: line ")
+    assert f"'{yaml.safe_load(key).popitem()[0]}' is given twice" in line
+
+
+@pytest.mark.parametrize("file", [TYPES, CHECKPOINTS, SCENE, *GRAPH_FILES])
+class TestAnyFile:
+    def test_missing_is_refused(self, file: str, folder: Path) -> None:
+        (folder / file).unlink()
+        assert file in refusal(folder)
+
+    def test_a_folder_in_its_place_is_refused(self, file: str, folder: Path) -> None:
+        (folder / file).unlink()
+        (folder / file).mkdir()
+        assert file in refusal(folder)
+
+    def test_what_is_not_yaml_is_refused_with_its_line(self, file: str, folder: Path) -> None:
+        with (folder / file).open("a") as text:
+            text.write("more: [unclosed\n")
+        assert refusal(folder).startswith(f"{file}: line ")
+
+    def test_a_tag_makes_no_python_object(self, file: str, folder: Path) -> None:
+        made = folder.parent / "made"
+        with (folder / file).open("a") as text:
+            text.write(f"more: !!python/object/apply:os.mkdir ['{made}']\n")
+        assert refusal(folder).startswith(f"{file}: line ")
+        assert not made.exists()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"- a list\n",
+        b"one word\n",
+        b"graph: [unclosed\n",
+        b"a: b: c\n",
+        b"\tgraph: x\n",
+        b"graph: \xff\xfe\xfa\n",
+        b"graph: \x00\n",
+        b"1: a number as a key\n",
+        b"? [a, b]\n: a list as a key\n",
+        b"graph: *nowhere\n",
+        b"graph: !!python/object/new:os.mkdir [made]\n",
+        b"graph: !!python/name:os.mkdir\n",
+        b"graph: !!python/tuple [a, b]\n",
+        b"graph: !unknown x\n",
+        b"graph: {x: 1}\n---\ngraph: a second document\n",
+    ],
+)
+def test_what_is_no_plain_mapping_in_yaml_is_refused(content: bytes, tmp_path: Path) -> None:
+    file = tmp_path / CLOCK
+    file.write_bytes(content)
+    with pytest.raises(SpecError) as refused:
+        read_yaml(file)
+    assert str(refused.value).startswith(f"{CLOCK}: ")
+    assert "\n" not in str(refused.value)
+
+
+def test_the_bundled_lab_loads_and_a_copy_of_it_is_equal(folder: Path) -> None:
+    bundled, copied = load_lab(), load_lab(folder)
+    assert bundled.catalog == copied.catalog
+    assert bundled.graphs == copied.graphs
+    assert bundled.checkpoints == copied.checkpoints
+    assert (bundled.policy, bundled.frames, bundled.scene) == (
+        copied.policy,
+        copied.frames,
+        copied.scene,
+    )
+
+
+def test_loading_twice_gives_equal_labs_in_equal_order(folder: Path, tmp_path: Path) -> None:
+    other = Path(shutil.copytree(folder, tmp_path / "other"))
+    first, second = load_lab(folder), load_lab(other)
+    assert repr(first.graphs) == repr(second.graphs)
+    assert repr(first.checkpoints) == repr(second.checkpoints)
+    assert repr(first.catalog) == repr(second.catalog)
+
+
+def test_each_checkpoint_holds_all_that_the_earlier_ones_added() -> None:
+    checkpoints = list(load_lab().checkpoints.values())
+    for earlier, later in pairwise(checkpoints):
+        assert later.graphs == (*earlier.graphs, *later.new)
+        assert later.sensors == (*earlier.sensors, *later.new_sensors)
+
+
+# What a slip of the pen can leave in any place of a spec.
+SLIPS: tuple[Any, ...] = (None, 5, 1.5, True, "x", [], ["x"], [1], {}, {"x": 1})
+
+
+def places(data: Any, here: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    items = data.items() if isinstance(data, dict) else enumerate(data)
+    for key, value in items:
+        yield (*here, key)
+        if isinstance(value, (dict, list)):
+            yield from places(value, (*here, key))
+
+
+def slips(data: Data) -> Iterator[Data]:
+    for place in list(places(data)):
+        for slip in SLIPS:
+            wrong = copy.deepcopy(data)
+            put(*place, value=slip)(wrong)
+            yield wrong
+        shorter = copy.deepcopy(data)
+        drop(*place)(shorter)
+        yield shorter
+
+
+def refused_in_one_line(parse: Callable[[Data], object], wrong: Data) -> bool:
+    """Parse wrong data; anything but success or a one-line refusal is an error of the loader."""
+    line = ""
+    try:
+        parse(wrong)
+    except SpecError as error:
+        line = str(error)
+    assert "\n" not in line
+    return bool(line)
+
+
+def parse_all_checkpoints(data: Data) -> None:
+    parse_checkpoints(data, load_lab().graphs)
+    parse_policy(data)
+    parse_frames(data)
+
+
+@pytest.mark.parametrize("file", GRAPH_FILES)
+def test_no_slip_in_a_graph_crashes_the_loader(file: str) -> None:
+    catalog = load_lab().catalog
+    wrong = list(slips(read(GRAPHS / file)))
+    refused = sum(refused_in_one_line(lambda d: parse_graph(d, catalog, file), d) for d in wrong)
+    assert refused > len(wrong) / 2
+
+
+@pytest.mark.parametrize(
+    ("file", "parse"), [(CHECKPOINTS, parse_all_checkpoints), (SCENE, check_scene)]
+)
+def test_no_slip_in_checkpoints_or_scene_crashes_the_loader(
+    file: str, parse: Callable[[Data], object]
+) -> None:
+    wrong = list(slips(read(GRAPHS / file)))
+    assert sum(refused_in_one_line(parse, data) for data in wrong) > len(wrong) / 3
+
+
+def test_no_slip_in_the_catalog_crashes_the_loader() -> None:
+    data = read(GRAPHS / TYPES)
+    data["types"] = {name: data["types"][name] for name in (CONTEXT, CLOCK_TYPE, ARRAY, RAW_TF)}
+    wrong = list(slips(data))
+    assert sum(refused_in_one_line(parse_catalog, each) for each in wrong) > len(wrong) / 2
