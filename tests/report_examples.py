@@ -61,6 +61,7 @@ OLD_NAME = Finding(
     prim=DRIVE,
     message="3 nodes have type names from before 4.5",
     hint="add the nodes again from the menu of 6.0.1",
+    related=(f"{DRIVE}/make_array",),
 )
 UNRESOLVED = Finding(
     rule="F05",
@@ -142,6 +143,7 @@ HOSTILE = (
     "\x9b31m",
     "\r\n::error::forged",
     "%0A::warning::forged",
+    "a,line=1,col=1::x",
     "=cmd|' /C calc'!A0",
     "@SUM(1+1)",
     "<script>alert(1)</script>",

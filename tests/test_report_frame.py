@@ -37,7 +37,7 @@ def test_an_excerpt_ends_with_the_file(line: int, first: int, count: int) -> Non
     assert (excerpt.first, len(excerpt.lines)) == (first, count)
 
 
-@pytest.mark.parametrize("layer", ["gone.usda", "work", "a\0b", "", None])
+@pytest.mark.parametrize("layer", ["gone.usda", "work", "a\0b", "x" * 5000, "", None])
 def test_a_layer_that_cannot_be_read_has_no_excerpt(layer: str | None) -> None:
     assert read_excerpts([replace(MISSING_WIRE, layer=layer)]) == {}
 
@@ -65,9 +65,10 @@ def test_tabs_and_escapes_move_the_caret() -> None:
     assert marked(Excerpt(3, ("\ta\tb\x1bX",)), 3, 6) == "X"
 
 
-def test_wide_letters_move_the_caret_by_two() -> None:
-    frame = code_frame(Excerpt(1, ("日本 x",)), 1, 4, 80)
-    assert len(frame[1]) == len("> 1 | ") + 6
+@pytest.mark.parametrize(("text", "columns"), [("日本 x", 5), ("e\u0301e\u0301 x", 3)])
+def test_the_caret_counts_columns_and_not_letters(text: str, columns: int) -> None:
+    frame = code_frame(Excerpt(1, (text,)), 1, text.index("x") + 1, 80)
+    assert frame[1] == "    | " + " " * columns + "^"
 
 
 @pytest.mark.parametrize("column", [1, 20, 60, 150, 400, 480])

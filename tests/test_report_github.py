@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from report_examples import HOSTILE, LAYER, MISSING_WIRE, REPORT, hostile
+from report_examples import FAILED, HOSTILE, LAYER, MISSING_WIRE, REPORT, hostile
 
+from lab3_usd.check.finding import Report
 from lab3_usd.report.escape import visible
 from lab3_usd.report.formats import Options, render
+from lab3_usd.report.identity import relative_path
 
 UNESCAPE_DATA = {"%0D": "\r", "%0A": "\n", "%25": "%"}
 UNESCAPE_PROPERTY = {**UNESCAPE_DATA, "%3A": ":", "%2C": ","}
@@ -48,12 +51,19 @@ def test_a_finding_without_a_line_annotates_the_file() -> None:
     assert properties["file"] == LAYER
 
 
+def test_a_column_may_be_unknown() -> None:
+    report = Report((replace(FAILED, findings=(replace(MISSING_WIRE, column=None),)),))
+    properties = parse(render("github", report).splitlines()[0])[1]
+    assert sorted(properties) == ["file", "line", "title"]
+
+
 @pytest.mark.parametrize("text", HOSTILE)
 def test_no_string_breaks_out_of_its_command(text: str) -> None:
     lines = render("github", hostile(text)).splitlines()
     assert [parse(line)[0] for line in lines] == ["error"] * 4
     _, properties, message = parse(lines[0])
     assert sorted(properties) == ["col", "file", "line", "title"]
+    assert properties["file"] == visible(relative_path(f"{text}.usda", None))
     assert message.split("\n")[1] == visible(f"found {text}")
 
 

@@ -87,6 +87,11 @@ def test_an_error_in_a_group_with_all_points_fails_the_test() -> None:
     assert scores_of(report)[1] == ("Checkpoint 05: ROS_Drive", 2.0, 2.0, "failed")
 
 
+def test_a_requirement_that_is_not_met_fails_its_group_without_a_finding() -> None:
+    report = Report((replace(FAILED, findings=()),))
+    assert scores_of(report)[1] == ("Checkpoint 05: ROS_Drive", 1.0, 2.0, "failed")
+
+
 @pytest.mark.parametrize("visibility", VISIBILITIES)
 def test_the_course_says_when_results_are_shown(visibility: str) -> None:
     assert results_of(REPORT, Options(visibility=visibility))["visibility"] == visibility

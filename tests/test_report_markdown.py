@@ -7,7 +7,7 @@ import json
 import pytest
 from report_examples import FAILED, HOSTILE, LAYER, MISSING_WIRE, REPORT, hostile
 
-from lab3_usd.check.finding import Report
+from lab3_usd.check.finding import Report, Submission
 from lab3_usd.report.escape import visible
 from lab3_usd.report.formats import render
 from lab3_usd.report.markdown import HEADING, code, text
@@ -79,6 +79,11 @@ def test_a_code_span_shows_what_it_was_given(value: str) -> None:
 )
 def test_text_shows_what_it_was_given(value: str) -> None:
     assert cells(text(value)) == [value]
+
+
+def test_a_submission_may_have_nothing_to_say() -> None:
+    source = render("markdown", Report((), (Submission("work"),)))
+    assert "table_open" not in block_types(source)
 
 
 def test_the_checklist_is_a_table() -> None:

@@ -11,6 +11,7 @@ import pytest
 from report_examples import (
     CRASHED,
     FAILED,
+    LAYER,
     MISSING_WIRE,
     PASSED,
     REPORT,
@@ -19,7 +20,7 @@ from report_examples import (
     write_stage,
 )
 
-from lab3_usd.check.finding import Report
+from lab3_usd.check.finding import Report, Score, Submission
 from lab3_usd.report.formats import Options, render
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -69,6 +70,24 @@ def test_a_frame_is_left_out_where_the_layer_cannot_be_read() -> None:
     shown = render("text", Report((replace(FAILED, findings=(lost,)),)))
     assert "gone.usda:9:26" in shown
     assert " | " not in shown
+
+
+def test_a_column_may_be_unknown() -> None:
+    found = replace(MISSING_WIRE, column=None)
+    lines = render("text", Report((replace(FAILED, findings=(found,)),))).splitlines()
+    assert f"  {LAYER}:9" in lines
+    assert "^" not in "".join(lines)
+
+
+def test_nothing_asked_gives_no_score() -> None:
+    result = replace(PASSED, score=Score(0, 0))
+    heading = render("text", Report((result,))).splitlines()[0]
+    assert heading == "work/Lab3_00_INITIAL.usda: checkpoint 00, pass"
+
+
+def test_a_submission_may_have_nothing_to_say() -> None:
+    shown = render("text", Report((), (Submission("work"),)))
+    assert shown.splitlines()[0] == "work: submission"
 
 
 def test_what_the_message_says_is_not_said_again() -> None:

@@ -38,7 +38,7 @@ def _stage_suite(result: StageResult) -> ET.Element:
     for requirement in result.requirements:
         case = _case(suite, f"{classname}.{requirement.group}", requirement.id)
         if not requirement.met:
-            _outcome(case, "failure", requirement.kind, requirement.title, [])
+            _outcome(case, "failure", requirement.kind, f"not met: {requirement.title}", [])
     _add_findings(suite, classname, result.findings)
     _add_crashes(suite, classname, result.crashes)
     return _counted(suite, classname)

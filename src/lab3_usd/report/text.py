@@ -170,8 +170,10 @@ def _details(finding: Finding, page: _Page) -> Iterator[str]:
     for label, value in (("expected", finding.expected), ("actual", finding.actual)):
         if value is not None and value not in finding.message:
             yield from _labelled(label, value, page)
-    if finding.related:
-        yield from _labelled("see also", " ".join(finding.related), page)
+    told = f"{finding.message} {finding.expected}"
+    others = [prim for prim in finding.related if prim not in told]
+    if others:
+        yield from _labelled("see also", " ".join(others), page)
     if finding.hint:
         yield from _labelled("hint", " ".join(finding.hint.split()), page)
     if finding.handout:
