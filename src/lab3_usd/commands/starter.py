@@ -1,0 +1,29 @@
+"""`lab3 starter`: write the bundled starter scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command("starter")
+@click.option(
+    "-o",
+    "--out",
+    "target",
+    required=True,
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="The stage to write; its name ends in .usda.",
+)
+@click.option("--force", is_flag=True, help="Replace a file that exists.")
+def command(target: Path, *, force: bool) -> None:
+    """Write the bundled starter scene.
+
+    A robot with physics in a closed room, as the handout's sections 2, 5 and A describe it, with
+    neither graphs nor sensors.
+    """
+    from lab3_usd.stage.starter import build_starter  # noqa: PLC0415 - pxr is slow to import
+
+    build_starter(target, force=force)
+    click.echo(target)
