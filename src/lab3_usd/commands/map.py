@@ -1,0 +1,101 @@
+"""`lab3 map`: make an occupancy map from the walls of a stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lab3_usd.errors import UsageError
+from lab3_usd.files import refuse_existing, write_whole
+
+if TYPE_CHECKING:
+    from lab3_usd.lab.raster import MapFrame
+    from lab3_usd.stage.slices import StageSlice
+
+CELLS = click.IntRange(1, 10_000)
+
+
+@click.command("map")
+@click.argument("stage", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--out",
+    "folder",
+    required=True,
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the map's YAML and image.",
+)
+@click.option(
+    "--resolution", type=click.FloatRange(min=0.0, min_open=True), help="Metres per cell."
+)
+@click.option("--origin", type=(float, float), metavar="X Y", help="Lower left corner, metres.")
+@click.option("--size", type=(CELLS, CELLS), metavar="W H", help="Cells across and up.")
+@click.option("--height", metavar="Z", type=float, help="Where to cut, metres; else as the lidar.")
+@click.option("--start", type=(float, float), metavar="X Y", help="A free place; else the robot's.")
+@click.option("--force", is_flag=True, help="Replace files that exist.")
+def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:  # noqa: ANN401
+    """Make an occupancy map from the walls of a stage.
+
+    Cuts the collision geometry of STAGE at the height of the lidar and fills what the robot can
+    reach. Without options the map has the frame and the values of the handout (4.2). The map
+    frame is the world of the stage.
+    """
+    # pxr and the specs are slow to import, and `lab3 --help` needs neither.
+    from lab3_usd.lab.maps import MapFile, map_yaml, pgm  # noqa: PLC0415
+    from lab3_usd.lab.raster import draw_map  # noqa: PLC0415
+    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
+
+    scene = load_lab().scene
+    spec = scene["map"]
+    yaml_file, image_file = folder / spec["yaml"], folder / spec["image"]
+    for file in (yaml_file, image_file):
+        refuse_existing(file, force=force)
+    frame = _frame(spec, options)
+    cut = _cut(stage, scene, options["height"])
+    start = options["start"] or cut.robot
+    if start is None:
+        message = f"{stage}: has no {scene['robot']['path']} to start from, give --start"
+        raise UsageError(message)
+    drawn = draw_map(frame, cut.segments, start)
+    if not drawn.closed:
+        click.echo("warning: the free space reaches the edge of the map", err=True)
+    described = MapFile(
+        image=spec["image"],
+        resolution=frame.resolution,
+        origin=(*frame.origin, spec["origin"][2]),
+        **{key: spec[key] for key in ("mode", "negate", "occupied_thresh", "free_thresh")},
+    )
+    write_whole(image_file, pgm(drawn.grid), force=force)
+    write_whole(yaml_file, map_yaml(described).encode(), force=force)
+    click.echo(f"{yaml_file}\n{image_file}")
+
+
+def _frame(spec: Mapping[str, Any], options: Mapping[str, Any]) -> MapFrame:
+    from lab3_usd.lab.raster import MapFrame  # noqa: PLC0415
+
+    width, height = options["size"] or (spec["width"], spec["height"])
+    origin = options["origin"] or (spec["origin"][0], spec["origin"][1])
+    return MapFrame(options["resolution"] or spec["resolution"], origin, width, height)
+
+
+def _cut(stage: Path, scene: Mapping[str, Any], height: float | None) -> StageSlice:
+    """Cut the stage, and say what is not on the map."""
+    from lab3_usd.stage.opening import open_stage  # noqa: PLC0415
+    from lab3_usd.stage.slices import CutAt, slice_stage  # noqa: PLC0415
+
+    lidar_link = scene["lidar"]["path"].rpartition("/")[0]
+    cut = slice_stage(open_stage(stage), CutAt(scene["robot"]["path"], lidar_link, height))
+    if cut.missing:
+        message = f"warning: {cut.missing} assets cannot be found, what they hold is not on the map"
+        click.echo(message, err=True)
+    for path in cut.not_cut:
+        click.echo(
+            f"warning: {path} has a shape that cannot be cut, it is not on the map", err=True
+        )
+    if not cut.segments:
+        message = f"{stage}: nothing that collides is {cut.height:g} m above the ground"
+        raise UsageError(message)
+    return cut
