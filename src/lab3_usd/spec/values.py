@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -33,12 +34,16 @@ def _whole(low: int, high: int) -> Callable[[Any], bool]:
     )
 
 
+def _real(value: Any) -> bool:  # noqa: ANN401
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
 _SCALARS: dict[str, Callable[[Any], bool]] = {
     "bool": lambda value: isinstance(value, bool),
     "string": lambda value: isinstance(value, str),
     "token": lambda value: isinstance(value, str),
-    "float": lambda value: isinstance(value, (int, float)) and not isinstance(value, bool),
-    "double": lambda value: isinstance(value, (int, float)) and not isinstance(value, bool),
+    "float": _real,
+    "double": _real,
     **{name: _whole(*limits) for name, limits in _RANGES.items()},
 }
 
