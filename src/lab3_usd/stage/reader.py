@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pxr import Usd, UsdGeom
 
-from lab3_usd.check.model import Absent, GraphModel, Node, PortState, Prim, StageModel, Unresolved
+from lab3_usd.check.model import Absent, GraphModel, Node, PortState, Prim, StageModel
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import Lab
 from lab3_usd.stage.colliders import find_colliders
 from lab3_usd.stage.opening import open_stage
 from lab3_usd.stage.places import Places
+from lab3_usd.stage.missing import find_unresolved, is_in_scene
 from lab3_usd.stage.plain import plain
 
 _PORT_PREFIXES = ("inputs:", "outputs:", "state:")
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
-    r"horizontalAperture|verticalAperture|kind|node)(:|$)"
+    r"horizontalAperture|verticalAperture|kind|node|xformOpOrder)(:|$)"
 )
 _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"
@@ -39,9 +40,11 @@ def read_stage(path: Path, lab: Lab) -> StageModel:
 
 def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
     """Read an open stage; `path` is the name it goes by in the model."""
-    found = _Found()
+    unresolved = tuple(find_unresolved(stage))
+    found = _Found(hidden=tuple(dict.fromkeys(missing.prim for missing in unresolved)))
     places = Places()
-    for prim in Usd.PrimRange.AllPrims(stage.GetPseudoRoot()):
+    everything = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
         if not prim.IsPseudoRoot():
             _read_prim(prim, lab, places, found)
     return StageModel(
@@ -53,14 +56,14 @@ def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
         prims=found.prims,
         orphans=tuple(found.orphans),
         absent=tuple(found.absent),
-        unresolved=tuple(_unresolved(stage)),
+        unresolved=unresolved,
         colliders=tuple(find_colliders(found.collision_prims, places)),
     )
 
 
 @dataclass(slots=True)
 class _Found:
-    """What the traversal has come across so far."""
+    """What the traversal has come across so far; below the `hidden` prims assets are missing."""
 
     graphs: dict[str, Usd.Prim] = field(default_factory=dict)
     nodes: dict[str, list[Node]] = field(default_factory=dict)
@@ -70,6 +73,7 @@ class _Found:
     prims: dict[str, Prim] = field(default_factory=dict)
     collision_prims: list[Usd.Prim] = field(default_factory=list)
     namespaces: dict[str, str] = field(default_factory=dict)
+    hidden: tuple[str, ...] = ()
 
 
 def _kilograms(stage: Usd.Stage) -> float:
@@ -108,7 +112,7 @@ def _graph_above(path: str, found: _Found) -> str:
 
 def _read_node(prim: Usd.Prim, graph: str, lab: Lab, found: _Found) -> None:
     path = str(prim.GetPath())
-    if prim.IsActive() and prim.IsDefined():
+    if prim.IsActive() and is_in_scene(prim, found.hidden):
         node = _node(prim, path, lab, _namespace_of(path, found))
         if not node.type_name and not node.ports:
             return  # a settings prim or leftover below a graph, which is no node
@@ -189,7 +193,7 @@ def _graph(path: str, prim: Usd.Prim, found: _Found) -> GraphModel:
     return GraphModel(
         path=path,
         prim_type=str(prim.GetTypeName()),
-        active=bool(prim.IsActive() and prim.IsDefined()),
+        active=bool(prim.IsActive() and is_in_scene(prim, found.hidden)),
         attributes=attributes,
         nodes=tuple(found.nodes[path]),
         absent=tuple(found.graph_absent[path]),
@@ -226,7 +230,7 @@ def _prim(prim: Usd.Prim, kind: str, places: Places, found: _Found) -> Prim:
         type=kind,
         apis=tuple(str(name) for name in prim.GetPrimTypeInfo().GetAppliedAPISchemas()),
         active=bool(prim.IsActive()),
-        defined=bool(prim.IsDefined()),
+        defined=is_in_scene(prim, found.hidden),
         attributes=attributes,
         relationships=relationships,
         local=local,
@@ -239,21 +243,3 @@ def _asked_properties(prim: Usd.Prim) -> Iterator[Usd.Property]:
     for prop in prim.GetAuthoredProperties():
         if _ATTRIBUTES.match(prop.GetName()):
             yield prop
-
-
-_ASSET = re.compile(r"@(.*?)@")
-_KINDS = (("sublayer", "sublayer"), ("payload", "payload"))
-
-
-def _unresolved(stage: Usd.Stage) -> Iterable[Unresolved]:
-    """Yield what composition could not find, in the order of prim and asset."""
-    found = set()
-    for error in stage.GetCompositionErrors():
-        text = str(error)
-        assets = _ASSET.findall(text)
-        kind: Any = next((name for word, name in _KINDS if word in text), "reference")
-        prim = "/" if kind == "sublayer" else str(error.rootSite.path.GetPrimPath())
-        if assets:
-            layer = assets[1] if len(assets) > 1 else ""
-            found.add((prim, assets[0], kind, layer))
-    return [Unresolved(*each) for each in sorted(found)]
