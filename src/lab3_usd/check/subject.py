@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from lab3_usd.check.model import GraphModel, Node, StageModel
 from lab3_usd.spec.spec import Checkpoint, GraphSpec, Lab
+
+if TYPE_CHECKING:
+    from lab3_usd.check.diagnosis import WireFault
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +19,8 @@ class Roles:
 
     `graph` is None when the stage holds nothing that could be the graph. `stand_ins` maps a node
     that does the work of another (a second context with the same settings) to the role it may
-    stand in for; `extra` are the nodes that play no role.
+    stand in for; `retyped` holds, for a role without a node, the node of another type that stands
+    in its place; `extra` are the nodes that play no role.
     """
 
     graph: GraphModel | None
@@ -23,17 +28,24 @@ class Roles:
     role_of: Mapping[str, str]
     stand_ins: Mapping[str, str] = field(default_factory=dict)
     extra: tuple[Node, ...] = ()
+    retyped: Mapping[str, Node] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class GraphSubject:
-    """One graph of the spec beside its graph in the stage."""
+    """One graph of the spec beside its graph in the stage.
+
+    `live` holds the live nodes of the whole stage by path, `wire_faults` what is wrong with the
+    wires of this graph.
+    """
 
     lab: Lab
     checkpoint: Checkpoint
     spec: GraphSpec
     roles: Roles
     stage: StageModel
+    live: Mapping[str, Node]
+    wire_faults: tuple[WireFault, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,63 @@
+"""Which graph of a stage is meant to be which graph of the spec."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+from lab3_usd.check.model import GraphModel, StageModel
+from lab3_usd.spec.spec import GraphSpec, Lab
+
+LEAST_SHARE = 0.5  # of a spec's nodes that a graph must hold to be recognised by its content
+
+
+def find_graphs(lab: Lab, stage: StageModel) -> dict[str, GraphModel | None]:
+    """Return the graph of the stage for each graph of the spec, None where there is none.
+
+    A live graph at the right path is taken as it is. Other specs are given the remaining graph
+    whose node types fit best, as long as it holds half of what the spec asks for.
+    """
+    by_path = {graph.path: graph for graph in stage.graphs if graph.active}
+    found = {name: by_path.get(spec.path) for name, spec in lab.graphs.items()}
+    taken = {graph.path for graph in found.values() if graph is not None}
+    free = [graph for graph in by_path.values() if graph.path not in taken]
+    offers = sorted(
+        (-_share(lab.graphs[name], graph), order, graph.path, name)
+        for order, (name, graph_found) in enumerate(found.items())
+        if graph_found is None
+        for graph in free
+    )
+    for share, _, path, name in offers:
+        if found[name] is None and path not in taken and -share >= LEAST_SHARE:
+            found[name] = by_path[path]
+            taken.add(path)
+    return found
+
+
+def _share(spec: GraphSpec, graph: GraphModel) -> float:
+    """Return how much of spec and graph is the same, by node types: 1 for all of both.
+
+    Nodes that every graph has (tick, context, time) are worth little on their own: a graph must
+    hold something that only this spec asks for.
+    """
+    asked = Counter(node.type.type for node in spec.nodes.values())
+    held = Counter(node.type.type for node in graph.nodes if node.type is not None)
+    shared = sum((asked & held).values())
+    typical = {kind for kind in asked if _says_something(spec, kind)}
+    if not typical & set(held):
+        return 0.0
+    return shared / max(sum(asked.values()), 1)
+
+
+def _says_something(spec: GraphSpec, kind: str) -> bool:
+    """Whether nodes of this type have a part in ROS or wires on both sides."""
+    roles = {role for role, node in spec.nodes.items() if node.type.type == kind}
+    has_input = any(wire.target.role in roles for wire in spec.wires)
+    has_role = any(spec.nodes[role].type.role for role in roles)
+    return has_input and has_role
+
+
+def is_at_home(spec: GraphSpec, graphs: Mapping[str, GraphModel | None]) -> bool:
+    """Whether the graph found for `spec` stands at its path."""
+    graph = graphs.get(spec.name)
+    return graph is not None and graph.path == spec.path

@@ -1,0 +1,313 @@
+"""What is wrong with the wires of one graph: each fault once, with the best explanation found.
+
+A missing or retyped node silences the wires that touch it: the node's own finding speaks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from lab3_usd.check.met import source_path
+from lab3_usd.check.model import Node
+from lab3_usd.check.subject import Roles
+from lab3_usd.spec.compatible import compatible
+from lab3_usd.spec.spec import GraphSpec, Wire
+
+Kind = Literal[
+    "missing", "moved", "wrong", "bypass", "foreign", "forbidden", "dead", "swapped",
+    "second", "leftover", "unasked", "cycle", "incompatible",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class WireFault:
+    """One faulty wire at the input where it ends.
+
+    `expected` and `actual` are property paths; `wire` the wire of the spec that is not met, None
+    where nothing is asked for; `elsewhere` a second input that belongs to the same mistake.
+    """
+
+    kind: Kind
+    node: Node
+    port: str
+    expected: str | None = None
+    actual: str | None = None
+    wire: Wire | None = None
+    elsewhere: str | None = None
+
+
+@dataclass(slots=True)
+class _Work:
+    """The graph under diagnosis, and the connections that a fault has already explained."""
+
+    spec: GraphSpec
+    roles: Roles
+    live: Mapping[str, Node]
+    explained: set[tuple[str, str, str]] = field(default_factory=set)
+    silent: set[Wire] = field(default_factory=set)
+
+
+def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[WireFault, ...]:
+    """Return every faulty wire of a graph; `live` holds the live nodes of the stage by path."""
+    work = _Work(spec, roles, live)
+    asked = [wire for wire in spec.wires if _both_ends(work, wire)]
+    faults = list(_swaps(work, asked))
+    open_wires = [wire for wire in asked if wire not in work.silent and not _fed(work, wire)]
+    # Bypassed wires are found first: what a bypass explains is no missing wire.
+    wrong = [fault for wire in open_wires for fault in _wrong(work, wire)]
+    faults += wrong
+    known = {fault.wire for fault in wrong}
+    faults += [
+        fault
+        for wire in open_wires
+        if wire not in known and wire not in work.silent
+        for fault in _unfed(work, wire)
+    ]
+    faults += [fault for wire in asked for fault in _seconds(work, wire)]
+    faults += _unasked(work)
+    return tuple(faults)
+
+
+def _both_ends(work: _Work, wire: Wire) -> bool:
+    node_of = work.roles.node_of
+    return node_of[wire.source.role] is not None and node_of[wire.target.role] is not None
+
+
+def _ends(work: _Work, wire: Wire) -> tuple[Node, Node]:
+    source, target = work.roles.node_of[wire.source.role], work.roles.node_of[wire.target.role]
+    assert source is not None  # noqa: S101 - only wires with both ends come here
+    assert target is not None  # noqa: S101
+    return source, target
+
+
+def _accepted(work: _Work, wire: Wire) -> list[str]:
+    """Return the property paths that may feed a wire: the role's node and its stand-ins."""
+    source, _ = _ends(work, wire)
+    paths = [source_path(source, wire)]
+    for path, role in work.roles.stand_ins.items():
+        if role == wire.source.role:
+            paths.append(f"{path}.{wire.source.port}")
+    return paths
+
+
+def _fed(work: _Work, wire: Wire) -> bool:
+    _, target = _ends(work, wire)
+    actual = target.sources(wire.target.port)
+    return any(path in actual for path in _accepted(work, wire))
+
+
+def is_live(live: Mapping[str, Node], source: str) -> bool:
+    """Whether a connection's source is a port that exists on a live node."""
+    path, _, port = source.rpartition(".")
+    node = live.get(path)
+    if node is None or not node.has_port(port):
+        return False
+    known = None if node.type is None else node.type.port(port)
+    return known is None or known.is_source
+
+
+def _live_sources(work: _Work, node: Node, port: str) -> list[str]:
+    return [source for source in node.sources(port) if is_live(work.live, source)]
+
+
+def _swaps(work: _Work, asked: list[Wire]) -> Iterator[WireFault]:
+    """Find pairs of inputs that are fed by each other's source."""
+    open_wires = [wire for wire in asked if not _fed(work, wire)]
+    for index, one in enumerate(open_wires):
+        for other in open_wires[index + 1 :]:
+            if one in work.silent or other in work.silent or one.source == other.source:
+                continue
+            if _feeds(work, other, one) and _feeds(work, one, other):
+                work.silent |= {one, other}
+                _, target = _ends(work, one)
+                _, second = _ends(work, other)
+                yield WireFault(
+                    "swapped", target, one.target.port,
+                    _accepted(work, one)[0], _accepted(work, other)[0], one,
+                    f"{second.path}.{other.target.port}",
+                )  # fmt: skip
+
+
+def _feeds(work: _Work, source_of: Wire, into: Wire) -> bool:
+    """Whether the input of wire `into` is fed by the source of the other wire."""
+    _, target = _ends(work, into)
+    actual = target.sources(into.target.port)
+    return any(path in actual for path in _accepted(work, source_of))
+
+
+def _wrong(work: _Work, wire: Wire) -> Iterator[WireFault]:
+    """Explain an input that is fed, but by something else."""
+    source, target = _ends(work, wire)
+    port = wire.target.port
+    live = _live_sources(work, target, port)
+    if not live:
+        return
+    kind, actual = _classify(work, wire, source, target, live)
+    yield WireFault(kind, target, port, _accepted(work, wire)[0], actual, wire)
+
+
+def _classify(
+    work: _Work, wire: Wire, source: Node, target: Node, live: list[str]
+) -> tuple[Kind, str]:
+    for actual in live:
+        if _is_forbidden(work, target, wire.target.port, actual):
+            return "forbidden", actual
+    actual = live[0]
+    path = actual.rpartition(".")[0]
+    if path != source.path and work.roles.graph is not None:
+        inside = {node.path for node in work.roles.graph.nodes}
+        if path not in inside:
+            return "foreign", actual
+    for earlier in work.spec.wires_into(wire.source.role):
+        if _both_ends(work, earlier) and actual in _accepted(work, earlier):
+            # The source that should pass through this node goes around it.
+            work.silent.add(earlier)
+            return "bypass", actual
+    return "wrong", actual
+
+
+def _is_forbidden(work: _Work, target: Node, port: str, actual: str) -> bool:
+    for wire in work.spec.forbidden_wires:
+        source = work.roles.node_of[wire.source.role]
+        ends_here = work.roles.node_of[wire.target.role] is target and wire.target.port == port
+        if ends_here and source is not None and actual == source_path(source, wire):
+            return True
+    return False
+
+
+def _unfed(work: _Work, wire: Wire) -> Iterator[WireFault]:
+    """Explain an input that nothing live feeds: wired elsewhere, from nothing, or not at all."""
+    _, target = _ends(work, wire)
+    expected = _accepted(work, wire)
+    dead = target.sources(wire.target.port)
+    if dead:
+        yield WireFault("dead", target, wire.target.port, expected[0], dead[0], wire)
+        return
+    moved = _moved_to(work, target, expected)
+    if moved is None:
+        yield WireFault("missing", target, wire.target.port, expected[0], None, wire)
+        return
+    node, port, source = moved
+    work.explained.add((node.path, port, source))
+    elsewhere = f"{node.path}.{port}"
+    yield WireFault("moved", target, wire.target.port, expected[0], None, wire, elsewhere)
+
+
+def _moved_to(work: _Work, target: Node, expected: list[str]) -> tuple[Node, str, str] | None:
+    """Find the input that the wire goes into instead, on the same node before others."""
+    matched = [node for node in work.roles.node_of.values() if node is not None]
+    for node in sorted(matched, key=lambda each: each is not target):
+        for port, state in sorted(node.ports.items()):
+            for source in state.sources:
+                known = source not in expected or (node.path, port, source) in work.explained
+                if not known and not _is_asked(work, node, port, source):
+                    return node, port, source
+    return None
+
+
+def _is_asked(work: _Work, node: Node, port: str, source: str) -> bool:
+    """Whether some wire of the spec, required or optional, is exactly this connection."""
+    for wire in (*work.spec.wires, *work.spec.optional_wires):
+        if wire.target.port != port or work.roles.node_of[wire.target.role] is not node:
+            continue
+        if _both_ends(work, wire) and source in _accepted(work, wire):
+            return True
+    return False
+
+
+def _seconds(work: _Work, wire: Wire) -> Iterator[WireFault]:
+    """Find further sources on an input that has its right one."""
+    if not _fed(work, wire):
+        return
+    _, target = _ends(work, wire)
+    port = wire.target.port
+    accepted = _accepted(work, wire)
+    for actual in target.sources(port):
+        if actual in accepted or (target.path, port, actual) in work.explained:
+            continue
+        work.explained.add((target.path, port, actual))
+        yield WireFault(
+            _second_kind(work, target, port, actual), target, port, accepted[0], actual, wire
+        )
+
+
+def _second_kind(work: _Work, target: Node, port: str, actual: str) -> Kind:
+    if not is_live(work.live, actual):
+        return "leftover"
+    if _is_forbidden(work, target, port, actual):
+        return "forbidden"
+    return "cycle" if _closes_cycle(work, target, port, actual) else "second"
+
+
+def _unasked(work: _Work) -> Iterator[WireFault]:
+    """Find wires into inputs that the handout leaves alone."""
+    asked = {(wire.target.role, wire.target.port) for wire in work.spec.wires}
+    for role, node in work.roles.node_of.items():
+        if node is None:
+            continue
+        for port, state in sorted(node.ports.items()):
+            if (role, port) in asked or not port.startswith("inputs:"):
+                continue
+            for source in state.sources:
+                if (node.path, port, source) in work.explained:
+                    continue
+                if not _is_asked(work, node, port, source):
+                    kind = _unasked_kind(work, node, port, source)
+                    yield WireFault(kind, node, port, None, source)
+
+
+def _unasked_kind(work: _Work, node: Node, port: str, source: str) -> Kind:
+    if not is_live(work.live, source):
+        return "leftover"
+    if _is_forbidden(work, node, port, source):
+        return "forbidden"
+    if _closes_cycle(work, node, port, source):
+        return "cycle"
+    return "unasked" if _types_fit(work, node, port, source) else "incompatible"
+
+
+def _types_fit(work: _Work, node: Node, port: str, source: str) -> bool:
+    path, _, source_port = source.rpartition(".")
+    other = work.live[path]
+    ends = (
+        None if other.type is None else other.type.port(source_port),
+        None if node.type is None else node.type.port(port),
+    )
+    return ends[0] is None or ends[1] is None or compatible(ends[0], ends[1])
+
+
+def _closes_cycle(work: _Work, node: Node, port: str, source: str) -> bool:
+    """Whether an execution wire lets a node trigger itself."""
+    known = None if node.type is None else node.type.port(port)
+    if known is None or not known.is_execution:
+        return False
+    start = source.rpartition(".")[0]
+    return _reaches(work, node.path, start)
+
+
+def _reaches(work: _Work, start: str, goal: str) -> bool:
+    """Whether execution that runs in node `start` goes on to node `goal`."""
+    nodes = () if work.roles.graph is None else work.roles.graph.nodes
+    reached, frontier = {start}, [start]
+    while frontier:
+        here = frontier.pop()
+        if here == goal:
+            return True
+        for node in nodes:
+            if node.path not in reached and _triggered_by(node, here):
+                reached.add(node.path)
+                frontier.append(node.path)
+    return False
+
+
+def _triggered_by(node: Node, path: str) -> bool:
+    if node.type is None:
+        return False
+    return any(
+        source.rpartition(".")[0] == path
+        for port in node.type.ports.values()
+        if port.is_execution and not port.is_source
+        for source in node.sources(port.name)
+    )

@@ -1,0 +1,66 @@
+"""Whether one thing that a spec asks of a node is met: the single place that decides it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from lab3_usd.check.model import Node
+from lab3_usd.check.names import resolved_topic
+from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.compatible import compatible
+from lab3_usd.spec.spec import Setting, Target, Wire
+
+TOLERANCE = 1e-6  # relative; the GUI writes float noise into doubles
+
+
+def same_value(one: Value | None, other: Value | None) -> bool:
+    """Whether two values are the same up to float noise; `1` and `1.0` are, `1` and `True` not."""
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(same_value, one, other))
+    if isinstance(one, bool) or isinstance(other, bool):
+        return one is other
+    if isinstance(one, (int, float)) and isinstance(other, (int, float)):
+        return math.isclose(one, other, rel_tol=TOLERANCE, abs_tol=1e-12)
+    return one == other
+
+
+def setting_value(nodes: Mapping[str, Node], node: Node, port: str) -> Value | None:
+    """Return the effective value of an input, followed through a wire from a constant.
+
+    `nodes` holds the live nodes of the stage by path.
+    """
+    for source in node.sources(port):
+        path, _, source_port = source.rpartition(".")
+        constant = nodes.get(path)
+        if constant is not None and _gives_constant(constant, source_port, node, port):
+            return constant.value(source_port)
+    return node.value(port)
+
+
+def _gives_constant(constant: Node, source_port: str, node: Node, port: str) -> bool:
+    source = None if constant.type is None else constant.type.port(source_port)
+    target = None if node.type is None else node.type.port(port)
+    if source is None or target is None:
+        return False
+    return source.output_only and compatible(source, target)
+
+
+def setting_met(node: Node, setting: Setting, value: Value | None) -> bool:
+    """Whether `value` at the setting's port is what the handout asks for.
+
+    Topics are compared as ROS 2 resolves them.
+    """
+    if node.type is not None and setting.port in node.type.topics:
+        return resolved_topic(str(value)) == resolved_topic(str(setting.value))
+    return same_value(value, setting.value)
+
+
+def target_met(node: Node, target: Target) -> bool:
+    """Whether the relationship names exactly the prims asked for, in any order."""
+    return sorted(set(node.targets(target.port))) == sorted(set(target.prims))
+
+
+def source_path(source: Node, wire: Wire) -> str:
+    """Return the property path from which `wire` leaves when `source` plays its source role."""
+    return f"{source.path}.{wire.source.port}"
