@@ -1,0 +1,199 @@
+"""Judges one stage at one checkpoint: reads it, matches its graphs, runs the rules."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from lab3_usd.check.candidates import find_graphs
+from lab3_usd.check.diagnosis import diagnose
+from lab3_usd.check.finding import (
+    Crash,
+    Finding,
+    Problem,
+    Requirement,
+    Score,
+    StageResult,
+    Verdict,
+)
+from lab3_usd.check.matcher import match
+from lab3_usd.check.model import Node, StageModel
+from lab3_usd.check.registry import Rule, rules_of
+from lab3_usd.check.requirements import (
+    frame_requirements,
+    graph_requirements,
+    scene_requirements,
+    score,
+)
+from lab3_usd.check.subject import GraphSubject, Roles, StageSubject
+from lab3_usd.errors import StageError, UsageError
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.spec.spec import Checkpoint, Lab
+
+_NUMBER = re.compile(r"^Lab3_(\d\d)(?!\d)")
+GRAPH_FAMILIES = ("G", "N", "P", "R", "W")
+STAGE_FAMILIES = ("F", "S", "L", "C", "T", "Q")
+UNREADABLE = "F01"
+
+
+def checkpoint_of(name: str, lab: Lab) -> str | None:
+    """Return the checkpoint number that a file name begins with (`Lab3_03...`), else None."""
+    found = _NUMBER.match(name)
+    return found[1] if found is not None and found[1] in lab.checkpoints else None
+
+
+def check_stage(
+    path: str | Path, checkpoint: str | None = None, lab: Lab | None = None
+) -> StageResult:
+    """Judge the stage at `path`, at the checkpoint given or else named by the file.
+
+    The result holds every finding at its place, the requirements met and asked, and the rules
+    that crashed. A file that cannot be read is a result as well, with the verdict `unreadable`.
+
+    Raises:
+        UsageError: the checkpoint is unknown, or neither given nor in the file name.
+    """
+    lab = lab or load_lab()
+    found = checkpoint or checkpoint_of(Path(path).name, lab)
+    if found is None:
+        message = f"{path}: names no checkpoint (Lab3_NN...); give one with --checkpoint"
+        raise UsageError(message)
+    if found not in lab.checkpoints:
+        message = f"there is no checkpoint '{found}'; known are {', '.join(lab.checkpoints)}"
+        raise UsageError(message)
+    from lab3_usd.stage.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.reader import read_model  # noqa: PLC0415
+
+    try:
+        stage = open_stage(Path(path))
+    except StageError as error:
+        return unreadable(str(path), found, str(error))
+    judged = judge(lab, lab.checkpoints[found], read_model(stage, lab, str(path)))
+    return _result(str(path), found, judged, stage)
+
+
+def unreadable(path: str, checkpoint: str, reason: str) -> StageResult:
+    """Return the result for a file that no stage can be read from."""
+    text = reason.removeprefix(f"{path}: ")
+    hint = "open the stage in Isaac Sim, save it again as .usda, and hand in that file"
+    finding = Finding(UNREADABLE, "unreadable-file", "error", "/", text, layer=path, hint=hint)
+    return StageResult(path, checkpoint, "unreadable", Score(0.0, 0.0), (finding,))
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What the rules say of a stage, before findings are given lines."""
+
+    findings: tuple[Finding, ...]
+    requirements: tuple[Requirement, ...]
+    crashes: tuple[Crash, ...]
+
+
+def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
+    """Run every rule over a stage that was read."""
+    live = {node.path: node for node in stage.nodes()}
+    subjects = [*_graph_subjects(lab, checkpoint, stage, live)]
+    run = _Run([], [])
+    for found in rules_of("graph", *GRAPH_FAMILIES):
+        for subject in subjects:
+            run.rule(found, subject)
+    whole = StageSubject(
+        lab=lab,
+        checkpoint=checkpoint,
+        stage=stage,
+        roles={subject.spec.name: subject.roles for subject in subjects},
+        blamed=frozenset(each.prim for each in run.findings if each.severity == "error"),
+    )
+    for found in rules_of("stage", *STAGE_FAMILIES):
+        run.rule(found, whole)
+    requirements = [item for subject in subjects for item in graph_requirements(subject)]
+    requirements += scene_requirements(whole, run.findings)
+    requirements += frame_requirements(whole)
+    return Judgement(tuple(run.findings), tuple(requirements), tuple(run.crashes))
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """The findings and crashes of one run, in the order in which the rules speak."""
+
+    findings: list[Finding]
+    crashes: list[Crash]
+
+    def rule(self, found: Rule, subject: Any) -> None:  # noqa: ANN401 - the scope decides
+        """Run one rule; a rule that crashes is recorded, never a pass."""
+        try:
+            self.findings.extend(finding_of(found, problem) for problem in found.check(subject))
+        except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
+            self.crashes.append(Crash(found.id, f"{type(error).__name__}: {error}"))
+
+
+def finding_of(found: Rule, problem: Problem) -> Finding:
+    """Stamp the rule's id, name and severity on what it yielded."""
+    return Finding(
+        rule=found.id,
+        name=found.name,
+        severity=problem.severity or found.severity,
+        prim=problem.prim or "/",
+        property=problem.property,
+        message=problem.message,
+        expected=problem.expected,
+        actual=problem.actual,
+        handout=problem.handout,
+        hint=problem.hint or found.section("Fix") or None,
+        related=problem.related,
+    )
+
+
+def _graph_subjects(
+    lab: Lab, checkpoint: Checkpoint, stage: StageModel, live: Mapping[str, Node]
+) -> Iterator[GraphSubject]:
+    graphs = find_graphs(lab, stage)
+    for name in checkpoint.graphs:
+        spec = lab.graphs[name]
+        roles: Roles = match(spec, graphs[name])
+        yield GraphSubject(
+            lab=lab,
+            checkpoint=checkpoint,
+            spec=spec,
+            roles=roles,
+            stage=stage,
+            live=live,
+            wire_faults=diagnose(spec, roles, live),
+        )
+
+
+def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageResult:  # noqa: ANN401
+    findings = ordered(_with_places(judged.findings, path, stage))
+    has_errors = any(each.severity == "error" for each in findings)
+    verdict: Verdict = "fail" if has_errors or judged.crashes else "pass"
+    return StageResult(
+        path=path,
+        checkpoint=checkpoint,
+        verdict=verdict,
+        score=score(judged.requirements),
+        findings=findings,
+        requirements=judged.requirements,
+        crashes=judged.crashes,
+    )
+
+
+def ordered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Sort findings by place and rule, which no run and no hash seed changes."""
+    return tuple(
+        sorted(findings, key=lambda each: (each.prim, each.property or "", each.rule, each.message))
+    )
+
+
+def _with_places(findings: tuple[Finding, ...], path: str, stage: Any) -> Iterator[Finding]:  # noqa: ANN401
+    """Add layer, line and column; the text is only looked at when there is a finding."""
+    if not findings:
+        return
+    from lab3_usd.stage.lines import locate  # noqa: PLC0415 - only when it is needed
+
+    places = locate(stage, path, [(each.prim, each.property) for each in findings])
+    for each in findings:
+        place = places[each.prim, each.property]
+        yield replace(each, layer=place.layer or None, line=place.line, column=place.column)

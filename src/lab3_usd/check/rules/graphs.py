@@ -1,0 +1,126 @@
+"""Rules about graphs: present, at their path, Action Graphs, in time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.finding import Problem, Severity
+from lab3_usd.check.model import GraphModel
+from lab3_usd.check.registry import rule
+from lab3_usd.check.say import shown
+from lab3_usd.check.subject import GraphSubject, StageSubject
+
+
+def _inactive(subject: GraphSubject) -> GraphModel | None:
+    """Return the graph at the right path that is in the file but not in the scene."""
+    for graph in subject.stage.graphs:
+        if graph.path == subject.spec.path and not graph.active:
+            return graph
+    return None
+
+
+@rule("G01", "missing-graph", scope="graph")
+def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
+    """An Action Graph of the handout is not in the stage, or is deactivated.
+
+    Why: what it publishes or drives does not exist. Its nodes are not reported one by one.
+
+    Fix: select the graph's parent in the Stage panel, open Window > Graph Editors > Action Graph,
+    click New Action Graph and name it as the handout says. A deactivated one: right-click it in
+    the Stage panel and choose Activate.
+
+    Example: no `/World/ROS_Clock` in checkpoint 01.
+    """
+    if subject.roles.graph is not None:
+        return
+    spec = subject.spec
+    yield Problem(
+        prim=spec.path,
+        message=f"graph {spec.name} is missing{_why_missing(subject)}",
+        expected=spec.path,
+        handout=spec.handout,
+        hint=f"make the graph {spec.name} at {spec.path} as section {spec.handout} shows",
+    )
+
+
+def _why_missing(subject: GraphSubject) -> str:
+    if _inactive(subject) is not None:
+        return ": it is there, but deactivated or only an over without a def"
+    prim = subject.stage.prims.get(subject.spec.path)
+    if prim is not None:
+        return f": the prim at its path is {prim.type or 'of no type'}, not an Action Graph"
+    return ""
+
+
+@rule("G02", "misplaced-graph", scope="graph")
+def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
+    """A graph has the content of the handout's graph, at another path or by another name.
+
+    Why: paths make the names of the ROS 2 nodes, and every later step of the handout looks for
+    the graph at its path. What is inside is judged all the same.
+
+    Fix: rename the graph in the Stage panel, or drag it below the prim that the handout names.
+
+    Example: `/World/ActionGraph` instead of `/World/ROS_Clock`.
+    """
+    graph, spec = subject.roles.graph, subject.spec
+    if graph is not None and graph.path != spec.path:
+        yield Problem(
+            prim=graph.path,
+            message=f"this is the graph {spec.name}, expected at {spec.path}",
+            expected=spec.path,
+            actual=graph.path,
+            handout=spec.handout,
+            hint=f"move or rename the graph to {spec.path} in the Stage panel",
+        )
+
+
+@rule("G03", "graph-kind", scope="graph")
+def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
+    """A graph is not evaluated as an Action Graph in the simulation pipeline.
+
+    Why: a push graph ignores execution wires, an on-demand graph is not evaluated by the app's
+    update, so that On Playback Tick never fires. Isaac Sim says nothing.
+
+    Fix: select the graph prim and set the value named here in the Property panel, or make the
+    graph anew with New Action Graph.
+
+    Example: `pipelineStage` 'pipelineStageOnDemand'.
+    """
+    graph = subject.roles.graph
+    for attribute in subject.lab.catalog.graph.attributes if graph is not None else ():
+        value = None if graph is None else graph.attributes.get(attribute.name)
+        if graph is None or not attribute.required or value in attribute.accepted:
+            continue
+        yield Problem(
+            prim=graph.path,
+            property=attribute.name,
+            message=f"{attribute.name} is {shown(value)}, expected {shown(attribute.value)}",
+            expected=shown(attribute.value),
+            actual=shown(value),
+            handout=subject.spec.handout,
+        )
+
+
+@rule("G04", "early-graph", scope="stage", severity="warning")
+def early_graph(subject: StageSubject) -> Iterator[Problem]:
+    """The stage holds a graph of a later checkpoint.
+
+    Why: the file was perhaps saved late, after work on the next part had begun. In the starter
+    checkpoint no graph may be there at all.
+
+    Fix: save each checkpoint before going on to the next part.
+
+    Example: `/turtlebot3_burger/ROS_Drive` in checkpoint 01.
+    """
+    later = {
+        spec.path: spec
+        for name, spec in subject.lab.graphs.items()
+        if name not in subject.checkpoint.graphs
+    }
+    severity: Severity | None = None if subject.checkpoint.graphs else "error"
+    for graph in subject.stage.graphs:
+        spec = later.get(graph.path)
+        if graph.active and spec is not None:
+            message = f"graph {spec.name} belongs to a later checkpoint; was this saved late?"
+            yield Problem(graph.path, message, handout=spec.handout, severity=severity)

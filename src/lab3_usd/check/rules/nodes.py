@@ -1,0 +1,266 @@
+"""Rules about nodes: every one the handout names, once, active, of the right type."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.model import Absent, Node
+from lab3_usd.check.names import resolved_topic
+from lab3_usd.check.registry import rule
+from lab3_usd.check.say import title_of, titled
+from lab3_usd.check.subject import GraphSubject, StageSubject
+from lab3_usd.spec.catalog import NodeType
+from lab3_usd.spec.spec import NodeSpec
+
+_PUBLISHES = ("publisher", "helper")
+
+
+def _missing(subject: GraphSubject) -> Iterator[NodeSpec]:
+    """Yield the roles that no node plays and no node of another type stands in for."""
+    if subject.roles.graph is None:
+        return
+    for role, spec in subject.spec.nodes.items():
+        if subject.roles.node_of[role] is None and role not in subject.roles.retyped:
+            yield spec
+
+
+def _absent(subject: GraphSubject) -> dict[str, Absent]:
+    """Pair missing roles with prims that are in the file but not in the scene."""
+    graph = subject.roles.graph
+    left = [] if graph is None else [*graph.absent]
+    found = {}
+    for spec in _missing(subject):
+        fitting = [each for each in left if _means(subject, each.type_name, spec.type)]
+        fitting.sort(key=lambda each: not each.path.endswith(f"/{spec.role}"))
+        if fitting:
+            found[spec.role] = fitting[0]
+            left.remove(fitting[0])
+    return found
+
+
+def _means(subject: GraphSubject, type_name: str, node_type: NodeType) -> bool:
+    return subject.lab.catalog.get(type_name) is node_type
+
+
+@rule("N01", "missing-node", scope="graph")
+def missing_node(subject: GraphSubject) -> Iterator[Problem]:
+    """A node that the handout asks for is not in the graph, or is deactivated.
+
+    Why: what it computes, publishes or triggers is missing; everything wired to it stands still.
+    Its wires are not reported one by one.
+
+    Fix: in the Action Graph editor, search for the node by the title given here, add it, and make
+    the wires of the handout's table. A deactivated prim: right-click it in the Stage panel and
+    choose Activate.
+
+    Example: ROS_Clock without Isaac Read Simulation Time.
+    """
+    graph = subject.roles.graph
+    absent = _absent(subject)
+    for spec in _missing(subject):
+        there = absent.get(spec.role)
+        why = "" if there is None else f": {there.path} is {there.reason}"
+        yield Problem(
+            prim="" if graph is None else graph.path,
+            message=f"node {titled(spec)} ({spec.role}) is missing{why}",
+            expected=spec.type.type,
+            handout=spec.handout,
+            related=() if there is None else (there.path,),
+            hint=f"add {titled(spec)} to {subject.spec.name} and wire it as the handout shows",
+        )
+
+
+@rule("N02", "extra-node", scope="graph", severity="warning")
+def extra_node(subject: GraphSubject) -> Iterator[Problem]:
+    """The graph holds a node that the handout does not ask for.
+
+    Why: it may do nothing, or do a second time what another node does. A second node with the
+    same settings (two contexts, two ticks) works as the first does.
+
+    Fix: select the node in the Action Graph editor and delete it.
+
+    Example: a second ROS2 Context in ROS_Drive.
+    """
+    for node in subject.roles.extra:
+        if not (_is_script(subject, node) or _repeats(subject, node)):
+            message = f"{title_of(node)} is not asked for in {subject.spec.name}"
+            yield Problem(
+                node.path, message, actual=node.type_name, handout=subject.spec.handout
+            )
+
+
+def _is_script(subject: GraphSubject, node: Node) -> bool:
+    return node.type_name in subject.lab.catalog.scripts
+
+
+def _repeats(subject: GraphSubject, node: Node) -> bool:
+    """Whether an extra node publishes or takes a topic that some role of the lab has already."""
+    if node.type is None or not node.type.role:
+        return False
+    topics = {resolved_topic(str(node.value(port))) for port in node.type.topics[:1]}
+    return any(topics & asked for asked in _asked_topics(subject, node.type.role))
+
+
+def _asked_topics(subject: GraphSubject, role: str) -> Iterator[set[str]]:
+    for spec in subject.lab.graphs.values():
+        for node in spec.nodes.values():
+            if (node.type.role in _PUBLISHES) == (role in _PUBLISHES) and node.type.role:
+                yield {
+                    resolved_topic(str(setting.value))
+                    for setting in node.settings
+                    if setting.port in node.type.topics
+                }
+
+
+@rule("N03", "wrong-node-type", scope="graph")
+def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
+    """A node of another type stands where the handout asks for this one.
+
+    Why: it does something else: On Physics Step runs with the physics, On Tick also while the
+    simulation stands still, Make Array (`MakeArray`) is a removed node that only looks alike.
+
+    Fix: delete the node, add the one named here from the node list, and wire it as before.
+
+    Example: On Tick instead of On Playback Tick.
+    """
+    for role, node in subject.roles.retyped.items():
+        spec = subject.spec.nodes[role]
+        meant = subject.lab.catalog.lookalikes.get(node.type_name)
+        alike = "; the name looks alike and is not registered" if meant == spec.type.type else ""
+        is_same_title = node.type is not None and node.type.ui_name == spec.type.ui_name
+        title = node.type_name if is_same_title or node.type is None else node.type.ui_name
+        yield Problem(
+            prim=node.path,
+            property="node:type",
+            message=f"node is {title or 'of no type'}, expected {titled(spec)}{alike}",
+            expected=spec.type.type,
+            actual=node.type_name,
+            handout=spec.handout,
+            hint=f"replace the node by {titled(spec)} and wire it as the handout shows",
+        )
+
+
+@rule("N04", "old-node-version", scope="graph", severity="note")
+def old_node_version(subject: GraphSubject) -> Iterator[Problem]:
+    """A node was saved by an older version of its type.
+
+    Why: Isaac Sim 6.0.1 brings it up to date when it opens the stage.
+
+    Fix: open the stage in Isaac Sim 6.0.1 and save it again.
+
+    Example: Isaac Create Render Product version 2 instead of 3.
+    """
+    for node, spec in _played(subject):
+        if node.version is not None and node.version < spec.type.version:
+            yield _version_problem(node, spec, "an older")
+
+
+@rule("N05", "new-node-version", scope="graph", severity="warning")
+def new_node_version(subject: GraphSubject) -> Iterator[Problem]:
+    """A node was saved by a newer version of its type than Isaac Sim 6.0.1 has.
+
+    Why: ports and defaults may have changed since; what is said of this node may not hold.
+
+    Fix: make the graph with Isaac Sim 6.0.1, which the course uses.
+
+    Example: ROS2 Camera Helper version 4, when 6.0.1 has 3.
+    """
+    for node, spec in _played(subject):
+        if node.version is not None and node.version > spec.type.version:
+            yield _version_problem(node, spec, "a newer")
+
+
+def _played(subject: GraphSubject) -> Iterator[tuple[Node, NodeSpec]]:
+    for role, spec in subject.spec.nodes.items():
+        node = subject.roles.node_of[role]
+        if node is not None:
+            yield node, spec
+
+
+def _version_problem(node: Node, spec: NodeSpec, kind: str) -> Problem:
+    return Problem(
+        prim=node.path,
+        property="node:typeVersion",
+        message=f"{titled(spec)} is of {kind} version, {node.version}",
+        expected=str(spec.type.version),
+        actual=str(node.version),
+        handout=spec.handout,
+    )
+
+
+@rule("N06", "old-type-names", scope="graph", severity="warning")
+def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
+    """The graph's nodes carry type names from before Isaac Sim 4.5.
+
+    Why: Isaac Sim 6.0.1 renames them when it opens the stage, so that the graph works; it was
+    not saved by 6.0.1. Said once for the graph.
+
+    Fix: open the stage in Isaac Sim 6.0.1 and save it again.
+
+    Example: `omni.isaac.ros2_bridge` names for `isaacsim.ros2.bridge` types.
+    """
+    graph = subject.roles.graph
+    catalog = subject.lab.catalog
+    nodes = () if graph is None else graph.nodes
+    old = [node for node in nodes if catalog.modern(node.type_name) != node.type_name]
+    if graph is not None and old:
+        names = tuple(node.path for node in old)
+        message = f"{len(old)} nodes carry type names from before 4.5, such as {old[0].type_name}"
+        expected = catalog.modern(old[0].type_name)
+        yield Problem(
+            graph.path, message, None, expected, old[0].type_name, subject.spec.handout, names
+        )
+
+
+@rule("N07", "repeated-publisher", scope="graph")
+def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
+    """An extra node publishes or takes a topic of the lab a second time.
+
+    Why: two publishers of one topic send two streams that nobody can tell apart; two transform
+    publishers give one frame two parents.
+
+    Fix: delete the node that the handout does not ask for.
+
+    Example: a second ROS2 Publish Clock in ROS_Clock.
+    """
+    for node in subject.roles.extra:
+        if not _is_script(subject, node) and _repeats(subject, node) and node.type is not None:
+            topic = resolved_topic(str(node.value(node.type.topics[0])))
+            message = f"{title_of(node)} is not asked for and has the topic {topic} again"
+            yield Problem(
+                node.path, message, node.type.topics[0], None, topic, subject.spec.handout
+            )
+
+
+@rule("N08", "script-node", scope="stage")
+def script_node(subject: StageSubject) -> Iterator[Problem]:
+    """The stage holds a node that runs code out of the file.
+
+    Why: whoever opens the stage and presses Play runs that code. The lab needs none.
+
+    Fix: delete the node.
+
+    Example: a Script Node that publishes /odom from Python.
+    """
+    for node in subject.stage.nodes():
+        if node.type_name in subject.lab.catalog.scripts:
+            message = "node runs code out of the file, which the lab does not need"
+            yield Problem(node.path, message, "node:type", None, node.type_name)
+
+
+@rule("N09", "node-outside-graph", scope="stage", severity="warning")
+def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
+    """A node stands outside every graph.
+
+    Why: nobody evaluates it. It is usually left over from dragging nodes in the Stage panel.
+
+    Fix: drag it back below its graph in the Stage panel, or delete it.
+
+    Example: `/to_string` at the root of the stage.
+    """
+    scripts = subject.lab.catalog.scripts
+    for node in subject.stage.orphans:
+        if node.type_name not in scripts:
+            message = f"{title_of(node)} stands outside every graph, where it is never evaluated"
+            yield Problem(node.path, message, None, None, node.type_name)

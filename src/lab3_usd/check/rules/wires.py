@@ -1,0 +1,237 @@
+"""Rules about wires: every required one, from the right port, and only those."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.diagnosis import WireFault
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.registry import rule
+from lab3_usd.check.say import short_source, title_of
+from lab3_usd.check.subject import GraphSubject
+
+
+def _faults(subject: GraphSubject, *kinds: str) -> Iterator[WireFault]:
+    return (fault for fault in subject.wire_faults if fault.kind in kinds)
+
+
+def _problem(fault: WireFault, message: str, hint: str | None = None) -> Problem:
+    related = () if fault.elsewhere is None else (fault.elsewhere,)
+    return Problem(
+        prim=fault.node.path,
+        property=fault.port,
+        message=message,
+        expected=fault.expected,
+        actual=fault.actual,
+        handout=None if fault.wire is None else fault.wire.handout,
+        related=related,
+        hint=hint,
+    )
+
+
+def _connect(fault: WireFault) -> str:
+    port = fault.port.partition(":")[2]
+    return f"drag a wire from {short_source(fault.expected)} to {port} of {title_of(fault.node)}"
+
+
+@rule("W01", "missing-wire", scope="graph")
+def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A required input is not wired.
+
+    Why: without its execution wire a node never computes; without data it works on zeros: a
+    publisher without time stamps everything 0, one without a context joins another domain. Isaac
+    Sim says nothing.
+
+    Fix: open the graph in Window > Graph Editors > Action Graph, drag from the source port to the
+    input named here, and look that a wire stays attached.
+
+    Example: `ros2_publish_clock.inputs:timeStamp` without a wire makes /clock stand at 0.
+    """
+    for fault in _faults(subject, "missing", "moved"):
+        message = f"{fault.port} is not wired, expected {short_source(fault.expected)}"
+        if fault.elsewhere is not None:
+            message += f"; that wire goes into {short_source(fault.elsewhere)} instead"
+        yield _problem(fault, message, _connect(fault))
+
+
+def _explain(fault: WireFault) -> str:
+    expected, actual = short_source(fault.expected), short_source(fault.actual)
+    message = f"{fault.port} is wired from {actual}, expected {expected}"
+    if fault.kind == "bypass":
+        message += f"; the wire goes past {expected.partition('.')[0]}"
+    return message
+
+
+@rule("W02", "wrong-source", scope="graph")
+def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
+    """A required input is wired from the wrong node or port.
+
+    Why: the node computes with another quantity, often one that is always zero: y instead of x
+    of a velocity, a vector that was not scaled, the linear velocity for the angular one.
+
+    Fix: delete the wire in the Action Graph editor and drag a new one from the port named here.
+
+    Example: `differential_controller.inputs:angularVelocity` wired from `outputs:x` of the angular
+    vector: the robot never turns.
+    """
+    for fault in _faults(subject, "wrong", "bypass"):
+        yield _problem(fault, _explain(fault), _connect(fault))
+
+
+@rule("W03", "dead-source", scope="graph")
+def dead_source(subject: GraphSubject) -> Iterator[Problem]:
+    """An input is wired from a node or port that does not exist.
+
+    Why: Isaac Sim drops such a wire when it loads the stage, so that the input is not wired at
+    all. Deleting or renaming a node outside the editor leaves these behind, and so does a port
+    that the type does not have: a Constant Token gives its value from `inputs:value`.
+
+    Fix: delete the wire and drag a new one from the port named here; a leftover beside a good
+    wire can be left or removed with Disconnect.
+
+    Example: `make_array.inputs:input0` wired from `constant_left_joint.outputs:value`.
+    """
+    for fault in _faults(subject, "dead"):
+        expected, actual = short_source(fault.expected), short_source(fault.actual)
+        message = f"{fault.port} is wired from {actual}, which does not exist, expected {expected}"
+        yield _problem(fault, message, _connect(fault))
+
+
+@rule("W04", "second-source", scope="graph")
+def second_source(subject: GraphSubject) -> Iterator[Problem]:
+    """A required input has a second source beside the right one.
+
+    Why: a data input takes one of its sources, which one is not defined; an execution input runs
+    the node once for each.
+
+    Fix: select the wire from the source named here in the Action Graph editor and delete it.
+
+    Example: `ros2_publish_clock.inputs:timeStamp` fed by two Isaac Read Simulation Time nodes.
+    """
+    for fault in _faults(subject, "second"):
+        actual = short_source(fault.actual)
+        message = f"{fault.port} is also wired from {actual}, expected one source"
+        yield _problem(fault, message, f"delete the wire from {actual}")
+
+
+@rule("W05", "unasked-wire", scope="graph", severity="warning")
+def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """An input that the handout leaves alone is wired.
+
+    Why: the handout's graph works without this wire; what comes over it overrides a value or a
+    default that was right.
+
+    Fix: delete the wire unless your instructor asked for it.
+
+    Example: `differential_controller.inputs:maxLinearSpeed` wired from a constant.
+    """
+    for fault in _faults(subject, "unasked"):
+        actual = short_source(fault.actual)
+        yield _problem(fault, f"{fault.port} is wired from {actual}, the handout leaves it alone")
+
+
+@rule("W06", "swapped-wires", scope="graph")
+def swapped_wires(subject: GraphSubject) -> Iterator[Problem]:
+    """Two inputs are fed by each other's source.
+
+    Why: everything is connected, and two quantities trade places: with the wheel names reversed
+    the robot turns the wrong way, with linear and angular velocity crossed it spins.
+
+    Fix: delete both wires and connect each to the other input.
+
+    Example: `make_array.inputs:input0` from the right joint's name, `inputs:input1` from the left.
+    """
+    for fault in _faults(subject, "swapped"):
+        other = short_source(fault.elsewhere)
+        message = (
+            f"{fault.port} and {other} are wired the wrong way round: "
+            f"{fault.port} is wired from {short_source(fault.actual)}, "
+            f"expected {short_source(fault.expected)}"
+        )
+        yield _problem(fault, message, f"exchange the two wires at {fault.port} and {other}")
+
+
+@rule("W07", "cross-graph-wire", scope="graph")
+def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A required input is wired from a node of another graph.
+
+    Why: each Action Graph is evaluated by itself; a context or time stamp from another graph may
+    be read before it is made, and the node falls back to the default domain or to time 0.
+
+    Fix: wire it from the node of that type in the same graph.
+
+    Example: `ROS_Drive/ros2_subscribe_twist.inputs:context` from `ROS_Clock/ros2_context`.
+    """
+    for fault in _faults(subject, "foreign"):
+        message = (
+            f"{fault.port} is wired from {fault.actual}, which is not in this graph, "
+            f"expected {short_source(fault.expected)}"
+        )
+        yield _problem(fault, message, _connect(fault))
+
+
+@rule("W08", "execution-cycle", scope="graph")
+def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
+    """Execution wires run in a circle.
+
+    Why: a node that triggers itself is not evaluated in any order that makes sense; Isaac Sim
+    refuses the evaluation or loops.
+
+    Fix: delete the execution wire named here.
+
+    Example: a publisher's execOut wired back to the node that triggers it.
+    """
+    for fault in _faults(subject, "cycle"):
+        actual = short_source(fault.actual)
+        message = f"{fault.port} is wired from {actual}, which this node itself triggers"
+        yield _problem(fault, message, f"delete the wire from {actual}")
+
+
+@rule("W09", "incompatible-wire", scope="graph")
+def incompatible_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A wire joins two ports whose types do not go together.
+
+    Why: Isaac Sim drops a wire between a signal and data, or between data of different shape.
+
+    Fix: delete the wire.
+
+    Example: the tick of On Playback Tick wired into a queue size.
+    """
+    for fault in _faults(subject, "incompatible"):
+        actual = short_source(fault.actual)
+        message = f"{fault.port} cannot take what comes from {actual}"
+        yield _problem(fault, message, f"delete the wire from {actual}")
+
+
+@rule("W10", "forbidden-wire", scope="graph")
+def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A wire that the handout forbids is there.
+
+    Why: a subscriber's execOut fires only when a message comes, so that a controller driven by it
+    does not run every frame.
+
+    Fix: delete the wire, and trigger the node from the tick of On Playback Tick.
+
+    Example: `ros2_subscribe_twist.outputs:execOut` into `differential_controller.inputs:execIn`.
+    """
+    for fault in _faults(subject, "forbidden"):
+        actual = short_source(fault.actual)
+        expected = "" if fault.expected is None else f", expected {short_source(fault.expected)}"
+        message = f"{fault.port} is wired from {actual}, which the handout forbids{expected}"
+        yield _problem(fault, message, _connect(fault) if fault.expected else None)
+
+
+@rule("W11", "leftover-wire", scope="graph", severity="warning")
+def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A wire from something that no longer exists was left behind.
+
+    Why: Isaac Sim drops it when it loads the stage; it does no harm, but it shows that a node
+    was deleted or renamed after it had been wired.
+
+    Fix: right-click the input and choose Disconnect, or leave it.
+
+    Example: a second source `isaac_read_simulation_time_01` of a deleted node.
+    """
+    for fault in _faults(subject, "leftover"):
+        actual = short_source(fault.actual)
+        yield _problem(fault, f"{fault.port} has a leftover wire from {actual}, which is gone")
