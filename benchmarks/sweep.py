@@ -1,0 +1,96 @@
+"""Makes every single fault, one at a time, and prints how many are found, where, and how often.
+
+Usage: python benchmarks/sweep.py [CHECKPOINT] [--verbose]
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from pxr import Sdf, Usd
+
+from lab3_usd.check.checker import judge
+from lab3_usd.check.finding import Finding
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.reader import read_model
+from tests.sabotage import Fault, graph_faults
+from tests.scene_sabotage import scene_faults
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What the rules said of one fault."""
+
+    fault: Fault
+    errors: tuple[Finding, ...]
+
+    @property
+    def found(self) -> bool:
+        """Whether anything was said at all."""
+        return bool(self.errors)
+
+    @property
+    def at_place(self) -> bool:
+        """Whether one of the findings names a site of the fault."""
+        return any(each.prim in self.fault.sites for each in self.errors)
+
+
+def sweep(checkpoint: str, every: int = 1, start: int = 0) -> Iterator[Outcome]:
+    """Make each `every`-th fault of a checkpoint, from `start` on, and yield what is said."""
+    lab = load_lab()
+    asked = lab.checkpoints[checkpoint]
+    with tempfile.TemporaryDirectory() as folder:
+        clean = build_checkpoint(None, checkpoint, Path(folder) / f"{asked.file}.usda")
+        layer = Sdf.Layer.FindOrOpen(str(clean))
+        faults = [*graph_faults(lab, asked), *scene_faults(lab, asked)]
+        for fault in faults[start::every]:
+            copy = Sdf.Layer.CreateAnonymous(".usda")
+            copy.TransferContent(layer)
+            stage = Usd.Stage.Open(copy)
+            fault.break_it(stage)
+            judged = judge(lab, asked, read_model(stage, lab, clean.name))
+            if judged.crashes:
+                raise RuntimeError(judged.crashes)
+            errors = tuple(each for each in judged.findings if each.severity == "error")
+            yield Outcome(fault, errors)
+
+
+def table(outcomes: Sequence[Outcome]) -> str:
+    """Return the figures by kind of fault."""
+    lines = [f"{'kind':<10}{'faults':>8}{'found':>8}{'at place':>10}{'mean':>8}"]
+    kinds = [*dict.fromkeys(each.fault.kind for each in outcomes), "all"]
+    for kind in kinds:
+        some = [each for each in outcomes if kind in {each.fault.kind, "all"}]
+        count, errors = len(some), sum(len(each.errors) for each in some)
+        found, placed = sum(each.found for each in some), sum(each.at_place for each in some)
+        lines.append(f"{kind:<10}{count:>8}{found:>8}{placed:>10}{errors / count:>8.3f}")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print the table of one checkpoint, or of all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("checkpoint", nargs="?")
+    parser.add_argument("--verbose", action="store_true")
+    options = parser.parse_args()
+    chosen = [options.checkpoint] if options.checkpoint else list(load_lab().checkpoints)
+    for checkpoint in chosen:
+        outcomes = list(sweep(checkpoint))
+        print(f"checkpoint {checkpoint}\n{table(outcomes)}\n")
+        for each in outcomes if options.verbose else ():
+            if len(each.errors) != 1 or not each.at_place:
+                print(each.fault.name, each.fault.sites)
+                for error in each.errors:
+                    print(f"    {error.rule} {error.prim} {error.property}: {error.message}")
+
+
+if __name__ == "__main__":
+    main()

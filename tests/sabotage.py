@@ -1,0 +1,178 @@
+"""Every single fault of the graphs of a correct stage, made through the USD API."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from pxr import Sdf, Usd
+
+from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.spec import Checkpoint, GraphSpec, Lab, NodeSpec, Setting, Wire
+
+# The most likely slip for a type: what a student might pick from the node list instead.
+OTHER_TYPE = "omni.graph.nodes.ConstantToken"
+ELSE_TYPE = "isaacsim.core.nodes.IsaacReadSimulationTime"
+TOLD_AS_FRAMES = "as frames"
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault: what it does to a stage, and the prims of which one must be named."""
+
+    name: str
+    kind: str
+    break_it: Callable[[Usd.Stage], None]
+    sites: tuple[str, ...]
+
+
+def graph_faults(lab: Lab, checkpoint: Checkpoint) -> Iterator[Fault]:
+    """Yield every fault of every graph that the checkpoint asks for."""
+    for name in checkpoint.graphs:
+        spec = lab.graphs[name]
+        yield from _whole_graph(spec)
+        for node in spec.nodes.values():
+            yield from _node_faults(spec, node)
+            for setting in node.settings:
+                yield from _setting_faults(spec, node, setting)
+            yield from _target_faults(spec, node)
+        for wire in spec.wires:
+            yield from _wire_faults(spec, wire)
+
+
+def _whole_graph(spec: GraphSpec) -> Iterator[Fault]:
+    def rename(stage: Usd.Stage) -> None:
+        editor = Usd.NamespaceEditor(stage)
+        editor.MovePrimAtPath(spec.path, f"{spec.path}_01")
+        editor.ApplyEdits()
+
+    def attribute(name: str, value: str) -> Callable[[Usd.Stage], None]:
+        return lambda stage: stage.GetPrimAtPath(spec.path).GetAttribute(name).Set(value)
+
+    where = (spec.path,)
+    yield Fault(f"{spec.name} removed", "graph", lambda s: _remove(s, spec.path), where)
+    yield Fault(
+        f"{spec.name} deactivated", "graph",
+        lambda s: s.GetPrimAtPath(spec.path).SetActive(False), where,
+    )  # fmt: skip
+    yield Fault(f"{spec.name} renamed", "graph", rename, (f"{spec.path}_01",))
+    yield Fault(f"{spec.name} push", "graph", attribute("evaluator:type", "push"), where)
+    yield Fault(
+        f"{spec.name} on demand", "graph",
+        attribute("pipelineStage", "pipelineStageOnDemand"), where,
+    )  # fmt: skip
+
+
+def _remove(stage: Usd.Stage, path: str) -> None:
+    stage.RemovePrim(path)
+
+
+def _node_faults(spec: GraphSpec, node: NodeSpec) -> Iterator[Fault]:
+    path = f"{spec.path}/{node.role}"
+    other = OTHER_TYPE if node.type.type != OTHER_TYPE else ELSE_TYPE
+    name = f"{spec.name}/{node.role}"
+    yield Fault(f"{name} removed", "node", lambda s: _remove(s, path), (spec.path,))
+    yield Fault(
+        f"{name} deactivated", "node",
+        lambda s: s.GetPrimAtPath(path).SetActive(False), (spec.path,),
+    )  # fmt: skip
+    yield Fault(
+        f"{name} retyped", "node",
+        lambda s: s.GetPrimAtPath(path).GetAttribute("node:type").Set(other), (path,),
+    )  # fmt: skip
+
+
+def _wrong(value: Value) -> Value:
+    """Return another value of the same type."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, (int, float)):
+        return value + 1
+    return f"{value}_x"
+
+
+def _setting_faults(spec: GraphSpec, node: NodeSpec, setting: Setting) -> Iterator[Fault]:
+    path = f"{spec.path}/{node.role}"
+    name = f"{spec.name}/{node.role}.{setting.port}"
+    port = node.type.port(setting.port)
+    assert port is not None
+
+    def set_wrong(stage: Usd.Stage) -> None:
+        wrong = "point_cloud" if port.allowed[:1] == ("laser_scan",) else _wrong(setting.value)
+        stage.GetPrimAtPath(path).GetAttribute(setting.port).Set(wrong)
+
+    def unset(stage: Usd.Stage) -> None:
+        stage.GetPrimAtPath(path).GetAttribute(setting.port).Clear()
+
+    def retype(stage: Usd.Stage) -> None:
+        prim = stage.GetPrimAtPath(path)
+        prim.RemoveProperty(setting.port)
+        text = not isinstance(setting.value, str)
+        kind = Sdf.ValueTypeNames.String if text else Sdf.ValueTypeNames.Int
+        prim.CreateAttribute(setting.port, kind, custom=True).Set("1" if text else 1)
+
+    yield Fault(f"{name} wrong", "value", set_wrong, (path,))
+    if port.default != setting.value and str(port.default) != str(setting.value).lstrip("/"):
+        yield Fault(f"{name} unset", "value", unset, (path,))
+    yield Fault(f"{name} of another type", "value", retype, (path,))
+
+
+def _target_faults(spec: GraphSpec, node: NodeSpec) -> Iterator[Fault]:
+    path = f"{spec.path}/{node.role}"
+    for target in node.targets:
+        for prim in target.prims:
+            yield _target_fault(path, target.port, prim, None, f"{spec.name}/{node.role}")
+            yield _target_fault(path, target.port, prim, "/World", f"{spec.name}/{node.role}")
+
+
+def _target_fault(path: str, port: str, prim: str, instead: str | None, name: str) -> Fault:
+    def change(stage: Usd.Stage) -> None:
+        relationship = stage.GetPrimAtPath(path).GetRelationship(port)
+        kept = [each for each in relationship.GetTargets() if str(each) != prim]
+        relationship.SetTargets([*kept, *([] if instead is None else [Sdf.Path(instead)])])
+
+    what = "removed" if instead is None else "replaced"
+    return Fault(f"{name}.{port} {prim} {what}", "target", change, (path,))
+
+
+def _wire_faults(spec: GraphSpec, wire: Wire) -> Iterator[Fault]:
+    target = f"{spec.path}/{wire.target.role}"
+    source = f"{spec.path}/{wire.source.role}"
+
+    def connect(*paths: str) -> Callable[[Usd.Stage], None]:
+        def change(stage: Usd.Stage) -> None:
+            attribute = stage.GetPrimAtPath(target).GetAttribute(wire.target.port)
+            attribute.SetConnections([Sdf.Path(each) for each in paths])
+
+        return change
+
+    name = f"{spec.name}: {wire}"
+    yield Fault(f"{name} cut", "wire", connect(), (target,))
+    yield Fault(f"{name} dangling", "wire", connect(f"{source}_gone.outputs:x"), (target,))
+    for port in _other_ports(spec, wire):
+        yield Fault(f"{name} from {port}", "wire", connect(f"{source}.{port}"), (target,))
+        break
+    else:
+        yield Fault(f"{name} from no port", "wire", connect(f"{source}.outputs:no"), (target,))
+    yield from _moved(spec, wire, target, source)
+
+
+def _other_ports(spec: GraphSpec, wire: Wire) -> Iterator[str]:
+    ports = spec.nodes[wire.source.role].type.ports
+    return (name for name, port in ports.items() if port.is_source and name != wire.source.port)
+
+
+def _moved(spec: GraphSpec, wire: Wire, target: str, source: str) -> Iterator[Fault]:
+    """Move the end of a wire to another input of the same node."""
+    node_type = spec.nodes[wire.target.role].type
+    for port in node_type.ports.values():
+        if port.is_source or port.is_target or port.name == wire.target.port:
+            continue
+
+        def move(stage: Usd.Stage, name: str = port.name) -> None:
+            prim = stage.GetPrimAtPath(target)
+            prim.GetAttribute(wire.target.port).ClearConnections()
+            prim.GetAttribute(name).AddConnection(f"{source}.{wire.source.port}")
+
+        yield Fault(f"{spec.name}: {wire} moved to {port.name}", "wire", move, (target,))
+        return
