@@ -377,6 +377,20 @@ def test_a_stage_without_a_robot_needs_start_and_height(tmp_path: Path) -> None:
     assert "edge of the map" in result.output
 
 
+def test_what_is_not_on_the_map_is_said(starter: Path, tmp_path: Path) -> None:
+    stage = Usd.Stage.Open(str(starter))
+    UsdPhysics.CollisionAPI.Apply(stage.DefinePrim("/Environment/Curved", "NurbsPatch"))
+    stage.DefinePrim("/Environment/Shelf").GetReferences().AddReference("not_here.usd")
+    stage.GetRootLayer().Export(str(tmp_path / "room.usda"))
+    arguments = [str(tmp_path / "room.usda"), "-o", str(tmp_path / "map")]
+    result = CliRunner().invoke(command, arguments)
+    assert result.exit_code == 0
+    told = [line for line in result.stderr.splitlines() if line.startswith("warning: ")]
+    assert len(told) == 2
+    assert "1 unresolved" in told[0]
+    assert "/Environment/Curved" in told[1]
+
+
 def test_a_cut_above_everything_is_refused(starter: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(command, [str(starter), "-o", str(tmp_path), "--height", "3"])
     assert isinstance(result.exception, UsageError)

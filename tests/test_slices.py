@@ -155,8 +155,8 @@ def test_a_face_that_lies_in_the_cut_has_no_outline_of_its_own(stage: Usd.Stage)
 
 
 def test_holes_and_broken_faces_of_a_mesh_are_left_out(stage: Usd.Stage) -> None:
-    points = [(0, 0, -1), (1, 0, -1), (1, 0, 1), (0, 0, 1), (0, 5, math.nan)]
-    prim = mesh(stage, points, [[0, 1, 2, 3], [0, 1, 2, 3], [0, 1, 99], [0, 4, 1]])
+    points = [(0, 0, -1), (1, 0, -1), (1, 0, 1), (0, 0, 1), (0, 5, math.nan), (math.nan, 0, 1)]
+    prim = mesh(stage, points, [[0, 1, 2, 3], [0, 1, 2, 3], [0, 1, 99], [0, 4, 1], [0, 5, 1]])
     prim.GetAttribute("holeIndices").Set([1])
     assert cut(stage).segments == (((0, 0), (1, 0)),)
 
@@ -202,7 +202,7 @@ def test_instances_are_cut_each_in_its_place(stage: Usd.Stage) -> None:
 
 def test_a_collider_that_is_no_shape_stands_for_the_shapes_below_it(stage: Usd.Stage) -> None:
     shape(stage, "Xform", "/Shelf")
-    stage.DefinePrim("/Shelf/Board", "Cube")
+    stage.DefinePrim("/Shelf/Group/Board", "Cube")
     shape(stage, "Cube", "/Shelf/Off", size=8.0).GetAttribute("physics:collisionEnabled").Set(0)
     found = cut(stage)
     assert bounds(found.segments) == pytest.approx([-1, -1, 1, 1])

@@ -476,6 +476,11 @@ def in_world(**item: Any) -> Any:
     return lambda data: data["prims"]["World"]["children"].update(Wrong=item)
 
 
+def test_a_shape_without_points_has_no_extent(tmp_path: Path) -> None:
+    stage = Usd.Stage.Open(starter_layer(edited(tmp_path, in_world(type="Mesh"))))
+    assert not stage.GetPrimAtPath("/World/Wrong").GetAttribute("extent").IsAuthored()
+
+
 @pytest.mark.parametrize(
     ("edit", "named"),
     [

@@ -89,13 +89,15 @@ def _cut(stage: Path, scene: Mapping[str, Any], height: float | None) -> StageSl
     lidar_link = scene["lidar"]["path"].rpartition("/")[0]
     cut = slice_stage(open_stage(stage), CutAt(scene["robot"]["path"], lidar_link, height))
     if cut.missing:
-        message = f"warning: {cut.missing} assets cannot be found, what they hold is not on the map"
+        message = f"warning: not on the map is what {cut.missing} unresolved asset paths would hold"
         click.echo(message, err=True)
     for path in cut.not_cut:
         click.echo(
-            f"warning: {path} has a shape that cannot be cut, it is not on the map", err=True
+            f"warning: not on the map is {path}, a shape of a type that cannot be cut", err=True
         )
     if not cut.segments:
-        message = f"{stage}: nothing that collides is {cut.height:g} m above the ground"
+        message = (
+            f"{stage}: has nothing that collides at a height of {cut.height:g} m, give --height"
+        )
         raise UsageError(message)
     return cut
