@@ -70,7 +70,7 @@ def parse_endpoints(text: str) -> tuple[Endpoint, ...]:
 def _endpoints(text: str) -> Iterator[Endpoint]:
     for part in re.split(r"(?mi)^\s*Node name:", text)[1:]:
         name, _, rest = part.partition("\n")
-        said = dict(re.findall(r"(?m)^\s*([A-Z][\w ]*?)\s*:\s*(\S.*?)\s*$", rest))
+        said = dict(re.findall(r"(?m)^[ \t]*([A-Z][\w ]*?)[ \t]*:[ \t]*(\S.*?)[ \t]*$", rest))
         yield Endpoint(
             node=_full_name(said.get("Node namespace", "/"), name.strip()),
             publishes=said.get("Endpoint type", "PUBLISHER") != "SUBSCRIPTION",

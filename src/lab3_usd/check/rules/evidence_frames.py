@@ -87,11 +87,12 @@ def frame_with_two_parents(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Example: one run of `view_frames` shows `map -> odom`, the next `world -> odom`.
     """
+    forbidden = subject.frames.forbidden_edge  # which E10 speaks of
     first: dict[str, tuple[str, str]] = {}
     for shown in subject.evidence.view_frames.get("", ()):
         for parent, child in shown.fact:
             known, file = first.setdefault(child, (parent, shown.file))
-            if known == parent:
+            if known == parent or forbidden in {(parent, child), (known, child)}:
                 continue
             # Two files may be from before and after a repair, one file may not.
             severity: Severity = "error" if file == shown.file else "warning"

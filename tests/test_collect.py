@@ -1,0 +1,172 @@
+"""The script that collects evidence, run with commands that only pretend to be ROS 2's."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from ros_outputs import EDGES, STATUS, fake_ros2, frames_gv, good_outputs
+
+from lab3_usd.cli import lab3
+from lab3_usd.lab.collect import collect_script
+from lab3_usd.lab.evidence import MANIFEST, read_evidence
+from lab3_usd.spec.load_ros import load_ros
+
+ROS = load_ros()
+FILES = [command.file for command in ROS.commands]
+
+
+def run_script(
+    folder: Path, *options: str, outputs: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run the script in `folder`, where `bin` may hold a `ros2`; `outputs` is what one prints."""
+    script = folder / "collect.sh"
+    script.write_text(collect_script(ROS))
+    if outputs is not None:
+        fake_ros2(folder / "bin", outputs)
+    # A computer that has ROS must not answer in the place of the fake.
+    real = [each for each in os.get_exec_path() if not (Path(each) / "ros2").exists()]
+    path = os.pathsep.join([str(folder / "bin"), *real])
+    return subprocess.run(
+        ["bash", str(script), *options],  # noqa: S607 - bash is where the user has it
+        cwd=folder,
+        env={"PATH": path, "HOME": str(folder), "ROS_DISTRO": "humble"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+def put_ros2(folder: Path, *lines: str) -> None:
+    fake = folder / "bin" / "ros2"
+    fake.parent.mkdir()
+    fake.write_text("\n".join(["#!/bin/sh", *lines, ""]))
+    fake.chmod(0o755)
+
+
+def manifest(folder: Path) -> dict[str, list[str]]:
+    lines = (folder / "results" / MANIFEST).read_text().splitlines()
+    return {line.split("\t")[0]: line.split("\t")[1:] for line in lines[1:]}
+
+
+@pytest.fixture(scope="module")
+def collected(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("collected")
+    assert run_script(folder, outputs=good_outputs()).returncode == 0
+    return folder
+
+
+def test_shellcheck_has_nothing_to_say(tmp_path: Path) -> None:
+    shellcheck = shutil.which("shellcheck")
+    if not shellcheck:
+        pytest.skip("ShellCheck is not installed")
+    script = tmp_path / "collect.sh"
+    script.write_text(collect_script(ROS))
+    done = subprocess.run([shellcheck, str(script)], capture_output=True, text=True, check=False)
+    assert done.stdout == ""
+
+
+def test_every_command_has_its_file(collected: Path) -> None:
+    assert [file for file in FILES if not (collected / "results" / file).is_file()] == []
+
+
+def test_every_command_has_its_line_in_the_manifest(collected: Path) -> None:
+    lines = manifest(collected)
+    assert [c.line for c in ROS.commands if lines[c.file][3] != c.line] == []
+    assert {line[0] for line in lines.values()} <= {"0", "1"}
+
+
+def test_every_output_opens_with_its_command(collected: Path) -> None:
+    for command in ROS.commands:
+        text = (collected / "results" / command.file).read_text()
+        assert text.splitlines()[0] == f"$ {command.line}"
+
+
+def test_what_the_script_saves_is_understood(collected: Path) -> None:
+    evidence = read_evidence(collected / "results", root=collected)
+    asked = [c for c in ROS.commands if not c.extra]
+    assert [c.file for c in asked if c.target not in getattr(evidence, c.kind.name)] == []
+
+
+def test_without_ros_every_command_is_recorded_as_missing(tmp_path: Path) -> None:
+    assert run_script(tmp_path).returncode == 0
+    lines = manifest(tmp_path)
+    assert {lines[file][0] for file in FILES} == {"127"}
+
+
+def test_without_ros_nothing_is_shown(tmp_path: Path) -> None:
+    run_script(tmp_path)
+    evidence = read_evidence(tmp_path / "results")
+    assert [c.file for c in ROS.commands if getattr(evidence, c.kind.name)] == []
+
+
+def test_a_failing_command_stops_no_other(tmp_path: Path) -> None:
+    outputs = good_outputs()
+    del outputs["ros2 node list"]
+    assert run_script(tmp_path, outputs=outputs).returncode == 0
+    lines = manifest(tmp_path)
+    assert lines["node_list.txt"][0] == "1"
+    assert lines[FILES[-1]][0] == "0"
+
+
+def test_a_command_that_hangs_is_ended(tmp_path: Path) -> None:
+    hangs = 'case "$*" in "topic hz /clock") echo "average rate: 1.0"; sleep 60;; esac'
+    put_ros2(tmp_path, hangs)
+    assert run_script(tmp_path, "--limit", "1").returncode == 0
+    assert manifest(tmp_path)["topic_hz_clock.txt"][0] == "124"
+    assert read_evidence(tmp_path / "results").topic_hz["/clock"][0].fact == pytest.approx(1.0)
+
+
+def test_drawn_frames_get_a_fixed_name(tmp_path: Path) -> None:
+    (tmp_path / "tree.gv").write_text(frames_gv(*EDGES))
+    copy = f"cp {tmp_path}/tree.gv frames_2026-11-20_10.00.00.gv"
+    put_ros2(tmp_path, f'case "$*" in *view_frames) {copy};; esac')
+    run_script(tmp_path)
+    assert (tmp_path / "results" / "frames.gv").read_text() == frames_gv(*EDGES)
+    assert list(tmp_path.glob("frames*")) == []
+
+
+def test_a_goal_is_watched_until_it_ends(tmp_path: Path) -> None:
+    count = tmp_path / "count"
+    count.write_text("0")
+    running = "status_list:\\n- goal_info:\\n  status: 2\\n---\\n"
+    (tmp_path / "ended").write_text(STATUS)
+    put_ros2(
+        tmp_path,
+        'case "$*" in *_action/status*) ;; *) exit;; esac',
+        f"n=$(cat {count}); echo $((n + 1)) >{count}",
+        f'case $n in 0) echo "status_list: []";; 1) printf "{running}";;',
+        f"*) cat {tmp_path}/ended;; esac",
+    )
+    assert run_script(tmp_path, "--goal", "20").returncode == 0
+    goals = read_evidence(tmp_path / "results").goals[""]
+    measured = next(shown.fact for shown in goals if shown.file == "goal.txt")
+    assert measured.status == ROS.goal.succeeded
+    assert measured.seconds is not None
+
+
+@pytest.mark.parametrize("options", [["--goal"], ["--limit", "soon"], ["somewhere"]])
+def test_options_that_make_no_sense_are_refused(tmp_path: Path, options: list[str]) -> None:
+    done = run_script(tmp_path, *options)
+    assert done.returncode == 2
+    assert "usage:" in done.stderr
+
+
+def test_the_command_writes_a_script_that_can_be_run(tmp_path: Path) -> None:
+    script = tmp_path / "collect.sh"
+    done = CliRunner().invoke(lab3, ["collect", "-o", str(script)])
+    assert (done.exit_code, script.read_text()) == (0, collect_script(ROS))
+    assert os.access(script, os.X_OK)
+
+
+def test_the_command_replaces_nothing_unasked(tmp_path: Path) -> None:
+    script = tmp_path / "collect.sh"
+    script.write_text("mine")
+    done = CliRunner().invoke(lab3, ["collect", "-o", str(script)])
+    assert done.exit_code != 0
+    assert script.read_text() == "mine"

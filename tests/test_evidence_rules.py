@@ -1,0 +1,238 @@
+"""Rules about saved diagnostics: each with a case that it finds and one that it leaves alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from ros_outputs import (
+    ACTIVE,
+    EDGES,
+    MAP,
+    NO_LOOKUP,
+    NO_RATE,
+    NODES,
+    ODOM,
+    PACKAGES,
+    SCAN,
+    STATUS,
+    TOPICS,
+    TYPES,
+    frames_gv,
+    good_outputs,
+    info,
+    view_frames,
+)
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.registry import rules_of, run_rule
+from lab3_usd.check.subjects_lab import EvidenceSubject
+from lab3_usd.lab.evidence import read_evidence
+from lab3_usd.spec.load_ros import load_ros, map_facts
+from lab3_usd.spec.loader import load_lab
+
+ROS = load_ros()
+LAB = load_lab()
+RULES = {found.id: found for found in rules_of("evidence", "E")}
+Files = dict[str, str]
+
+
+def good_files() -> Files:
+    """The files of a folder that shows everything the handout asks for."""
+    outputs = good_outputs()
+    files = {}
+    for command in ROS.commands:
+        fitting = [text for words, text in outputs.items() if command.line.startswith(words)]
+        files[command.file] = fitting[-1]
+    return files
+
+
+def subject(folder: Path, files: Files) -> EvidenceSubject:
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    evidence = read_evidence(folder, root=folder.parent)
+    return EvidenceSubject(ROS, LAB.frames, map_facts(LAB.scene), evidence)
+
+
+def problems(given: EvidenceSubject) -> dict[str, list[Problem]]:
+    found = {rule_id: run_rule(each, given) for rule_id, each in RULES.items()}
+    return {rule_id: each for rule_id, each in found.items() if each}
+
+
+def test_a_folder_that_shows_everything_has_no_problem(tmp_path: Path) -> None:
+    assert problems(subject(tmp_path, good_files())) == {}
+
+
+FAULTS: list[tuple[str, Files, str | None]] = [
+    ("E02", {"topic_type_scan.txt": "sensor_msgs/msg/PointCloud2\n"}, "/scan"),
+    ("E02", {"topic_type_map.txt": ""}, "/map"),
+    ("E02", {"topic_type_odom.txt": f"{TYPES['/odom']}\n{TYPES['/scan']}\n"}, "/odom"),
+    ("E03", {"topic_list.txt": TOPICS.replace("/map\n", "")}, "/map"),
+    ("E04", {"topic_hz_scan.txt": NO_RATE}, "/scan"),
+    ("E04", {"topic_hz_clock.txt": ""}, "/clock"),
+    ("E05", {"topic_echo_scan.txt": SCAN.replace("base_scan", "sim_lidar")}, "/scan"),
+    ("E05", {"topic_echo_odom.txt": ODOM.replace("base_footprint", "base_link")}, "/odom"),
+    ("E05", {"topic_echo_clock.txt": "WARNING: topic [/clock] is late\n"}, "/clock"),
+    ("E06", {"topic_echo_map.txt": MAP.replace("177", "384")}, "/map"),
+    ("E06", {"topic_echo_map.txt": MAP.replace("-3.32", "-10.0")}, "/map"),
+    (
+        "E07",
+        {"topic_info_scan.txt": info(TYPES["/scan"], "lidar", durability="TRANSIENT_LOCAL")},
+        "/scan",
+    ),
+    ("E07", {"topic_info_map.txt": info(TYPES["/map"], "map_server")}, "/map"),
+    ("E08", {"lifecycle_amcl.txt": "inactive [2]\n"}, "/amcl"),
+    ("E08", {"lifecycle_map_server.txt": "Node not found\n"}, "/map_server"),
+    ("E09", {"node_list.txt": NODES.replace("/velocity_smoother\n", "")}, "/velocity_smoother"),
+    ("E11", {"view_frames.txt": view_frames(*EDGES[1:])}, "map -> odom"),
+    ("E11", {"view_frames.txt": view_frames(*EDGES[:-1])}, "base_footprint -> Camera_1"),
+    ("E11", {"view_frames.txt": "frame_yaml='[]'"}, None),
+    (
+        "E11",
+        {"view_frames.txt": view_frames(*EDGES[:-1], ("odom", "Camera_1"))},
+        "base_footprint -> Camera_1",
+    ),
+    ("E12", {"view_frames.txt": view_frames(("odom", "base_link"), *EDGES)}, "base_link"),
+    ("E13", {"tf2_echo_map_base_footprint.txt": NO_LOOKUP}, "map -> base_footprint"),
+    ("E14", {"topic_info_odom.txt": info(TYPES["/odom"], "one", "two")}, "/odom"),
+    ("E14", {"topic_info_scan.txt": "Unknown topic '/scan'\n"}, "/scan"),
+    (
+        "E15",
+        {"node_list.txt": NODES + "/_Graph_ROS_Odometry_TFWorld2Odom\n"},
+        "/_Graph_ROS_Odometry_TFWorld2Odom",
+    ),
+    (
+        "E15",
+        {
+            "topic_info_tf.txt": info(
+                "tf2_msgs/msg/TFMessage", "amcl", "_World_ROS_OdomTF_TFWorld2Odom"
+            )
+        },
+        "/_World_ROS_OdomTF_TFWorld2Odom",
+    ),
+    (
+        "E16",
+        {"topic_echo_navigate_to_pose_action_status.txt": STATUS.replace("status: 4", "status: 6")},
+        None,
+    ),
+    ("E17", {"packages.txt": PACKAGES.replace("rqt_image_view\n", "")}, "rqt_image_view"),
+]
+
+
+@pytest.mark.parametrize(("rule_id", "files", "site"), FAULTS)
+def test_a_fault_gives_its_finding_and_no_other(
+    tmp_path: Path, rule_id: str, files: Files, site: str | None
+) -> None:
+    found = problems(subject(tmp_path, {**good_files(), **files}))
+    assert list(found) == [rule_id]
+    (problem,) = found[rule_id]
+    assert problem.property == site
+    assert problem.prim == f"{tmp_path.name}/{next(iter(files))}"
+    assert problem.handout
+
+
+def test_every_rule_has_a_case() -> None:
+    elsewhere = {"E01", "E10"}
+    assert {rule_id for rule_id, _, _ in FAULTS} | elsewhere == set(RULES)
+
+
+def test_world_to_odom_in_a_tree_is_found(tmp_path: Path) -> None:
+    files = {**good_files(), "view_frames.txt": view_frames(("world", "odom"), *EDGES[1:])}
+    found = problems(subject(tmp_path, files))
+    assert [p.property for p in found["E10"]] == ["world -> odom"]
+
+
+def test_a_tree_with_world_to_odom_is_found_beside_a_good_one(tmp_path: Path) -> None:
+    files = {**good_files(), "frames.gv": frames_gv(("world", "odom"))}
+    found = problems(subject(tmp_path, files))
+    assert list(found) == ["E10"]
+
+
+def test_trees_that_disagree_are_a_warning(tmp_path: Path) -> None:
+    files = {**good_files(), "frames.gv": frames_gv(("base_link", "Camera_1"))}
+    found = problems(subject(tmp_path, files))
+    assert [(p.property, p.severity) for p in found["E12"]] == [("Camera_1", "warning")]
+    assert found["E12"][0].related == (f"{tmp_path.name}/frames.gv",)
+
+
+def test_frames_may_hang_deeper_below_the_base(tmp_path: Path) -> None:
+    tree = view_frames(*EDGES[:3], ("base_link", "base_scan"), *EDGES[4:])
+    assert problems(subject(tmp_path, {**good_files(), "view_frames.txt": tree})) == {}
+
+
+def test_a_later_output_repairs_an_earlier_one(tmp_path: Path) -> None:
+    files = {**good_files(), "a_hz_scan.txt": NO_RATE, "amcl first.txt": "unconfigured [1]\n"}
+    files["a_hz_scan.txt"] = f"$ ros2 topic hz /scan\n{NO_RATE}"
+    assert problems(subject(tmp_path, files)) == {}
+
+
+def test_three_publishers_of_tf_are_normal(tmp_path: Path) -> None:
+    text = info("tf2_msgs/msg/TFMessage", "amcl", "one", "two")
+    assert problems(subject(tmp_path, {**good_files(), "topic_info_tf.txt": text})) == {}
+
+
+def test_a_field_that_was_cut_away_shows_nothing(tmp_path: Path) -> None:
+    cut = SCAN.replace("  frame_id: base_scan\n", "")
+    assert problems(subject(tmp_path, {**good_files(), "topic_echo_scan.txt": cut})) == {}
+
+
+def test_a_filtered_list_lacks_nothing(tmp_path: Path) -> None:
+    files = {**good_files(), "topic_list.txt": "$ ros2 topic list | grep scan\n/scan\n"}
+    assert problems(subject(tmp_path, files)) == {}
+
+
+def test_one_goal_that_succeeded_is_enough(tmp_path: Path) -> None:
+    files = {**good_files(), "nav2.log": "[bt_navigator]: Goal failed\n"}
+    assert problems(subject(tmp_path, files)) == {}
+
+
+def test_before_localization_its_evidence_is_not_asked_for(tmp_path: Path) -> None:
+    files = {
+        **good_files(),
+        "view_frames.txt": view_frames(*EDGES[1:]),
+        "topic_list.txt": TOPICS.replace("/map\n", ""),
+        "lifecycle_amcl.txt": "Node not found\n",
+    }
+    given = replace(subject(tmp_path, files), until="06")
+    assert problems(given) == {}
+
+
+def test_what_is_missing_is_not_shown(tmp_path: Path) -> None:
+    files = good_files()
+    del files["topic_hz_scan.txt"], files["topic_hz_odom.txt"]
+    (problem,) = problems(subject(tmp_path, files))["E01"]
+    assert "`ros2 topic hz /odom`, `ros2 topic hz /scan`" in problem.message
+    assert (problem.prim, problem.handout, problem.severity) == (tmp_path.name, "J4", "note")
+
+
+def test_what_is_missing_is_an_error_where_evidence_is_required(tmp_path: Path) -> None:
+    files = good_files()
+    del files["lifecycle_amcl.txt"]
+    given = replace(subject(tmp_path, files), required=True)
+    assert [p.severity for p in problems(given)["E01"]] == ["error"]
+
+
+def test_an_empty_folder_is_said_once(tmp_path: Path) -> None:
+    found = problems(subject(tmp_path, {}))
+    assert list(found) == ["E01"]
+    assert [p.severity for p in found["E01"]] == ["note"]
+
+
+def test_a_status_without_goal_is_not_shown(tmp_path: Path) -> None:
+    name = "topic_echo_navigate_to_pose_action_status.txt"
+    found = problems(subject(tmp_path, {**good_files(), name: "status_list: []\n---\n"}))
+    assert list(found) == ["E01"]
+
+
+def test_extra_commands_may_be_missing(tmp_path: Path) -> None:
+    files = good_files()
+    for command in ROS.commands:
+        if command.extra:
+            del files[command.file]
+    assert problems(subject(tmp_path, files)) == {}
+
+
+def test_an_active_node_is_told_by_its_number_too(tmp_path: Path) -> None:
+    files = {**good_files(), "lifecycle_amcl.txt": ACTIVE.replace("3", "2")}
+    assert list(problems(subject(tmp_path, files))) == ["E08"]

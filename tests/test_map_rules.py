@@ -1,0 +1,181 @@
+"""Rules about map files: each with a case that it finds and one that it leaves alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.registry import rules_of, run_rule
+from lab3_usd.check.subjects_lab import Agreement, MapSubject
+from lab3_usd.lab.map_subject import find_map, map_subject
+from lab3_usd.spec.load_ros import map_facts
+from lab3_usd.spec.loader import load_lab
+
+FACTS = map_facts(load_lab().scene)
+RULES = {found.id: found for found in rules_of("maps", "M")}
+GOOD = """\
+image: turtlebot3_map.pgm
+mode: trinary
+resolution: 0.05
+origin: [-6.2, -3.32, 0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.25
+"""
+
+
+def image(width: int = 177, height: int = 162, *, missing: int = 0) -> bytes:
+    return b"P5\n%d %d\n255\n" % (width, height) + b"\xfe" * (width * height - missing)
+
+
+def given(folder: Path, text: str = GOOD, data: bytes | None = None) -> MapSubject:
+    """A submission whose folder `maps` holds the text and the image."""
+    maps = folder / "maps"
+    maps.mkdir()
+    (maps / FACTS.yaml).write_text(text)
+    (maps / FACTS.image).write_bytes(image() if data is None else data)
+    return map_subject(maps / FACTS.yaml, FACTS, root=folder)
+
+
+def problems(subject: MapSubject) -> dict[str, list[Problem]]:
+    found = {rule_id: run_rule(each, subject) for rule_id, each in RULES.items()}
+    return {rule_id: each for rule_id, each in found.items() if each}
+
+
+def changed(old: str, new: str) -> str:
+    assert old in GOOD
+    return GOOD.replace(old, new)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        GOOD,
+        changed("mode: trinary\n", ""),
+        changed("0.05", "5.0e-2"),
+        changed("[-6.2, -3.32, 0]", "[-6.200000, -3.320000, 0.000000]"),
+        changed("turtlebot3_map.pgm", '"turtlebot3_map.pgm"'),
+        "# my map\n\n" + GOOD.replace("\n", "   # as in 4.2\n") + "# author: ana\n",
+        "\n".join(reversed(GOOD.splitlines())),
+        "cost_lethal_threshold: 100\n" + GOOD,
+    ],
+)
+def test_a_correct_map_has_no_problem(tmp_path: Path, text: str) -> None:
+    assert problems(given(tmp_path, text)) == {}
+
+
+FAULTS = [
+    ("M01", "image: [turtlebot3_map.pgm\n", None),
+    ("M01", "no map at all\n", None),
+    ("M02", changed("turtlebot3_map.pgm", "/home/ana/maps/turtlebot3_map.pgm"), "image"),
+    ("M02", changed("turtlebot3_map.pgm", "C:\\maps\\turtlebot3_map.pgm"), "image"),
+    ("M02", changed("turtlebot3_map.pgm", "~/maps/turtlebot3_map.pgm"), "image"),
+    ("M02", changed("turtlebot3_map.pgm", "../maps/turtlebot3_map.pgm"), "image"),
+    ("M02", changed("image: turtlebot3_map.pgm\n", ""), "image"),
+    ("M02", changed("turtlebot3_map.pgm", "7"), "image"),
+    ("M06", changed("trinary", "scale"), "mode"),
+    ("M06", changed("0.05", "0.5"), "resolution"),
+    ("M06", changed("negate: 0", "negate: 1"), "negate"),
+    ("M06", changed("0.65", "0.6"), "occupied_thresh"),
+    ("M06", changed("0.25", "0.196"), "free_thresh"),
+    ("M06", changed("resolution: 0.05\n", ""), "resolution"),
+    ("M06", changed("0.05", "five"), "resolution"),
+    ("M07", changed("-6.2", "0.0"), "origin"),
+    ("M07", changed(", 0]", ", 1.57]"), "origin"),
+    ("M07", changed("[-6.2, -3.32, 0]", "[-6.2, -3.32]"), "origin"),
+    ("M07", changed("origin: [-6.2, -3.32, 0]\n", ""), "origin"),
+]
+
+
+@pytest.mark.parametrize(("rule_id", "text", "site"), FAULTS)
+def test_a_fault_in_the_file_gives_its_finding_and_no_other(
+    tmp_path: Path, rule_id: str, text: str, site: str | None
+) -> None:
+    found = problems(given(tmp_path, text))
+    assert list(found) == [rule_id]
+    (problem,) = found[rule_id]
+    assert (problem.prim, problem.property) == (f"maps/{FACTS.yaml}", site)
+    assert problem.handout
+
+
+def test_a_missing_file_is_found(tmp_path: Path) -> None:
+    assert list(problems(map_subject(tmp_path / FACTS.yaml, FACTS))) == ["M01"]
+
+
+def test_another_image_is_found(tmp_path: Path) -> None:
+    subject = given(tmp_path, changed("turtlebot3_map.pgm", "my_map.pgm"))
+    assert list(problems(subject)) == ["M03"]
+
+
+def test_another_image_that_exists_is_found_once(tmp_path: Path) -> None:
+    (tmp_path / FACTS.yaml).write_text(changed("turtlebot3_map.pgm", "my_map.pgm"))
+    (tmp_path / "my_map.pgm").write_bytes(image())
+    (problem,) = problems(map_subject(tmp_path / FACTS.yaml, FACTS))["M03"]
+    assert (problem.expected, problem.actual) == (FACTS.image, "my_map.pgm")
+
+
+def test_a_missing_image_is_found(tmp_path: Path) -> None:
+    (tmp_path / FACTS.yaml).write_text(GOOD)
+    found = problems(map_subject(tmp_path / FACTS.yaml, FACTS))
+    assert {rule_id: [p.prim for p in each] for rule_id, each in found.items()} == {
+        "M04": [FACTS.image]
+    }
+
+
+@pytest.mark.parametrize("data", [b"\x89PNG\r\n", image(missing=900), b""])
+def test_an_image_that_cannot_be_read_is_found(tmp_path: Path, data: bytes) -> None:
+    found = problems(given(tmp_path, data=data))
+    assert [p.prim for p in found["M05"]] == [f"maps/{FACTS.image}"]
+    assert list(found) == ["M05"]
+
+
+def test_an_image_of_another_size_is_found(tmp_path: Path) -> None:
+    found = problems(given(tmp_path, data=image(384, 384)))
+    assert [(p.expected, p.actual) for p in found["M08"]] == [("177 x 162", "384 x 384")]
+    assert list(found) == ["M08"]
+
+
+def test_a_text_image_is_as_good(tmp_path: Path) -> None:
+    data = b"P2\n# drawn by hand\n177 162\n255\n" + b"254\n" * (177 * 162)
+    assert problems(given(tmp_path, data=data)) == {}
+
+
+def test_agreement_with_the_walls_is_a_figure_and_no_fault(tmp_path: Path) -> None:
+    guesses = (Agreement(0.93, "from the world's origin"), Agreement(0.41, "from the start"))
+    (tmp_path / FACTS.yaml).write_text(GOOD)
+    (tmp_path / FACTS.image).write_bytes(image())
+    subject = map_subject(tmp_path / FACTS.yaml, FACTS, agreements=guesses)
+    found = problems(subject)
+    assert [p.actual for p in found["M09"]] == ["0.930"]
+    assert list(found) == ["M09"]
+    assert RULES["M09"].severity == "note"
+
+
+def test_a_stage_alone_gets_one_note() -> None:
+    found = problems(map_subject(None, FACTS))
+    assert list(found) == ["M10"]
+    assert RULES["M10"].severity == "note"
+
+
+def test_the_map_is_found_by_its_name(tmp_path: Path) -> None:
+    for name in (FACTS.yaml, "other.yaml"):
+        (tmp_path / name).write_text(GOOD)
+    assert find_map(tmp_path, FACTS).name == FACTS.yaml
+
+
+def test_an_only_map_of_another_name_is_found(tmp_path: Path) -> None:
+    (tmp_path / "map.yml").write_text(GOOD)
+    assert find_map(tmp_path, FACTS).name == "map.yml"
+
+
+def test_no_map_is_looked_for_under_its_name(tmp_path: Path) -> None:
+    assert find_map(tmp_path, FACTS) == tmp_path / FACTS.yaml
+
+
+def test_the_bundled_map_has_no_problem(repository: Path) -> None:
+    if not (repository / "maps" / FACTS.yaml).is_file():
+        pytest.skip("the bundled map has not been made yet")
+    subject = map_subject(repository / "maps" / FACTS.yaml, FACTS)
+    assert problems(subject) == {}
