@@ -1,0 +1,67 @@
+"""Which sensor feeds a node, and what sets the pace of what it sends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.model import Node, StageModel
+from lab3_usd.check.running import Nodes, effective, live_sources
+from lab3_usd.spec.spec import Lab
+
+_PRODUCT = "inputs:renderProductPath"
+_RATE = "omni:sensor:tickRate"
+
+
+def sensor_of(node: Node, live: Nodes) -> str | None:
+    """Return the path of the prim whose render product the node reads, None where it reads none."""
+    for source, _ in live_sources(node, _PRODUCT, live):
+        for port in () if source.type is None else source.type.ports.values():
+            if port.is_target and source.targets(port.name):
+                return source.targets(port.name)[0]
+    return None
+
+
+def is_fed(node: Node, port: str, live: Nodes) -> bool:
+    """Whether an input that is empty by default gets anything, by wire or as a value."""
+    value = effective(node, port, live)
+    return value is None or value not in ("", ())
+
+
+def fed_by_sensor(node: Node, port: str, running: Nodes) -> bool:
+    """Whether a render product reaches the node: from a node that runs, or by name."""
+    if not node.sources(port):
+        return bool(node.value(port))
+    return any(True for _ in live_sources(node, port, running))
+
+
+def rate_source(
+    node: Node, stage: StageModel, lab: Lab, running: Nodes, *, static: bool = False
+) -> str:
+    """Say what sets the pace: the sensor's own rate, the event that starts the node, or nothing."""
+    if node.path not in running:
+        return "never"
+    events = dict.fromkeys(_events(node, lab, running))
+    event = ", ".join(events)
+    if static:
+        return f"once after {event}"
+    sensor = sensor_of(node, running)
+    prim = None if sensor is None else stage.prim(sensor)
+    rate = None if prim is None else prim.attributes.get(_RATE)
+    return f"sensor at {rate:g} Hz" if isinstance(rate, (int, float)) else event
+
+
+def _events(node: Node, lab: Lab, running: Nodes) -> Iterator[str]:
+    """Yield the names of the events that the node's execution comes from, each once."""
+    seen = {node.path}
+    ahead = [node]
+    while ahead:
+        current = ahead.pop(0)
+        if lab.catalog.modern(current.type_name) in lab.catalog.events:
+            known = current.type
+            yield current.type_name.rpartition(".")[2] if known is None else known.handout_name
+        ports = () if current.type is None else current.type.ports.values()
+        for port in ports:
+            for source, _ in live_sources(current, port.name, running) if port.is_execution else ():
+                if source.path not in seen:
+                    seen.add(source.path)
+                    ahead.append(source)

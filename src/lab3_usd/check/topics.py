@@ -1,0 +1,168 @@
+"""The topics of a stage: what each node publishes and subscribes, as ROS 2 will see it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from lab3_usd.check.model import Node, StageModel
+from lab3_usd.check.names import resolved_topic
+from lab3_usd.check.qos import QUEUE, Qos, qos_of
+from lab3_usd.check.running import Nodes, effective, is_switched_on, live_nodes, running_nodes
+from lab3_usd.check.sensors import fed_by_sensor, is_fed, rate_source, sensor_of
+from lab3_usd.spec.catalog import INPUT, NodeType
+from lab3_usd.spec.spec import Lab
+
+Direction = Literal["publishes", "subscribes"]
+_DIRECTIONS: dict[str, Direction] = {
+    "publisher": "publishes",
+    "helper": "publishes",
+    "subscriber": "subscribes",
+}
+_KIND = "inputs:type"
+_MESSAGE = ("inputs:messagePackage", "inputs:messageSubfolder", "inputs:messageName")
+_VALID = re.compile(r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """One topic of one node.
+
+    `topic` is the resolved name, None where ROS 2 refuses it or a wire brings it; `written` is
+    the setting. `type` is None where the stage does not say. `runs` tells whether anything is
+    sent or received at all, `rate` what sets the pace.
+    """
+
+    topic: str | None
+    written: str
+    type: str | None
+    direction: Direction
+    node: Node
+    port: str
+    frames: tuple[str, ...]
+    queue: int | None
+    qos: Qos | None
+    rate: str
+    runs: bool
+
+
+def resolve(namespace: str, written: str) -> str | None:
+    """Return the full name of a topic as Isaac Sim's bridge asks ROS 2 for it.
+
+    The bridge strips whatever is no letter or digit from both ends of the name and puts the
+    namespace before it. None where nothing is left, or ROS 2 allows no such name.
+    """
+    name = resolved_topic(written, namespace)
+    return name if _VALID.match(name) else None
+
+
+def endpoints(stage: StageModel, lab: Lab) -> tuple[Endpoint, ...]:
+    """Return every topic of every node in an active graph, in the order of topic and node."""
+    live, running = live_nodes(stage, lab), running_nodes(stage, lab)
+    found = [
+        _endpoint(node, port, stage, lab, (live, running))
+        for node in live.values()
+        if node.type is not None and node.type.role in _DIRECTIONS
+        for port in used_topics(node, node.type, live)
+    ]
+    return tuple(sorted(found, key=lambda each: (each.topic or "", each.direction, each.node.path)))
+
+
+def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
+    """Yield the topic inputs in use: a topic with a switch of its own counts when that is on."""
+    for port in kind.topics:
+        switch = kind.ports.get(_switch(port))
+        if switch is None or effective(node, switch.name, live) is True:
+            product = kind.ports.get(f"inputs:renderProductPath{_suffix(port)}")
+            if port == kind.topics[0] or product is None or is_fed(node, product.name, live):
+                yield port
+
+
+def _suffix(port: str) -> str:
+    """Return what tells the second topic of a pair from the first (`Right`)."""
+    return port.partition("opicName")[2]
+
+
+def _switch(port: str) -> str:
+    """Return the input that switches this topic on, by the way Isaac Sim names the two."""
+    stem = port.removeprefix(INPUT).removesuffix("TopicName")
+    return f"{INPUT}enable{stem[:1].upper()}{stem[1:]}"
+
+
+def _endpoint(
+    node: Node, port: str, stage: StageModel, lab: Lab, nodes: tuple[Nodes, Nodes]
+) -> Endpoint:
+    live, running = nodes
+    kind = node.type
+    assert kind is not None  # noqa: S101 - endpoints() asks only nodes of a known type
+    written = effective(node, port, live)
+    queue = effective(node, QUEUE, live)
+    switch = None if kind.tf is None else kind.tf.static
+    static = switch is not None and effective(node, switch, live) is True
+    product = f"inputs:renderProductPath{_suffix(port)}"
+    return Endpoint(
+        topic=resolve(namespace_of(node, stage, lab, live), written)
+        if isinstance(written, str)
+        else None,
+        written="" if written is None else str(written),
+        type=message_type(node, kind, port, live),
+        direction=_DIRECTIONS[kind.role],
+        node=node,
+        port=port,
+        frames=tuple(_frames(node, port, live)),
+        queue=queue if isinstance(queue, int) else None,
+        qos=qos_of(node, live, static=static),
+        rate=rate_source(node, stage, lab, running, static=static),
+        runs=node.path in running
+        and is_switched_on(node, live)
+        and (product not in kind.ports or fed_by_sensor(node, product, running)),
+    )
+
+
+def namespace_of(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> str:
+    """Return the namespace before the node's topics.
+
+    The node's own setting wins; else the attributes on the prims above the node count, for
+    a TF publisher the outermost one only, for a sensor helper those above its sensor.
+    """
+    own = effective(node, INPUT + lab.policy.namespace, live)
+    if isinstance(own, str) and own:
+        return own
+    if node.type is not None and node.type.tf is not None:
+        return node.namespace.partition("/")[0]
+    sensor = sensor_of(node, live)
+    return node.namespace if sensor is None else _namespace_above(sensor, stage, lab)
+
+
+def _namespace_above(path: str, stage: StageModel, lab: Lab) -> str:
+    parts: list[str] = []
+    while path:
+        prim = stage.prim(path)
+        part = None if prim is None else prim.attributes.get(lab.policy.namespace_attribute)
+        parts.extend([part] if isinstance(part, str) and part else [])
+        path = path.rpartition("/")[0]
+    return "/".join(reversed(parts))
+
+
+def message_type(node: Node, kind: NodeType, port: str, live: Nodes) -> str | None:
+    """Return the message type of one topic of a node, None where the stage does not say."""
+    if _switch(port) in kind.ports:
+        return None
+    if all(name in kind.ports for name in _MESSAGE):
+        parts = [effective(node, name, live) for name in _MESSAGE]
+        return "/".join(str(part) for part in parts) if all(parts) else None
+    return kind.message.get("") or kind.message.get(str(effective(node, _KIND, live)))
+
+
+def frame_ports(kind: NodeType, port: str) -> tuple[str, ...]:
+    """Return the inputs that name the frames of one topic: its own of a pair, else all."""
+    paired = f"inputs:frameId{_suffix(port)}"
+    return (paired,) if paired in kind.frames else kind.frames
+
+
+def _frames(node: Node, port: str, live: Nodes) -> Iterator[str]:
+    for name in () if node.type is None else frame_ports(node.type, port):
+        value = effective(node, name, live)
+        yield "?" if value is None else str(value)
