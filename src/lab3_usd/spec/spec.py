@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lab3_usd.spec.catalog import Catalog, NodeType, Value
+from lab3_usd.spec.ros_spec import TopicSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +144,10 @@ class FrameSpec:
 
 @dataclass(frozen=True, slots=True)
 class Lab:
-    """Everything that `graphs/` says. `scene` is the scene file as plain, checked data."""
+    """Everything that `graphs/` says. `scene` is the scene file as plain, checked data.
+
+    `topics` are the topics of the running system by name, with their message types and QoS.
+    """
 
     folder: Path
     catalog: Catalog
@@ -152,3 +156,4 @@ class Lab:
     policy: Policy
     frames: FrameSpec
     scene: Mapping[str, Any] = field(default_factory=dict)
+    topics: Mapping[str, TopicSpec] = field(default_factory=dict)
