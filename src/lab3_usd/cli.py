@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
+import traceback
+from pathlib import Path
+from typing import Literal, NoReturn
 
 import click
 from click.shell_completion import CompletionItem
@@ -71,9 +75,51 @@ def lab3() -> None:
 
 
 def main() -> None:
-    """Run the command line; an error of ours is one line on stderr and exit status 2."""
+    """Run the command line; a wrong call is one line on stderr and exit status 2.
+
+    Where JSON was asked for, JSON is what comes, on every exit status.
+    """
     try:
-        lab3.main(prog_name="lab3")
-    except Lab3Error as error:
-        click.echo(f"lab3: {error}", err=True)
-        sys.exit(EXIT_USAGE)
+        lab3.main(prog_name="lab3", standalone_mode=False)
+    except click.exceptions.Abort:
+        _fail("stopped", EXIT_CRASH, "crash")
+    except click.UsageError as error:
+        _fail(_usage_line(error), EXIT_USAGE, "usage")
+    except (Lab3Error, click.ClickException) as error:
+        _fail(str(error), EXIT_USAGE, "usage")
+    except BrokenPipeError:
+        # The reader of a pipe has gone (`lab3 check ... | head`); nothing is left to say.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(EXIT_CRASH)
+    except Exception as error:  # noqa: BLE001 - reported as what it is: our own failure
+        _fail(f"internal error, please report it: {_described(error)}", EXIT_CRASH, "crash")
+
+
+def _usage_line(error: click.UsageError) -> str:
+    help_hint = "" if error.ctx is None else f" (see {error.ctx.command_path} --help)"
+    return f"{error.format_message()}{help_hint}"
+
+
+def _described(error: Exception) -> str:
+    """Name an exception and the line of ours that raised it."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    return f"{type(error).__name__}: {error}{place}"
+
+
+def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:
+    click.echo(f"lab3: {message}", err=True)
+    if _json_asked_for(sys.argv[1:]):
+        from lab3_usd.report.json_report import dump, error_report  # noqa: PLC0415 - only here
+
+        click.echo(dump(error_report(message, kind)), nl=False)
+    sys.exit(status)
+
+
+def _json_asked_for(arguments: list[str]) -> bool:
+    """Whether a check was asked to answer in JSON, however its option was written."""
+    pairs = zip(arguments, [*arguments[1:], ""], strict=True)
+    return arguments[:1] == ["check"] and any(
+        first == "--format=json" or (first, second) == ("--format", "json")
+        for first, second in pairs
+    )
