@@ -15,6 +15,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from pxr import Sdf, Usd
+from tests.scene_sabotage import scene_faults
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.finding import Finding
@@ -22,7 +23,6 @@ from lab3_usd.spec.loader import load_lab
 from lab3_usd.stage.builder import build_checkpoint
 from lab3_usd.stage.reader import read_model
 from tests.sabotage import Fault, graph_faults
-from tests.scene_sabotage import scene_faults
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,7 +53,7 @@ def _whole_graph(spec: GraphSpec) -> Iterator[Fault]:
     yield Fault(f"{spec.name} removed", "graph", lambda s: _remove(s, spec.path), where)
     yield Fault(
         f"{spec.name} deactivated", "graph",
-        lambda s: s.GetPrimAtPath(spec.path).SetActive(False), where,
+        lambda s: _deactivate(s, spec.path), where,
     )  # fmt: skip
     yield Fault(f"{spec.name} renamed", "graph", rename, (f"{spec.path}_01",))
     yield Fault(f"{spec.name} push", "graph", attribute("evaluator:type", "push"), where)
@@ -67,6 +67,10 @@ def _remove(stage: Usd.Stage, path: str) -> None:
     stage.RemovePrim(path)
 
 
+def _deactivate(stage: Usd.Stage, path: str) -> None:
+    stage.GetPrimAtPath(path).SetActive(False)  # noqa: FBT003 - USD's signature
+
+
 def _node_faults(spec: GraphSpec, node: NodeSpec) -> Iterator[Fault]:
     path = f"{spec.path}/{node.role}"
     other = OTHER_TYPE if node.type.type != OTHER_TYPE else ELSE_TYPE
@@ -74,7 +78,7 @@ def _node_faults(spec: GraphSpec, node: NodeSpec) -> Iterator[Fault]:
     yield Fault(f"{name} removed", "node", lambda s: _remove(s, path), (spec.path,))
     yield Fault(
         f"{name} deactivated", "node",
-        lambda s: s.GetPrimAtPath(path).SetActive(False), (spec.path,),
+        lambda s: _deactivate(s, path), (spec.path,),
     )  # fmt: skip
     yield Fault(
         f"{name} retyped", "node",

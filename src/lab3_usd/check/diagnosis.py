@@ -9,10 +9,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from lab3_usd.check.connections import closes_cycle, is_live, types_fit
 from lab3_usd.check.met import source_path
 from lab3_usd.check.model import Node
 from lab3_usd.check.subject import Roles
-from lab3_usd.spec.compatible import compatible
 from lab3_usd.spec.spec import GraphSpec, Wire
 
 Kind = Literal[
@@ -96,16 +96,6 @@ def _fed(work: _Work, wire: Wire) -> bool:
     _, target = _ends(work, wire)
     actual = target.sources(wire.target.port)
     return any(path in actual for path in _accepted(work, wire))
-
-
-def is_live(live: Mapping[str, Node], source: str) -> bool:
-    """Whether a connection's source is a port that exists on a live node."""
-    path, _, port = source.rpartition(".")
-    node = live.get(path)
-    if node is None or not node.has_port(port):
-        return False
-    known = None if node.type is None else node.type.port(port)
-    return known is None or known.is_source
 
 
 def _live_sources(work: _Work, node: Node, port: str) -> list[str]:
@@ -238,7 +228,7 @@ def _second_kind(work: _Work, target: Node, port: str, actual: str) -> Kind:
         return "leftover"
     if _is_forbidden(work, target, port, actual):
         return "forbidden"
-    return "cycle" if _closes_cycle(work, target, port, actual) else "second"
+    return "cycle" if closes_cycle(work.roles, target, port, actual) else "second"
 
 
 def _unasked(work: _Work) -> Iterator[WireFault]:
@@ -263,51 +253,6 @@ def _unasked_kind(work: _Work, node: Node, port: str, source: str) -> Kind:
         return "leftover"
     if _is_forbidden(work, node, port, source):
         return "forbidden"
-    if _closes_cycle(work, node, port, source):
+    if closes_cycle(work.roles, node, port, source):
         return "cycle"
-    return "unasked" if _types_fit(work, node, port, source) else "incompatible"
-
-
-def _types_fit(work: _Work, node: Node, port: str, source: str) -> bool:
-    path, _, source_port = source.rpartition(".")
-    other = work.live[path]
-    ends = (
-        None if other.type is None else other.type.port(source_port),
-        None if node.type is None else node.type.port(port),
-    )
-    return ends[0] is None or ends[1] is None or compatible(ends[0], ends[1])
-
-
-def _closes_cycle(work: _Work, node: Node, port: str, source: str) -> bool:
-    """Whether an execution wire lets a node trigger itself."""
-    known = None if node.type is None else node.type.port(port)
-    if known is None or not known.is_execution:
-        return False
-    start = source.rpartition(".")[0]
-    return _reaches(work, node.path, start)
-
-
-def _reaches(work: _Work, start: str, goal: str) -> bool:
-    """Whether execution that runs in node `start` goes on to node `goal`."""
-    nodes = () if work.roles.graph is None else work.roles.graph.nodes
-    reached, frontier = {start}, [start]
-    while frontier:
-        here = frontier.pop()
-        if here == goal:
-            return True
-        for node in nodes:
-            if node.path not in reached and _triggered_by(node, here):
-                reached.add(node.path)
-                frontier.append(node.path)
-    return False
-
-
-def _triggered_by(node: Node, path: str) -> bool:
-    if node.type is None:
-        return False
-    return any(
-        source.rpartition(".")[0] == path
-        for port in node.type.ports.values()
-        if port.is_execution and not port.is_source
-        for source in node.sources(port.name)
-    )
+    return "unasked" if types_fit(work.live, node, port, source) else "incompatible"

@@ -29,7 +29,12 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
 
 
 def _item(  # noqa: PLR0913, PLR0917 - one field of the requirement each
-    subject: GraphSubject, kind: str, name: str, title: str, met: bool, handout: str  # noqa: FBT001
+    subject: GraphSubject,
+    kind: str,
+    name: str,
+    title: str,
+    met: bool,  # noqa: FBT001
+    handout: str,
 ) -> Requirement:
     group = subject.spec.name
     return Requirement(f"{group}/{kind}/{name}", group, kind, title, met, handout)
@@ -72,9 +77,7 @@ def _fed(subject: GraphSubject, wire: Wire, source: Node, target: Node) -> bool:
     return any(path in target.sources(wire.target.port) for path in paths)
 
 
-def scene_requirements(
-    subject: StageSubject, findings: Iterable[Finding]
-) -> Iterator[Requirement]:
+def scene_requirements(subject: StageSubject, findings: Iterable[Finding]) -> Iterator[Requirement]:
     """Yield every scene item and frame; one is met when no error names its site."""
     sites = {(each.prim, each.property) for each in findings if each.severity == "error"}
     for item in scene_items(subject.lab, subject.checkpoint):

@@ -6,14 +6,11 @@ from collections.abc import Iterator
 
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Absent, Node
-from lab3_usd.check.names import resolved_topic
 from lab3_usd.check.registry import rule
-from lab3_usd.check.say import title_of, titled
-from lab3_usd.check.subject import GraphSubject, StageSubject
+from lab3_usd.check.say import titled
+from lab3_usd.check.subject import GraphSubject
 from lab3_usd.spec.catalog import NodeType
 from lab3_usd.spec.spec import NodeSpec
-
-_PUBLISHES = ("publisher", "helper")
 
 
 def _missing(subject: GraphSubject) -> Iterator[NodeSpec]:
@@ -69,48 +66,6 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
             related=() if there is None else (there.path,),
             hint=f"add {titled(spec)} to {subject.spec.name} and wire it as the handout shows",
         )
-
-
-@rule("N02", "extra-node", scope="graph", severity="warning")
-def extra_node(subject: GraphSubject) -> Iterator[Problem]:
-    """The graph holds a node that the handout does not ask for.
-
-    Why: it may do nothing, or do a second time what another node does. A second node with the
-    same settings (two contexts, two ticks) works as the first does.
-
-    Fix: select the node in the Action Graph editor and delete it.
-
-    Example: a second ROS2 Context in ROS_Drive.
-    """
-    for node in subject.roles.extra:
-        if not (_is_script(subject, node) or _repeats(subject, node)):
-            message = f"{title_of(node)} is not asked for in {subject.spec.name}"
-            yield Problem(
-                node.path, message, actual=node.type_name, handout=subject.spec.handout
-            )
-
-
-def _is_script(subject: GraphSubject, node: Node) -> bool:
-    return node.type_name in subject.lab.catalog.scripts
-
-
-def _repeats(subject: GraphSubject, node: Node) -> bool:
-    """Whether an extra node publishes or takes a topic that some role of the lab has already."""
-    if node.type is None or not node.type.role:
-        return False
-    topics = {resolved_topic(str(node.value(port))) for port in node.type.topics[:1]}
-    return any(topics & asked for asked in _asked_topics(subject, node.type.role))
-
-
-def _asked_topics(subject: GraphSubject, role: str) -> Iterator[set[str]]:
-    for spec in subject.lab.graphs.values():
-        for node in spec.nodes.values():
-            if (node.type.role in _PUBLISHES) == (role in _PUBLISHES) and node.type.role:
-                yield {
-                    resolved_topic(str(setting.value))
-                    for setting in node.settings
-                    if setting.port in node.type.topics
-                }
 
 
 @rule("N03", "wrong-node-type", scope="graph")
@@ -213,54 +168,5 @@ def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
         )
 
 
-@rule("N07", "repeated-publisher", scope="graph")
-def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
-    """An extra node publishes or takes a topic of the lab a second time.
-
-    Why: two publishers of one topic send two streams that nobody can tell apart; two transform
-    publishers give one frame two parents.
-
-    Fix: delete the node that the handout does not ask for.
-
-    Example: a second ROS2 Publish Clock in ROS_Clock.
-    """
-    for node in subject.roles.extra:
-        if not _is_script(subject, node) and _repeats(subject, node) and node.type is not None:
-            topic = resolved_topic(str(node.value(node.type.topics[0])))
-            message = f"{title_of(node)} is not asked for and has the topic {topic} again"
-            yield Problem(
-                node.path, message, node.type.topics[0], None, topic, subject.spec.handout
-            )
-
-
-@rule("N08", "script-node", scope="stage")
-def script_node(subject: StageSubject) -> Iterator[Problem]:
-    """The stage holds a node that runs code out of the file.
-
-    Why: whoever opens the stage and presses Play runs that code. The lab needs none.
-
-    Fix: delete the node.
-
-    Example: a Script Node that publishes /odom from Python.
-    """
-    for node in subject.stage.nodes():
-        if node.type_name in subject.lab.catalog.scripts:
-            message = "node runs code out of the file, which the lab does not need"
-            yield Problem(node.path, message, "node:type", None, node.type_name)
-
-
-@rule("N09", "node-outside-graph", scope="stage", severity="warning")
-def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
-    """A node stands outside every graph.
-
-    Why: nobody evaluates it. It is usually left over from dragging nodes in the Stage panel.
-
-    Fix: drag it back below its graph in the Stage panel, or delete it.
-
-    Example: `/to_string` at the root of the stage.
-    """
-    scripts = subject.lab.catalog.scripts
-    for node in subject.stage.orphans:
-        if node.type_name not in scripts:
-            message = f"{title_of(node)} stands outside every graph, where it is never evaluated"
-            yield Problem(node.path, message, None, None, node.type_name)
+# The other rules of this family.
+from lab3_usd.check.rules import extras  # noqa: E402, F401

@@ -1,0 +1,162 @@
+"""Rules about inputs that the handout leaves alone: defaults, namespaces, spelling."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.met import same_value
+from lab3_usd.check.model import Node
+from lab3_usd.check.names import resolved_topic
+from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.settings import setting_problem, settings_of
+from lab3_usd.check.say import shown, titled
+from lab3_usd.check.subject import GraphSubject, Roles, StageSubject
+from lab3_usd.spec.catalog import Port, Value
+from lab3_usd.spec.spec import NodeSpec
+
+
+@rule("P04", "kept-default-changed", scope="graph")
+def kept_default_changed(subject: GraphSubject) -> Iterator[Problem]:
+    """An input that must stay at its default was changed.
+
+    Why: a QoS profile, system time or skipped frames change who hears the topic and when; a robot
+    path silently overrides the target prim.
+
+    Fix: select the node and reset the field in the Property panel.
+
+    Example: `useSystemTime` True on the lidar: the scan's stamps fit no transform.
+    """
+    for node, spec, port, value in _changed(subject):
+        if port.short in subject.lab.policy.keep_default:
+            message = f"{port.name} is {shown(value)}, expected its default {shown(port.default)}"
+            hint = f"select {titled(spec)} and reset {port.short} in the Property panel"
+            section = dict(spec.keep).get(port.name, "G6" if "qos" in port.short else spec.handout)
+            expected, actual = shown(port.default), shown(value)
+            yield Problem(node.path, message, port.name, expected, actual, section, hint=hint)
+
+
+def _changed(subject: GraphSubject) -> Iterator[tuple[Node, NodeSpec, Port, Value | None]]:
+    """Yield the inputs that the handout does not set and that are away from their default."""
+    for role, spec in subject.spec.nodes.items():
+        node = subject.roles.node_of[role]
+        asked = {setting.port for setting in spec.settings}
+        wired = {wire.target.port for wire in subject.spec.wires_into(role)}
+        for port in spec.type.ports.values() if node is not None else ():
+            free = not (port.is_source or port.is_execution or port.is_target or port.is_union)
+            if node is None or not free or port.name in asked or port.name in wired:
+                continue
+            value = node.value(port.name)
+            if not node.sources(port.name) and not same_value(value, port.default):
+                yield node, spec, port, value
+
+
+@rule("P05", "unasked-value", scope="graph", severity="warning")
+def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
+    """An input that the handout leaves alone was changed.
+
+    Why: the handout's robot behaves as described with the default; acceleration limits, for one,
+    stop the controller unless its time step is wired.
+
+    Fix: reset the field in the Property panel unless your instructor asked for the value.
+
+    Example: `maxAcceleration` 0.5 with nothing wired to `dt`: the robot does not move.
+    """
+    policy = subject.lab.policy
+    left = (*policy.keep_default, policy.namespace)
+    for node, spec, port, value in _changed(subject):
+        if port.short not in left:
+            message = (
+                f"{port.name} is {shown(value)}, the handout leaves it at {shown(port.default)}"
+            )
+            section = dict(spec.keep).get(port.name, spec.handout)
+            expected, actual = shown(port.default), shown(value)
+            yield Problem(node.path, message, port.name, expected, actual, section)
+
+
+@rule("P06", "namespace", scope="graph")
+def namespace(subject: GraphSubject) -> Iterator[Problem]:
+    """A node namespace moves a topic.
+
+    Why: with a namespace `/scan` becomes `/<namespace>/scan`, and nothing in the lab listens there.
+
+    Fix: select the node and clear nodeNamespace in the Property panel.
+
+    Example: `nodeNamespace` 'tb3' on the clock publisher: the topic is /tb3/clock.
+    """
+    for node, spec, port, value in _changed(subject):
+        if port.short == subject.lab.policy.namespace and resolved_topic(str(value)):
+            message = f"{port.name} is {shown(value)}, expected no namespace"
+            hint = f"select {titled(spec)} and clear {port.short} in the Property panel"
+            yield Problem(
+                node.path, message, port.name, "''", shown(value), spec.handout, hint=hint
+            )
+
+
+@rule("P08", "topic-spelling", scope="graph", severity="note")
+def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
+    """A topic is spelled otherwise than in the handout, and resolves to the same name.
+
+    Why: Isaac Sim trims what is no letter or digit off both ends and puts a slash before the
+    rest, so that `clock` is `/clock`. Nothing is lost.
+
+    Fix: nothing needs to be done; write the leading slash to be clear.
+
+    Example: `topicName` 'clock' instead of '/clock'.
+    """
+    for found in settings_of(subject):
+        is_topic = found.setting.port in found.spec.type.topics
+        if is_topic and found.met and found.value != found.setting.value:
+            wanted = shown(found.setting.value)
+            message = f"{found.setting.port} is {shown(found.value)}, which is {wanted} to ROS 2"
+            yield setting_problem(found, message)
+
+
+@rule("P09", "stamp-reset", scope="stage", severity="note")
+def stamp_reset(subject: StageSubject) -> Iterator[Problem]:
+    """A sensor's time restarts on Stop while the clock goes on.
+
+    Why: the handout sets resetOnStop False on the clock; the sensor helpers reset their own time
+    by default. After Stop and Play, scans and images carry stamps of the past. Said once for the
+    stage.
+
+    Fix: set resetSimulationTimeOnStop False on the helpers, or restart Isaac Sim between runs. The
+    handout does not ask for it.
+
+    Example: /scan stamped 2.0 s while /clock says 95.0 s after a second Play.
+    """
+    found = [site for roles in subject.roles.values() for site in _resetting(subject, roles)]
+    if found:
+        (prim, port), others = found[0], found[1:]
+        related = tuple(f"{path}.{name}" for path, name in others)
+        message = f"{port} is True: stamps restart on Stop, while the clock goes on"
+        yield Problem(prim, message, port, "False", "True", "8.16", related)
+
+
+def _resetting(subject: StageSubject, roles: Roles) -> Iterator[tuple[str, str]]:
+    """Yield the inputs that make a helper's own time restart."""
+    for node in roles.node_of.values():
+        for port in node.type.ports.values() if node is not None and node.type is not None else ():
+            asked = port.short in subject.lab.policy.stamp_ports
+            if node is not None and asked and node.value(port.name) is True:
+                yield node.path, port.name
+
+
+@rule("P10", "namespace-attribute", scope="stage")
+def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
+    """A prim above a graph or sensor carries a namespace that moves its topics.
+
+    Why: Isaac Sim joins the namespaces of all ancestors before the topic name; `/scan` becomes
+    `/<namespace>/scan` although the node says `/scan`.
+
+    Fix: select the prim named here and clear its Namespace in the Property panel.
+
+    Example: `isaac:namespace` 'tb3' on the robot root.
+    """
+    attribute = subject.lab.policy.namespace_attribute
+    graphs = [subject.lab.graphs[name].path for name in subject.checkpoint.graphs]
+    for path, prim in subject.stage.prims.items():
+        value = prim.attributes.get(attribute)
+        if prim.present and value and any(graph.startswith(f"{path}/") for graph in graphs):
+            message = f"{attribute} is {shown(value)}, which moves every topic below this prim"
+            yield Problem(path, message, attribute, "''", shown(value))
