@@ -1,1 +1,70 @@
-"""Author and check the USD stages of the TurtleBot 3 lab, without Isaac Sim and without a GPU."""
+"""Author and check the USD stages of the TurtleBot 3 lab, without Isaac Sim and without a GPU.
+
+The library in short:
+
+    from lab3_usd import build_checkpoint, check_stage
+    build_checkpoint(None, "05", Path("Lab3_05_odometry_tf.usda"))
+    result = check_stage("Lab3_05_odometry_tf.usda")
+    for finding in result.findings: print(finding.rule, finding.prim, finding.message)
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lab3_usd.check.checker import check_stage
+    from lab3_usd.check.finding import Finding, Report, Requirement, Score, StageResult
+    from lab3_usd.check.frames import published_edges
+    from lab3_usd.errors import Lab3Error, SpecError, StageError, UsageError
+    from lab3_usd.spec.loader import load_lab
+    from lab3_usd.stage.builder import build_checkpoint
+    from lab3_usd.stage.reader import read_stage
+    from lab3_usd.stage.starter import build_starter
+
+# Where each public name lives; imported when it is first asked for, so that pxr is not loaded
+# by those who only want the rules or the errors.
+_HOMES = {
+    "Finding": "lab3_usd.check.finding",
+    "Lab3Error": "lab3_usd.errors",
+    "Report": "lab3_usd.check.finding",
+    "Requirement": "lab3_usd.check.finding",
+    "Score": "lab3_usd.check.finding",
+    "SpecError": "lab3_usd.errors",
+    "StageError": "lab3_usd.errors",
+    "StageResult": "lab3_usd.check.finding",
+    "UsageError": "lab3_usd.errors",
+    "build_checkpoint": "lab3_usd.stage.builder",
+    "build_starter": "lab3_usd.stage.starter",
+    "check_stage": "lab3_usd.check.checker",
+    "load_lab": "lab3_usd.spec.loader",
+    "published_edges": "lab3_usd.check.frames",
+    "read_stage": "lab3_usd.stage.reader",
+}
+
+__all__ = [
+    "Finding",
+    "Lab3Error",
+    "Report",
+    "Requirement",
+    "Score",
+    "SpecError",
+    "StageError",
+    "StageResult",
+    "UsageError",
+    "build_checkpoint",
+    "build_starter",
+    "check_stage",
+    "load_lab",
+    "published_edges",
+    "read_stage",
+]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - one of the names above
+    """Import a public name from its home."""
+    if name not in _HOMES:
+        message = f"module 'lab3_usd' has no attribute '{name}'"
+        raise AttributeError(message)
+    return getattr(importlib.import_module(_HOMES[name]), name)
