@@ -1,0 +1,213 @@
+"""Rules about single TF frames: each one required is there, below the right parent, and named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.computed_frames import tf_ports
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.frame_names import NAME_OVERRIDE, frame_name
+from lab3_usd.check.frames import Edge
+from lab3_usd.check.registry import rule
+from lab3_usd.check.rules import frame_ids, frame_tree, odom_parent  # noqa: F401 - their rules
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.check.tf_view import (
+    Maker,
+    TfView,
+    differs_from_spec,
+    frame_makers,
+    is_robot_alone,
+    judged_elsewhere,
+    missing_frames,
+    own_parents,
+    tf_view,
+)
+
+
+@rule("T01", "missing-frame", scope="stage")
+def missing_frame(subject: StageSubject) -> Iterator[Problem]:
+    """A frame of the required TF tree is not published.
+
+    Why: RViz, AMCL and Nav2 cannot place what has no transform: without `base_scan` the scan is
+    dropped, without `Camera_1` the image has no place.
+
+    Fix: select the Isaac Compute Transform Tree node and add the prim of the frame to Target
+    Prims. Where the prim carries a name override, clear it.
+
+    Example: `inputs:targetPrims` names five links and not
+    `/turtlebot3_burger/base_footprint/Camera_1`, so that nothing publishes `Camera_1`.
+    """
+    if not subject.checkpoint.frames:
+        return
+    view = tf_view(subject)
+    for maker in frame_makers(view):
+        if own_parents(maker.node, view) or differs_only_by_robot(maker, view):
+            continue
+        yield from _missing_of(maker, missing_frames(maker, view), view)
+
+
+def differs_only_by_robot(maker: Maker, view: TfView) -> bool:
+    """Whether all that is missing is what the robot as the only target cannot give."""
+    missing = missing_frames(maker, view)
+    links = set(view.subject.lab.scene["robot"]["links"])
+    return is_robot_alone(maker, view) and not links & set(missing)
+
+
+def _missing_of(maker: Maker, missing: list[str], view: TfView) -> Iterator[Problem]:
+    stage = view.subject.stage
+    targets = maker.node.targets(maker.port)
+    renamed = {frame for frame in missing if frame_name(maker.homes[frame], stage) != frame}
+    for frame in sorted(renamed):
+        yield Problem(
+            maker.homes[frame],
+            f"the prim's frame is named '{frame_name(maker.homes[frame], stage)}' by its override",
+            property=NAME_OVERRIDE,
+            expected=frame,
+            actual=frame_name(maker.homes[frame], stage),
+            handout=maker.handout,
+        )
+    rest = [frame for frame in missing if frame not in renamed]
+    together = len(rest) == len(maker.homes)
+    for frames in [rest] if together else [[frame] for frame in rest]:
+        strangers = [path for path in targets if stage.prim(path) is None]
+        nowhere = f"; {', '.join(strangers)} is not in the scene" if strangers else ""
+        yield Problem(
+            maker.node.path,
+            f"nothing publishes {_listed(frames)}{nowhere}",
+            property=maker.port,
+            expected=", ".join(maker.homes[frame] for frame in frames),
+            actual=", ".join(targets) or "no targets",
+            handout=maker.handout,
+        )
+
+
+def _listed(frames: list[str]) -> str:
+    names = ", ".join(f"'{frame}'" for frame in frames)
+    return f"the frame {names}" if len(frames) == 1 else f"the frames {names}"
+
+
+@rule("T02", "wrong-parent-frame", scope="stage")
+def wrong_parent_frame(subject: StageSubject) -> Iterator[Problem]:
+    """A required frame hangs below another parent than the lab asks for.
+
+    Why: the robot's frames must come together in `base_footprint`, which odometry moves; what
+    hangs elsewhere stays behind when the robot drives.
+
+    Fix: let Isaac Compute Transform Tree have `base_footprint` as its Parent Prim and publish each
+    frame there only. Where the parent prim carries a name override, clear it.
+
+    Example: `/Graph/tf` publishes `base_link -> base_scan`, and the lab's own node no longer names
+    `base_scan`.
+    """
+    if not subject.checkpoint.frames:
+        return
+    view = tf_view(subject)
+    wrong: dict[tuple[str, str], list[Edge]] = {}
+    for parent, child in subject.lab.frames.edges:
+        edges = view.children.get(child, [])
+        if edges and not any(_is_right(edge, parent, view) for edge in edges):
+            wrong.setdefault((edges[0].cause, edges[0].parent), []).append(edges[0])
+    for (cause, actual), edges in wrong.items():
+        if not any(judged_elsewhere(edge, view) for edge in edges):
+            yield _wrong_parent(cause, actual, edges, view)
+
+
+def _is_right(edge: Edge, parent: str, view: TfView) -> bool:
+    if edge.parent == parent:
+        return True
+    return parent == view.subject.lab.frames.deeper_under and _hangs_below(edge, parent, view)
+
+
+def _hangs_below(edge: Edge, top: str, view: TfView) -> bool:
+    """Whether the links of a robot lead from this frame up to `top`."""
+    family = [other for other in view.edges if other.cause == edge.cause]
+    above = {other.child: other.parent for other in family}
+    seen: set[str] = set()
+    name = edge.child
+    while name in above and name not in seen and name != top:
+        seen.add(name)
+        name = above[name]
+    return name == top and any(other.expanded for other in family)
+
+
+def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> Problem:
+    frames = [edge.child for edge in edges]
+    expected = next(p for p, child in view.subject.lab.frames.edges if child == frames[0])
+    node = view.live[cause]
+    ports = tf_ports(node)
+    port = next(iter(ports.names or ports.prims))
+    site: tuple[str, str] = (cause, port)
+    prim = next(iter(node.targets(port)), None)
+    if cause in view.played and prim and frame_name(prim, view.subject.stage) != expected:
+        site = (prim, NAME_OVERRIDE)
+    return Problem(
+        site[0],
+        f"'{actual}' is the parent of {_listed(frames)}, expected '{expected}'",
+        property=site[1],
+        expected=expected,
+        actual=actual,
+        handout=view.subject.lab.frames.handout,
+    )
+
+
+@rule("T09", "frame-is-its-own-parent", scope="stage")
+def frame_is_its_own_parent(subject: StageSubject) -> Iterator[Problem]:
+    """A transform leads from a frame to itself.
+
+    Why: tf2 rejects a frame that is its own parent (TF_SELF_TRANSFORM) and logs an error for every
+    message.
+
+    Fix: take the parent prim out of the Target Prims of Isaac Compute Transform Tree: it is the
+    frame that the others hang below, and odometry places it.
+
+    Example: Parent Prim is `/turtlebot3_burger/base_footprint`, and so is one of the Target Prims.
+    """
+    if not subject.checkpoint.frames:
+        return
+    view = tf_view(subject)
+    for path, node in view.live.items():
+        for target in () if differs_from_spec(path, view) else own_parents(node, view):
+            port = tf_ports(node).prims[1]
+            yield Problem(
+                path,
+                f"{target} is the parent prim and a target: its frame is its own parent",
+                property=port,
+                expected=f"targets without {target}",
+                actual=", ".join(node.targets(port)),
+                handout=subject.lab.frames.handout,
+            )
+    strangers = (edge for edge in view.edges if edge.cause not in {*view.played, *subject.blamed})
+    for edge in strangers:
+        if edge.parent == edge.child != view.odom and edge.target is None:
+            yield Problem(edge.cause, f"publishes '{edge.child}' as its own parent")
+
+
+@rule("T10", "robot-root-alone", scope="stage", severity="warning")
+def robot_root_alone(subject: StageSubject) -> Iterator[Problem]:
+    """The robot root is the only target prim, and the camera is no link of the robot.
+
+    Why: the robot root stands for the links that its Isaac Robot API lists. The camera is not
+    among them, so that its frame is missing from the tree that the lab requires.
+
+    Fix: keep `/turtlebot3_burger` and add `/turtlebot3_burger/base_footprint/Camera_1` as a second
+    target prim.
+
+    Example: the Target Prims of Isaac Compute Transform Tree are `/turtlebot3_burger`, as F9
+    allows, and `Camera_1` is not published.
+    """
+    if not subject.checkpoint.frames:
+        return
+    view = tf_view(subject)
+    for maker in frame_makers(view):
+        missing = missing_frames(maker, view)
+        if missing and not own_parents(maker.node, view) and differs_only_by_robot(maker, view):
+            homes = ", ".join(maker.homes[frame] for frame in missing)
+            yield Problem(
+                maker.node.path,
+                f"the robot root alone does not publish {_listed(missing)}",
+                property=maker.port,
+                expected=f"{', '.join(maker.node.targets(maker.port))}, {homes}",
+                actual=", ".join(maker.node.targets(maker.port)),
+                handout=maker.handout,
+                hint=f"add {homes} as a second target",
+            )

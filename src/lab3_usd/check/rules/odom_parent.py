@@ -1,0 +1,166 @@
+"""Rules about the frame above the robot's odometry, which only localization may publish."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from lab3_usd.check.computed_frames import tf_ports
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.model import Absent, Node, PortState
+from lab3_usd.check.registry import rule
+from lab3_usd.check.running import effective
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.check.tf_view import TfView, tf_view
+from lab3_usd.spec.catalog import NodeType, TfPorts
+
+_DELETED = "deactivated"
+
+
+@dataclass(frozen=True, slots=True)
+class _Placement:
+    """A node that places `odom`: below which frame, and whether anything drives it."""
+
+    node: str
+    parent: str | None
+    port: str | None
+    driven: bool
+
+
+@rule("T07", "odom-below-another-frame", scope="stage")
+def odom_below_another_frame(subject: StageSubject) -> Iterator[Problem]:
+    """A publisher places `odom` below another frame, as `world -> odom` does.
+
+    Why: AMCL publishes `map -> odom`. With a second parent the frame jumps between the two, and
+    navigation loses the robot. This holds for a publisher that nothing drives, too: one wire later
+    it publishes. A deactivated one is a note.
+
+    Fix: delete or deactivate the transform publisher. Isaac Sim's own menu for odometry makes one
+    named TFWorld2Odom below `/Graph/ROS_Odometry`. Where it is the publisher of F8, set Parent
+    Frame ID to `odom` and Child Frame ID to `base_footprint`.
+
+    Example: `/Graph/ROS_Odometry/TFWorld2Odom` publishes `world -> odom`.
+    """
+    if not subject.checkpoint.frames:
+        return
+    view = tf_view(subject)
+    placements = list(_placements(view))
+    for placement in placements:
+        if placement.parent != subject.lab.frames.localization_edge[0]:
+            yield _placed(placement, view)
+    known = {placement.node for placement in placements}
+    for path in view.live:
+        if path not in known and _is_forbidden_name(path, subject):
+            yield Problem(
+                path,
+                "a node of this name publishes what the lab must not have",
+                handout=subject.lab.frames.forbidden_handout,
+            )
+    yield from _put_away(subject)
+
+
+def _placements(view: TfView) -> Iterator[_Placement]:
+    seen = set()
+    for edge in view.edges:
+        if edge.child == view.odom and edge.cause not in seen:
+            seen.add(edge.cause)
+            port = _wrong_port(edge.parent, tf_ports(view.live[edge.cause]), view)
+            yield _Placement(edge.cause, edge.parent, port, driven=True)
+    for path, node in view.live.items():
+        names = tf_ports(node).names
+        if names and path not in seen and effective(node, names[1], view.live) == view.odom:
+            parent = effective(node, names[0], view.live)
+            parent = parent if isinstance(parent, str) else None
+            yield _Placement(path, parent, _wrong_port(parent, tf_ports(node), view), driven=False)
+
+
+def _wrong_port(parent: str | None, ports: TfPorts, view: TfView) -> str | None:
+    """Return the setting to correct: the child's name where the parent's is right as it is."""
+    right = {parent for parent, _ in view.subject.lab.frames.edges}
+    if ports.names:
+        return ports.names[1] if parent in right else ports.names[0]
+    return ports.prims[1] if ports.prims else None
+
+
+def _placed(placement: _Placement, view: TfView) -> Problem:
+    frames = view.subject.lab.frames
+    parent = "an unknown frame" if placement.parent is None else placement.parent
+    asked = next(f"{up} -> {down}" for up, down in frames.edges if up == view.odom)
+    undriven = "" if placement.driven else ", though nothing drives it"
+    return Problem(
+        placement.node,
+        f"publishes {parent} -> {view.odom}{undriven}; only {frames.localization_by} may place "
+        f"'{view.odom}'",
+        property=placement.port,
+        expected=asked if placement.node in view.played else "no such publisher",
+        actual=f"{parent} -> {view.odom}",
+        handout=frames.forbidden_handout,
+    )
+
+
+def _is_forbidden_name(path: str, subject: StageSubject) -> bool:
+    """Whether the prim has a forbidden name, a copy's number left aside."""
+    name = re.sub(r"_\d+$", "", path.rpartition("/")[2])
+    return name in subject.lab.frames.forbidden_nodes
+
+
+def _put_away(subject: StageSubject) -> Iterator[Problem]:
+    """Note the publishers that somebody deactivated, as 8.11 advises."""
+    catalog = subject.lab.catalog
+    gone = [each for graph in subject.stage.graphs for each in graph.absent if graph.active]
+    for absent in (*gone, *subject.stage.absent):
+        kind = catalog.get(absent.type_name)
+        named = _is_forbidden_name(absent.path, subject)
+        if absent.reason == _DELETED and (named or _places_odom(kind, absent, subject)):
+            yield _note(absent.path, subject)
+    for graph in subject.stage.graphs:
+        for node in () if graph.active else graph.nodes:
+            if _is_forbidden_name(node.path, subject) or _places_odom(node.type, node, subject):
+                yield _note(node.path, subject)
+
+
+def _places_odom(kind: NodeType | None, given: Absent | Node, subject: StageSubject) -> bool:
+    if kind is None or kind.tf is None or not kind.tf.names:
+        return False
+    port = kind.tf.names[1]
+    ports: Mapping[str, PortState] = given.ports
+    value = ports[port].value if port in ports else kind.ports[port].default
+    return value == subject.lab.frames.forbidden_edge[1]
+
+
+def _note(path: str, subject: StageSubject) -> Problem:
+    return Problem(
+        path,
+        "is deactivated and publishes nothing; it can be deleted",
+        handout=subject.lab.frames.forbidden_handout,
+        severity="note",
+    )
+
+
+@rule("T08", "competes-with-localization", scope="stage")
+def competes_with_localization(subject: StageSubject) -> Iterator[Problem]:
+    """The stage publishes the transform that localization publishes, `map -> odom`.
+
+    Why: AMCL corrects the robot's place by moving `odom` in `map`. A second publisher of the same
+    transform sets it back with every frame, and the robot jumps.
+
+    Fix: delete the publisher from the stage; AMCL publishes `map -> odom` in part H.
+
+    Example: a Publish Raw Transform Tree has Parent Frame ID `map` and Child Frame ID `odom`.
+    """
+    if not subject.checkpoint.frames:
+        return
+    view = tf_view(subject)
+    parent, child = subject.lab.frames.localization_edge
+    by = subject.lab.frames.localization_by
+    for placement in _placements(view):
+        if placement.parent == parent:
+            yield Problem(
+                placement.node,
+                f"publishes {parent} -> {child}, which {by} publishes",
+                property=placement.port,
+                expected="no such publisher",
+                actual=f"{parent} -> {child}",
+                handout=subject.lab.frames.localization_handout,
+            )

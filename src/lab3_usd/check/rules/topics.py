@@ -1,0 +1,135 @@
+"""Rules about topics: one publisher each, the right message type, a QoS that subscribers match."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.qos import PROFILE
+from lab3_usd.check.registry import rule
+from lab3_usd.check.running import live_nodes, live_sources
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.check.topic_view import copied_graphs, played_roles, published_again
+from lab3_usd.check.topics import Endpoint, endpoints
+
+
+@rule("Q01", "topic-published-twice", scope="stage")
+def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
+    """A topic has two publishers.
+
+    Why: subscribers get both streams mixed: two clocks make time jump back, two odometries make
+    the robot jump. Only `/tf` and `/tf_static` may have several publishers.
+
+    Fix: delete the second publisher, most often a copy of the whole graph or one that an Isaac Sim
+    menu made under `/Graph`.
+
+    Example: `/Graph/ROS_Clock` publishes `/clock` beside `/World/ROS_Clock`.
+    """
+    if not subject.checkpoint.graphs:
+        return
+    again: dict[str, list[tuple[Endpoint, tuple[Endpoint, ...]]]] = {}
+    for endpoint, others in published_again(subject):
+        again.setdefault(endpoint.node.path.rpartition("/")[0], []).append((endpoint, others))
+    for found in again.values():
+        first = found[0][0]
+        names = ", ".join(str(endpoint.topic) for endpoint, _ in found)
+        paths = [other.node.path for _, others in found for other in others]
+        yield Problem(
+            first.node.path,
+            f"publishes {names}, which another node publishes as well",
+            property=first.port,
+            expected="one publisher",
+            actual=names,
+            related=tuple(dict.fromkeys([*(e.node.path for e, _ in found[1:]), *paths])),
+        )
+
+
+@rule("Q02", "topic-of-another-type", scope="stage")
+def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
+    """A topic of the lab is used with another message type.
+
+    Why: ROS 2 connects only publishers and subscribers of one type; with two types on a name,
+    `ros2 topic echo` and recordings fail.
+
+    Fix: use the message type of the lab (J3), or another topic name.
+
+    Example: a generic ROS2 Subscriber reads `/cmd_vel` as `geometry_msgs/msg/TwistStamped`.
+    """
+    if not subject.checkpoint.topics:
+        return
+    played, copies = played_roles(subject), copied_graphs(subject)
+    expected = subject.lab.topics
+    for endpoint in endpoints(subject.stage, subject.lab):
+        path, wanted = endpoint.node.path, expected.get(endpoint.topic or "")
+        if wanted is None or endpoint.type in (None, wanted.type) or path in played:
+            continue
+        if path not in subject.blamed and path.rpartition("/")[0] not in copies:
+            yield Problem(
+                path,
+                f"{endpoint.direction} {endpoint.topic} as {endpoint.type}",
+                property=endpoint.port,
+                expected=wanted.type,
+                actual=endpoint.type,
+                handout=wanted.handout,
+            )
+
+
+@rule("Q03", "durability-of-a-topic", scope="stage")
+def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
+    """A publisher keeps messages for late subscribers, or does not, against what the topic needs.
+
+    Why: a subscriber that asks for stored messages gets none from a volatile publisher: static
+    transforms on `/tf_static` must be transient local, live data volatile (G6).
+
+    Fix: clear QoS Profile, and switch Static Publisher on for `/tf_static` only.
+
+    Example: a Publish Raw Transform Tree sends on `/tf_static` with Static Publisher off.
+    """
+    if not subject.checkpoint.topics:
+        return
+    played, copies = played_roles(subject), copied_graphs(subject)
+    expected = subject.lab.topics
+    for endpoint in endpoints(subject.stage, subject.lab):
+        path, wanted = endpoint.node.path, expected.get(endpoint.topic or "")
+        judged = path in played or path in subject.blamed or path.rpartition("/")[0] in copies
+        if judged or wanted is None or endpoint.direction != "publishes" or not endpoint.runs:
+            continue
+        actual = None if endpoint.qos is None else endpoint.qos.durability
+        if wanted.durability and actual not in (None, wanted.durability):
+            yield Problem(
+                path,
+                f"publishes {endpoint.topic} with durability {actual}",
+                property=endpoint.port,
+                expected=wanted.durability,
+                actual=actual,
+                handout=wanted.handout,
+            )
+
+
+@rule("Q04", "profile-by-wire", scope="stage")
+def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
+    """A publisher or subscriber of the lab gets its QoS profile by a wire.
+
+    Why: G6 says not to change QoS before the first successful run. A profile with best effort or a
+    short queue loses messages, and one that Isaac Sim cannot read stops the node.
+
+    Fix: disconnect QoS Profile and leave it empty: the default is reliable and volatile and keeps
+    as many messages as Queue Size says.
+
+    Example: a ROS2 QoS Profile node set to Sensor Data is wired into the lidar helper.
+    """
+    if not subject.checkpoint.topics:
+        return
+    live, played = live_nodes(subject.stage, subject.lab), played_roles(subject)
+    for endpoint in endpoints(subject.stage, subject.lab):
+        path = endpoint.node.path
+        wired = any(True for _ in live_sources(endpoint.node, PROFILE, live))
+        if wired and path in played:
+            yield Problem(
+                path,
+                f"the QoS profile of {endpoint.topic} comes by a wire",
+                property=PROFILE,
+                expected="the default",
+                actual="a profile Isaac Sim refuses" if endpoint.qos is None else str(endpoint.qos),
+                handout="G6",
+            )

@@ -1,0 +1,40 @@
+"""`lab3 tf`: print the TF tree that a stage publishes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command("tf")
+@click.argument("stage", type=click.Path(path_type=Path))
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "dot", "json"]),
+    default="text",
+    show_default=True,
+    help="How to write the tree.",
+)
+@click.option("-v", "--verbose", is_flag=True, help="Name the publisher of each transform.")
+def command(stage: Path, form: str, *, verbose: bool) -> None:
+    """Print the TF tree that a stage publishes.
+
+    The transforms are those that Isaac Sim 6.0.1 would send while STAGE plays, from all its
+    graphs, on /tf and /tf_static. What tf2 cannot make a tree of is marked with an exclamation
+    mark; `lab3 check` says what to do about it.
+    """
+    # pxr and the specs are slow to import, and `lab3 --help` needs neither.
+    from lab3_usd.check.frames import published_edges, unknown_publishers  # noqa: PLC0415
+    from lab3_usd.report.tree import TreeReport, as_dot, as_json, as_text  # noqa: PLC0415
+    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.stage.reader import read_stage  # noqa: PLC0415
+
+    lab = load_lab()
+    model = read_stage(stage, lab)
+    found = TreeReport(str(stage), published_edges(model, lab), unknown_publishers(model, lab))
+    if form == "text":
+        click.echo("\n".join(as_text(found, verbose=verbose)))
+    else:
+        click.echo(as_dot(found) if form == "dot" else as_json(found))

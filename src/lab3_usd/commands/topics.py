@@ -1,0 +1,40 @@
+"""`lab3 topics`: print the topics that a stage publishes and subscribes to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command("topics")
+@click.argument("stage", type=click.Path(path_type=Path))
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json", "csv"]),
+    default="text",
+    show_default=True,
+    help="How to write the table.",
+)
+def command(stage: Path, form: str) -> None:
+    """Print the topics that a stage publishes and subscribes to.
+
+    For each topic: its name as ROS 2 will see it, message type, node, frames, queue size, the QoS
+    profile that Isaac Sim 6.0.1 would use, and what sets the pace. A node that nothing drives
+    publishes never.
+    """
+    # pxr and the specs are slow to import, and `lab3 --help` needs neither.
+    from lab3_usd.check.frames import published_edges  # noqa: PLC0415
+    from lab3_usd.check.topics import endpoints  # noqa: PLC0415
+    from lab3_usd.report.topic_table import TopicReport, as_csv, as_json, as_table  # noqa: PLC0415
+    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.stage.reader import read_stage  # noqa: PLC0415
+
+    lab = load_lab()
+    model = read_stage(stage, lab)
+    found = TopicReport(str(stage), endpoints(model, lab), published_edges(model, lab))
+    if form == "csv":
+        click.echo(as_csv(found), nl=False)
+    else:
+        click.echo("\n".join(as_table(found)) if form == "text" else as_json(found))

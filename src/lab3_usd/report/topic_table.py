@@ -1,0 +1,103 @@
+"""The topics of a stage as an aligned table, as JSON and as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+
+from lab3_usd.check.frames import Edge
+from lab3_usd.check.topics import Endpoint
+from lab3_usd.report.csv_report import safe_cell
+from lab3_usd.report.escape import visible
+
+COLUMNS = ("topic", "type", "direction", "node", "frames", "queue", "qos", "rate")
+NOTHING = "-"
+_REFUSED = "not valid: the node does not work"
+_UNKNOWN = "not known"
+
+
+@dataclass(frozen=True, slots=True)
+class TopicReport:
+    """The topics of a stage, and the transforms that tell the frames of its TF publishers."""
+
+    path: str
+    endpoints: tuple[Endpoint, ...]
+    edges: tuple[Edge, ...]
+
+    def frames(self, endpoint: Endpoint) -> tuple[str, ...]:
+        """Return the frames that an endpoint names, by its settings or its transforms."""
+        sent = (edge for edge in self.edges if edge.publisher == endpoint.node.path)
+        return endpoint.frames or tuple(
+            dict.fromkeys(name for edge in sent for name in (edge.parent, edge.child))
+        )
+
+
+def as_table(report: TopicReport) -> Iterator[str]:
+    """Yield the lines of the table, columns aligned."""
+    if not report.endpoints:
+        yield "no topics are published or subscribed"
+        return
+    rows = [[name.upper() for name in COLUMNS], *(list(_row(e, report)) for e in report.endpoints)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(COLUMNS))]
+    for row in rows:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+
+
+def as_csv(report: TopicReport) -> str:
+    """Return the table as RFC 4180 has it, safe to open in a spreadsheet."""
+    table = io.StringIO(newline="")
+    writer = csv.writer(table)
+    writer.writerow(COLUMNS)
+    for endpoint in report.endpoints:
+        writer.writerow([safe_cell(cell) for cell in _row(endpoint, report)])
+    return table.getvalue()
+
+
+def as_json(report: TopicReport) -> str:
+    """Return every topic with its settings and its whole QoS profile, as one JSON object."""
+    data = {"file": report.path, "topics": [_item(e, report) for e in report.endpoints]}
+    return json.dumps(data, indent=2)
+
+
+def _row(endpoint: Endpoint, report: TopicReport) -> Iterator[str]:
+    yield visible(endpoint.topic or f"{endpoint.written!r} (no valid name)")
+    yield visible(endpoint.type or NOTHING)
+    yield endpoint.direction
+    yield visible(endpoint.node.path)
+    yield visible(_listed(report.frames(endpoint)))
+    yield NOTHING if endpoint.queue is None else str(endpoint.queue)
+    yield _qos(endpoint)
+    yield visible(endpoint.rate if endpoint.runs else "never")
+
+
+def _listed(frames: Sequence[str]) -> str:
+    most = 2
+    if not frames:
+        return NOTHING
+    return ", ".join(frames) if len(frames) <= most else f"{len(frames)} frames"
+
+
+def _qos(endpoint: Endpoint) -> str:
+    if endpoint.qos is not None:
+        return str(endpoint.qos)
+    return _REFUSED
+
+
+def _item(endpoint: Endpoint, report: TopicReport) -> dict[str, object]:
+    return {
+        "topic": endpoint.topic,
+        "written": endpoint.written,
+        "type": endpoint.type,
+        "direction": endpoint.direction,
+        "node": endpoint.node.path,
+        "node_type": endpoint.node.type_name,
+        "port": endpoint.port,
+        "frames": list(report.frames(endpoint)),
+        "queue": endpoint.queue,
+        "qos": None if endpoint.qos is None else asdict(endpoint.qos),
+        "rate": endpoint.rate if endpoint.runs else "never",
+        "runs": endpoint.runs,
+    }

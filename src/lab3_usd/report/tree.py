@@ -1,0 +1,168 @@
+"""The TF tree of a stage as text for people, as dot for drawing and as JSON for programs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+
+from lab3_usd.check.frames import Edge
+from lab3_usd.report.dot import quoted
+from lab3_usd.report.escape import visible
+
+_MARK = "  ! "
+
+
+@dataclass(frozen=True, slots=True)
+class TreeReport:
+    """What a stage publishes: its transforms, and the nodes whose transforms nobody can tell."""
+
+    path: str
+    edges: tuple[Edge, ...]
+    unknown: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something that tf2 cannot make a tree of, at one frame."""
+
+    frame: str
+    kind: str
+    message: str
+
+
+def faults(edges: Sequence[Edge]) -> list[Fault]:
+    """Return what is wrong with the shape of the tree, in the order of the frames."""
+    found = []
+    parents = _by_child(edges)
+    ring = set(_rings(edges))
+    for frame, above in parents.items():
+        names = list(dict.fromkeys(edge.parent for edge in above))
+        if len(names) > 1:
+            found.append(Fault(frame, "two parents", f"{len(names)} parents: {', '.join(names)}"))
+        for name in names:
+            times = len({edge.publisher for edge in above if edge.parent == name})
+            if times > 1:
+                found.append(Fault(frame, "published twice", f"{times} publishers below {name}"))
+        if frame in names:
+            found.append(Fault(frame, "own parent", "its own parent"))
+        elif frame in ring:
+            found.append(Fault(frame, "ring", "part of a ring"))
+    return found
+
+
+def roots(edges: Sequence[Edge]) -> list[str]:
+    """Return the frames below no other, then one frame of every ring that hangs below none."""
+    children = _by_parent(edges)
+    placed = _by_child(edges)
+    tops = [name for name in children if name not in placed]
+    reached: set[str] = set()
+    for name in [*tops, *children]:
+        if name not in reached:
+            tops.extend([] if name in tops else [name])
+            reached |= _below(name, children)
+    return tops
+
+
+def _by_child(edges: Sequence[Edge]) -> dict[str, list[Edge]]:
+    found: dict[str, list[Edge]] = {}
+    for edge in edges:
+        found.setdefault(edge.child, []).append(edge)
+    return found
+
+
+def _by_parent(edges: Sequence[Edge]) -> dict[str, list[Edge]]:
+    found: dict[str, list[Edge]] = {}
+    for edge in edges:
+        found.setdefault(edge.parent, []).append(edge)
+    return found
+
+
+def _below(top: str, children: dict[str, list[Edge]]) -> set[str]:
+    reached: set[str] = set()
+    ahead = [top]
+    while ahead:
+        name = ahead.pop()
+        if name not in reached:
+            reached.add(name)
+            ahead.extend(edge.child for edge in children.get(name, ()))
+    return reached
+
+
+def _rings(edges: Sequence[Edge]) -> Iterator[str]:
+    """Yield the frames that lead back to themselves."""
+    children = _by_parent(edges)
+    for name in children:
+        if any(name in _below(edge.child, children) for edge in children[name]):
+            yield name
+
+
+def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:
+    """Yield the lines of the tree; `verbose` names the publisher of each transform.
+
+    A frame with two parents stands below both, its own children below the first; what tf2 cannot
+    take is marked with `!`.
+    """
+    if not report.edges and not report.unknown:
+        yield "no transforms are published"
+    tops = roots(report.edges)
+    drawn: set[str] = set()
+    for top in tops:
+        yield visible(top)
+        yield from _branches(top, report.edges, drawn, verbose=verbose)
+    if len(tops) > 1:
+        yield f"! {len(tops)} trees that are not connected: {', '.join(map(visible, tops))}"
+    for path in report.unknown:
+        yield f"! {visible(path)} publishes frames that the stage does not tell"
+
+
+def _branches(top: str, edges: Sequence[Edge], drawn: set[str], *, verbose: bool) -> Iterator[str]:
+    """Yield the lines below one root; `drawn` are the frames whose children stand already."""
+    children = _by_parent(edges)
+    marks: dict[str, list[str]] = {}
+    for fault in faults(edges):
+        marks.setdefault(fault.frame, []).append(fault.message)
+    drawn.add(top)
+    ahead = _rows(top, "", children)
+    while ahead:
+        edge, lead, is_last = ahead.pop()
+        line = lead + ("└── " if is_last else "├── ") + visible(edge.child)
+        line += "  (static)" if edge.static else ""
+        line += f"  <- {visible(edge.publisher)} ({edge.topic})" if verbose else ""
+        yield line + "".join(_MARK + visible(mark) for mark in marks.get(edge.child, ()))
+        if edge.child not in drawn:
+            drawn.add(edge.child)
+            ahead += _rows(edge.child, lead + ("    " if is_last else "│   "), children)
+
+
+def _rows(parent: str, lead: str, children: dict[str, list[Edge]]) -> list[tuple[Edge, str, bool]]:
+    """Return the children of a frame in reverse, to be taken from the end."""
+    below = children.get(parent, [])
+    return [(edge, lead, edge is below[-1]) for edge in reversed(below)]
+
+
+def as_dot(report: TreeReport) -> str:
+    """Return the tree for Graphviz: each edge is labelled with its publisher, faults are red."""
+    wrong = {fault.frame for fault in faults(report.edges)}
+    frames = dict.fromkeys(name for edge in report.edges for name in (edge.parent, edge.child))
+    lines = ["digraph tf {", "  node [shape=box, fontname=sans];", "  edge [fontname=sans];"]
+    lines += [f"  {quoted(name)}{' [color=red]' if name in wrong else ''};" for name in frames]
+    for edge in report.edges:
+        looks = [f"label={quoted(edge.publisher.rpartition('/')[2])}"]
+        looks += [f"tooltip={quoted(edge.publisher)}"]
+        looks += ["color=red"] if edge.child in wrong else []
+        looks += ["style=dashed"] if edge.static else []
+        lines.append(f"  {quoted(edge.parent)} -> {quoted(edge.child)} [{', '.join(looks)}];")
+    return "\n".join([*lines, "}"])
+
+
+def as_json(report: TreeReport) -> str:
+    """Return the transforms, the roots and what is wrong with the shape, as one JSON object."""
+    data = {
+        "file": report.path,
+        "roots": roots(report.edges),
+        "transforms": [asdict(edge) for edge in report.edges],
+        "unknown_publishers": list(report.unknown),
+        "problems": [asdict(fault) for fault in faults(report.edges)],
+    }
+    return json.dumps(data, indent=2)
