@@ -90,7 +90,7 @@ def test_a_graph_is_defined_as_an_omnigraph(graphs: list[Sdf.PrimSpec]) -> None:
     for graph in graphs:
         assert graph.specifier == Sdf.SpecifierDef
         assert graph.typeName == "OmniGraph"
-        assert graph.ListInfoKeys() == ["specifier", "typeName"]
+        assert sorted(graph.ListInfoKeys()) == ["specifier", "typeName"]
 
 
 def test_a_graph_has_the_five_attributes_of_an_action_graph(graphs: list[Sdf.PrimSpec]) -> None:
