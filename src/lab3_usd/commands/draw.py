@@ -1,0 +1,173 @@
+"""`lab3 draw`: pictures of Action Graphs and of the TF tree."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lab3_usd.errors import UsageError
+from lab3_usd.files import refuse_existing, write_whole
+from lab3_usd.report.svg_style import THEMES, Theme
+
+if TYPE_CHECKING:
+    from lab3_usd.check.finding import Crash
+    from lab3_usd.report.picture_model import Picture
+    from lab3_usd.spec.spec import Lab
+
+FORMATS = ("svg", "png", "mermaid", "dot")
+ENDINGS = {"svg": "svg", "png": "png", "mermaid": "mmd", "dot": "dot"}
+TREE = "TF"
+EXIT_CRASH = 3
+
+
+@click.command("draw")
+@click.argument("target", metavar="FILE|GRAPH")
+@click.option(
+    "--out",
+    "-o",
+    "folder",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Folder for the pictures; made where it does not exist.",
+)
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(FORMATS),
+    default="svg",
+    show_default=True,
+    help="Format of the pictures; png needs the extra lab3-usd[png].",
+)
+@click.option("--checkpoint", metavar="NN", help="Judge the stage at this checkpoint.")
+@click.option(
+    "--theme",
+    type=click.Choice(THEMES),
+    default="auto",
+    show_default=True,
+    help="Colours of svg and png; auto follows the reader's system, and is light in a png.",
+)
+@click.option("--all-ports", is_flag=True, help="Draw unused ports as well.")
+@click.option("--force", is_flag=True, help="Replace pictures that exist.")
+def command(  # noqa: PLR0913, PLR0917 - one parameter per option
+    target: str,
+    folder: Path,
+    form: str,
+    checkpoint: str | None,
+    theme: Theme,
+    all_ports: bool,  # noqa: FBT001 - click passes it by name
+    force: bool,  # noqa: FBT001
+) -> None:
+    """Draw each Action Graph and the TF tree of a stage, with its faults marked.
+
+    FILE is a stage; its checkpoint is read from its name unless --checkpoint says it, and a stage
+    without one is drawn as it is. GRAPH is the name of a graph of the lab, or TF, and draws what
+    the lab asks for.
+    """
+    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415 - keeps --help fast
+
+    lab = load_lab()
+    drawing = (
+        Drawing([_reference(lab, target, all_ports)], "")
+        if target in lab.graphs or target == TREE
+        else _of_stage(lab, _stage_file(target, lab), checkpoint, all_ports)
+    )
+    encode = _encoder(form, theme)
+    paths = list(_paths(drawing, folder, ENDINGS[form]))
+    for path in paths:
+        refuse_existing(path, force=force)
+    for path, picture in zip(paths, drawing.pictures, strict=True):
+        write_whole(path, encode(picture), force=force)
+        click.echo(path)
+    for crash in drawing.crashes:
+        click.echo(f"lab3: rule {crash.rule} failed: {crash.error}", err=True)
+    if drawing.crashes:
+        sys.exit(EXIT_CRASH)
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """The pictures of one target, what their file names begin with, and the rules that failed."""
+
+    pictures: list[Picture]
+    stem: str
+    crashes: tuple[Crash, ...] = ()
+
+
+def _stage_file(target: str, lab: Lab) -> Path:
+    """Return the stage that a target names.
+
+    Raises:
+        UsageError: it looks like the name of a graph and is none.
+    """
+    path = Path(target)
+    if path.suffix or path.exists():
+        return path
+    names = ", ".join([*lab.graphs, TREE])
+    message = f"'{target}' is no stage file and no graph of the lab; graphs are {names}"
+    raise UsageError(message)
+
+
+def _reference(lab: Lab, name: str, every_port: bool) -> Picture:  # noqa: FBT001
+    from lab3_usd.report.frames_picture import spec_frames_picture  # noqa: PLC0415
+    from lab3_usd.report.pictures import spec_picture  # noqa: PLC0415
+
+    if name == TREE:
+        return spec_frames_picture(lab.frames)
+    return spec_picture(lab.graphs[name], every_port=every_port)
+
+
+def _of_stage(
+    lab: Lab,
+    path: Path,
+    number: str | None,
+    every_port: bool,  # noqa: FBT001
+) -> Drawing:
+    from lab3_usd.check.checker import checkpoint_of, judge  # noqa: PLC0415
+    from lab3_usd.report.stage_pictures import stage_pictures  # noqa: PLC0415
+    from lab3_usd.stage.reader import read_stage  # noqa: PLC0415
+
+    number = number or checkpoint_of(path.name, lab)
+    if number is not None and number not in lab.checkpoints:
+        message = f"there is no checkpoint '{number}'; known are {', '.join(lab.checkpoints)}"
+        raise UsageError(message)
+    stage = read_stage(path, lab)
+    stem = f"{path.stem}-"
+    if number is None:
+        click.echo(f"lab3: {path} names no checkpoint; drawn as it is, not judged", err=True)
+        return Drawing(list(stage_pictures(lab, None, stage, every_port=every_port)), stem)
+    checkpoint = lab.checkpoints[number]
+    judged = judge(lab, checkpoint, stage)
+    found = stage_pictures(lab, checkpoint, stage, judged.findings, every_port=every_port)
+    return Drawing(list(found), stem, judged.crashes)
+
+
+def _encoder(form: str, theme: Theme) -> Callable[[Picture], bytes]:
+    """Return what turns a picture into the bytes of its file."""
+    from lab3_usd.report.dot import dot  # noqa: PLC0415
+    from lab3_usd.report.mermaid import mermaid  # noqa: PLC0415
+    from lab3_usd.report.png import png  # noqa: PLC0415
+    from lab3_usd.report.svg import svg_file  # noqa: PLC0415
+
+    encoders: dict[str, Callable[[Picture], bytes]] = {
+        "svg": lambda picture: svg_file(picture, theme).encode(),
+        "png": lambda picture: png(picture, theme),
+        "mermaid": lambda picture: mermaid(picture).encode(),
+        "dot": lambda picture: dot(picture).encode(),
+    }
+    return encoders[form]
+
+
+def _paths(drawing: Drawing, folder: Path, ending: str) -> Iterator[Path]:
+    """Yield a file for each picture; graphs of one name are numbered."""
+    seen: dict[str, int] = {}
+    for picture in drawing.pictures:
+        name = drawing.stem + re.sub(r"[^\w-]", "_", picture.title)
+        seen[name] = seen.get(name, 0) + 1
+        number = f"-{seen[name]}" if seen[name] > 1 else ""
+        yield folder / f"{name}{number}.{ending}"

@@ -1,0 +1,62 @@
+"""Bezier curves as numbers: how wires bend, and which points they pass."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+from lab3_usd.report.picture_model import Bezier, Point
+
+STEPS = 24  # points looked at on each Bezier curve
+
+
+def between(start: Point, end: Point) -> Bezier:
+    """Return the curve that leaves `start` and enters `end` horizontally, and never turns back."""
+    half = (end[0] - start[0]) / 2
+    return (start, (start[0] + half, start[1]), (end[0] - half, end[1]), end)
+
+
+def through(points: Sequence[Point]) -> tuple[Bezier, ...]:
+    """Return the curves from each point to the next, without those of no length."""
+    return tuple(between(start, end) for start, end in pairwise(points) if start != end)
+
+
+def around(start: Point, end: Point, lane: float, bulge: float) -> tuple[Bezier, ...]:
+    """Return the way back from `start` to an `end` on its left, along the height `lane`.
+
+    It keeps within `bulge` right of `start` and left of `end`.
+    """
+    reach = bulge / 0.75  # a cubic curve goes three quarters of the way to its control points
+    right = (start[0], lane)
+    left = (end[0], lane)
+    return (
+        (start, (start[0] + reach, start[1]), (right[0] + reach, lane), right),
+        (right, _part(right, left, 1 / 3), _part(right, left, 2 / 3), left),
+        (left, (left[0] - reach, lane), (end[0] - reach, end[1]), end),
+    )
+
+
+def points(path: Sequence[Bezier], steps: int = STEPS) -> Iterator[Point]:
+    """Yield points along a path, ends included."""
+    for curve in path:
+        for step in range(steps + 1):
+            yield point_at(curve, step / steps)
+
+
+def point_at(curve: Bezier, t: float) -> Point:
+    """Return the point of one curve at `t` from 0 to 1."""
+    weights = ((1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3)
+    return (
+        sum(weight * point[0] for weight, point in zip(weights, curve, strict=True)),
+        sum(weight * point[1] for weight, point in zip(weights, curve, strict=True)),
+    )
+
+
+def on_longest(path: Sequence[Bezier], t: float) -> Point:
+    """Return a place for a mark: at `t` from 0 to 1 on the widest piece of the path."""
+    longest = max(path, key=lambda curve: abs(curve[3][0] - curve[0][0]))
+    return point_at(longest, t)
+
+
+def _part(start: Point, end: Point, share: float) -> Point:
+    return (start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share)

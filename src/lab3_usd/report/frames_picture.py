@@ -1,0 +1,159 @@
+"""The picture of a TF tree: what a stage publishes beside the tree that the lab asks for."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from lab3_usd.check.frames import Edge
+from lab3_usd.report.drawing.framing import framed
+from lab3_usd.report.drawing.measure import measured
+from lab3_usd.report.drawing.text_width import clip_end
+from lab3_usd.report.layout import layered
+from lab3_usd.report.picture_model import STATES, Box, Curve, End, Picture, State
+from lab3_usd.spec.spec import FrameSpec
+
+Pair = tuple[str, str]
+MOST_TITLE = 40
+GRAVE: tuple[State, ...] = ("wrong", "extra")
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """One edge of the drawn tree: who publishes it, and how it was judged."""
+
+    parent: str
+    child: str
+    publishers: tuple[str, ...]
+    state: State = "ok"
+    elsewhere: bool = False
+
+
+def spec_frames_picture(frames: FrameSpec) -> Picture:
+    """Return the tree that the lab asks for, with the part that localization adds."""
+    branches = [Branch(*edge, ()) for edge in frames.edges]
+    return _picture("TF", "the required tree", [_localization(frames), *branches], judged=False)
+
+
+def frames_picture(
+    frames: FrameSpec, edges: Sequence[Edge], *, required: bool = True, localized: bool = False
+) -> Picture:
+    """Return the tree of a stage, with missing, extra and conflicting edges marked.
+
+    Without `required` (before the checkpoint that adds the tree) nothing is missing or extra.
+    `localized` adds what localization publishes.
+    """
+    branches = list(_branches(frames, edges, required=required))
+    if localized:
+        branches.insert(0, _localization(frames))
+    return _picture("TF", _counted(branches), branches, judged=True)
+
+
+def _localization(frames: FrameSpec) -> Branch:
+    return Branch(*frames.localization_edge, (frames.localization_by,), elsewhere=True)
+
+
+def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> Iterator[Branch]:
+    """Yield the asked edges in the order of the lab, then the others as they are published."""
+    published: dict[Pair, list[str]] = {}
+    for edge in edges:
+        published.setdefault((edge.parent, edge.child), []).append(edge.publisher)
+    parents = _parents(published)
+    top = frames.localization_edge[1]
+    for pair in frames.edges:
+        if (
+            pair not in published
+            and required
+            and frames.deeper_under not in _above(pair[1], parents)
+        ):
+            yield Branch(*pair, (), "missing")
+    order = [pair for pair in frames.edges if pair in published]
+    order += [pair for pair in published if pair not in frames.edges]
+    for pair in order:
+        publishers = tuple(dict.fromkeys(published[pair]))
+        state = _state(pair, frames, parents)
+        if len(publishers) > 1:
+            state = "wrong"
+        elif not required and top not in pair:
+            state = "ok"
+        yield Branch(*pair, publishers, state)
+
+
+def _parents(pairs: Iterable[Pair]) -> dict[str, list[str]]:
+    parents: dict[str, list[str]] = {}
+    for parent, child in pairs:
+        parents.setdefault(child, []).append(parent)
+    return parents
+
+
+def _state(pair: Pair, frames: FrameSpec, parents: Mapping[str, Sequence[str]]) -> State:
+    """Judge a published edge; where a frame has two parents the one that is asked for is right."""
+    if pair in frames.edges:
+        return "ok"
+    parent, child = pair
+    top = frames.localization_edge[1]
+    if child in {parent, top} or len(parents[child]) > 1:
+        return "wrong"
+    above = _above(child, parents)
+    if frames.deeper_under in above:
+        return "ok"
+    return "extra" if top in above else "wrong"
+
+
+def _above(frame: str, parents: Mapping[str, Sequence[str]]) -> set[str]:
+    """Return the frames above a published one, as far as they are published."""
+    above: set[str] = set()
+    while frame in parents and parents[frame][0] not in above:
+        frame = parents[frame][0]
+        above.add(frame)
+    return above
+
+
+def _counted(branches: Sequence[Branch]) -> str:
+    states = Counter(branch.state for branch in branches)
+    there = sum(branch.state != "missing" for branch in branches)
+    parts = [f"{there} transform{'s' * (there != 1)}"]
+    parts += [f"{states[state]} {state}" for state in STATES if state != "ok" and states[state]]
+    return "  ·  ".join(parts)
+
+
+def _picture(title: str, subtitle: str, branches: Sequence[Branch], *, judged: bool) -> Picture:
+    names = dict.fromkeys(name for branch in branches for name in (branch.parent, branch.child))
+    boxes = [_box(name, [branch for branch in branches if branch.child == name]) for name in names]
+    curves = [
+        Curve(
+            End(branch.parent, ""),
+            End(branch.child, ""),
+            dashed=branch.elsewhere,
+            state=branch.state,
+            note=_note(branch),
+        )
+        for branch in branches
+    ]
+    placed = layered(boxes, curves)
+    return framed(Picture(title, subtitle, *placed, judged=judged, kind="frames"))
+
+
+def _box(name: str, into: Sequence[Branch]) -> Box:
+    """Return the box of a frame; `into` are the edges that lead to it."""
+    states = {branch.state for branch in into}
+    state: State = "missing" if states == {"missing"} else "ok"
+    state = next((one for one in GRAVE if one in states), state)
+    publishers = dict.fromkeys(one for branch in into for one in branch.publishers)
+    by = " and ".join(clip_end(one.rpartition("/")[2], MOST_TITLE) for one in publishers)
+    return measured(
+        Box(
+            key=name,
+            title=clip_end(name, MOST_TITLE),
+            subtitle=f"by {by}" if by else "missing" if state == "missing" else "",
+            family="frame",
+            state=state,
+            note="\n".join(publishers),
+        )
+    )
+
+
+def _note(branch: Branch) -> str:
+    by = f", published by {' and '.join(branch.publishers)}" if branch.publishers else ""
+    return f"{branch.parent} → {branch.child}{by}"
