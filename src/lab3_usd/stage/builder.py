@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pxr import Sdf, Usd
+from pxr import Sdf, Usd, UsdUtils
 
 from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.spec.loader import load_lab
@@ -109,8 +110,15 @@ def _reasons(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
         yield from _why_missing(stage, path)
     for path in added:
         prim = stage.GetPrimAtPath(path)
-        if prim and prim.IsDefined():
-            yield f"{path} is there already; the starter must not hold it"
+        if prim:
+            yield f"{path} is there already{_state(prim)}; the starter must not hold it"
+
+
+def _state(prim: Usd.Prim) -> str:
+    """Say of a prim why the Stage panel may not show it."""
+    if not prim.IsActive():
+        return " (deactivated)"
+    return "" if prim.IsDefined() else " (an over without a def)"
 
 
 def _needed(lab: Lab) -> Iterator[str]:
@@ -142,16 +150,30 @@ def _why_missing(stage: Usd.Stage, path: str) -> Iterator[str]:
 
 
 def _check_targets(plan: dict[Path, Checkpoint], stage: Usd.Stage, options: BuildOptions) -> None:
-    with quiet():
-        layers = [each.realPath for each in stage.GetUsedLayers() if each.realPath]
-    inputs = {Path(path).resolve() for path in layers}
-    for target in plan:
+    existing = [target for target in plan if os.path.lexists(target)]
+    inputs = _inputs(stage) if existing else set()
+    for target in existing:
         if target.resolve() in inputs:
             message = f"{target}: is a file of the starter, which is never written; choose --out"
             raise UsageError(message)
-        if target.exists() and not options.force:
+        if target.is_dir():
+            message = f"{target}: is a folder; choose another one for --out"
+            raise UsageError(message)
+        if not options.force:
             message = f"{target}: exists already; choose another folder or give --force"
             raise UsageError(message)
+
+
+def _inputs(stage: Usd.Stage) -> set[Path]:
+    """Return every file the starter could read, those of variants not selected included."""
+    root = stage.GetRootLayer()
+    if root.anonymous:
+        return set()
+    with quiet():
+        layers, assets, _ = UsdUtils.ComputeAllDependencies(root.identifier)
+        used = stage.GetUsedLayers()
+    paths = [layer.realPath for layer in (*layers, *used)] + list(assets)
+    return {Path(path).resolve() for path in paths if path}
 
 
 def _make_folder(folder: Path) -> None:
