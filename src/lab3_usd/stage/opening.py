@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,8 @@ from pxr import Tf, Usd
 
 from lab3_usd.errors import StageError
 
+_PARSE_ERROR = re.compile(r":(\d+):\d+: parse error")
+_REASONS = {"UTF-8 BOM": "it starts with a byte order mark; save it as UTF-8 without one"}
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 
 
@@ -95,19 +98,15 @@ def _check_bytes(path: Path, data: bytes) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """Return the first useful line of an exception whose text may itself fail to decode."""
+    """Say in plain words what usd-core says in an exception, whose text may fail to decode."""
     try:
         text = str(error)
     except UnicodeError:
         text = ""
-    for line in text.splitlines():
-        cleaned = line.strip()
-        if "Error in" in cleaned or "error:" in cleaned.lower():
-            return f"cannot be read: {_without_place(cleaned)}"
+    place = _PARSE_ERROR.search(text)
+    if place is not None:
+        return f"line {place[1]} is not USD text; the file is damaged or cut short, save it again"
+    for hint, reason in _REASONS.items():
+        if hint in text:
+            return f"cannot be read: {reason}"
     return "cannot be read: it is damaged or not USD; save the stage again from Isaac Sim"
-
-
-def _without_place(line: str) -> str:
-    """Drop usd-core's own source position from a message."""
-    _, _, after = line.partition("': '")
-    return after.rstrip("'") if after else line
