@@ -15,12 +15,13 @@ Matrix = tuple[float, ...]  # 16 numbers in rows, as USD multiplies: row vectors
 class PortState:
     """One port as the composed stage holds it.
 
-    `value` is the authored value, None where the port was left alone. `sources` are the full
-    property paths of its connections, `targets` the prim paths of a relationship.
+    `value` is the authored value, None where the port was left alone; `usd_type` the declared
+    type of a port with a value (`rel` for a relationship). `sources` are the full property paths
+    of its connections, `targets` the prim paths of a relationship.
     """
 
     name: str
-    usd_type: str
+    usd_type: str = ""
     value: Value | None = None
     sources: tuple[str, ...] = ()
     targets: tuple[str, ...] = ()

@@ -19,20 +19,20 @@ class Places:
 
     def __init__(self) -> None:
         """Start with nothing known but the root."""
-        self._worlds: dict[str, Gf.Matrix4d] = {"/": _IDENTITY}
+        self._worlds = {"/": (_IDENTITY, _numbers(_IDENTITY))}
 
-    def of(self, prim: Usd.Prim) -> tuple[Matrix | None, Matrix]:
+    def of(self, prim: Usd.Prim, path: str) -> tuple[Matrix | None, Matrix]:
         """Return the local transform (None where the prim has none) and the world transform."""
-        path = str(prim.GetPath())
-        parent = self._worlds.get(path.rpartition("/")[0] or "/", _IDENTITY)
+        parent = self._worlds.get(path.rpartition("/")[0] or "/", self._worlds["/"])
         if not prim.HasAttribute(_ORDER):
             self._worlds[path] = parent
-            return None, _numbers(parent)
+            return None, parent[1]
         xformable = UsdGeom.Xformable(prim)
         local = xformable.GetLocalTransformation()
-        world = local if xformable.GetResetXformStack() else local * parent
-        self._worlds[path] = world
-        return _numbers(local), _numbers(world)
+        world = local if xformable.GetResetXformStack() else local * parent[0]
+        numbers = _numbers(world)
+        self._worlds[path] = (world, numbers)
+        return _numbers(local), numbers
 
     def world(self, prim: Usd.Prim) -> Gf.Matrix4d:
         """Return the world transform of a prim that was met before, else compute it."""
@@ -41,9 +41,16 @@ class Places:
             parent = prim.GetParent()
             if parent and not parent.IsPseudoRoot():
                 self.world(parent)
-            self.of(prim)
-        return self._worlds[path]
+            self.of(prim, path)
+        return self._worlds[path][0]
 
 
 def _numbers(matrix: Gf.Matrix4d) -> Matrix:
-    return tuple(value for row in matrix for value in row)
+    # Iterating over a Gf type is twenty times as slow as asking for its elements.
+    a, b, c, d = matrix.GetRow(0), matrix.GetRow(1), matrix.GetRow(2), matrix.GetRow(3)
+    return (
+        *(a[0], a[1], a[2], a[3]),
+        *(b[0], b[1], b[2], b[3]),
+        *(c[0], c[1], c[2], c[3]),
+        *(d[0], d[1], d[2], d[3]),
+    )

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pxr import Usd, UsdGeom
 
-from lab3_usd.check.model import Absent, GraphModel, Node, PortState, Prim, StageModel
+from lab3_usd.check.model import Absent, GraphModel, Node, Prim, StageModel
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import Lab
 from lab3_usd.stage.colliders import find_colliders
+from lab3_usd.stage.missing import find_unresolved, is_in_scene
 from lab3_usd.stage.opening import open_stage
 from lab3_usd.stage.places import Places
-from lab3_usd.stage.missing import find_unresolved, is_in_scene
 from lab3_usd.stage.plain import plain
+from lab3_usd.stage.ports import read_ports
 
-_PORT_PREFIXES = ("inputs:", "outputs:", "state:")
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
@@ -94,31 +93,31 @@ def _read_prim(prim: Usd.Prim, lab: Lab, places: Places, found: _Found) -> None:
         found.graph_absent[path] = []
     graph = _graph_above(path, found)
     if kind == form.node_type or (graph and path != graph):
-        _read_node(prim, graph, lab, found)
+        _read_node(prim, path, graph, lab, found)
         return
-    found.prims[path] = _prim(prim, kind, places, found)
-    if "PhysicsCollisionAPI" in found.prims[path].apis and found.prims[path].present:
+    read = _prim(prim, path, kind, places, found)
+    found.prims[path] = read
+    if "PhysicsCollisionAPI" in read.apis and read.present:
         found.collision_prims.append(prim)
 
 
 def _graph_above(path: str, found: _Found) -> str:
     """Return the path of the graph that this prim is, or is in; '' for none."""
-    while path:
+    while path and found.graphs:
         if path in found.graphs:
             return path
         path = path.rpartition("/")[0]
     return ""
 
 
-def _read_node(prim: Usd.Prim, graph: str, lab: Lab, found: _Found) -> None:
-    path = str(prim.GetPath())
+def _read_node(prim: Usd.Prim, path: str, graph: str, lab: Lab, found: _Found) -> None:
     if prim.IsActive() and is_in_scene(prim, found.hidden):
         node = _node(prim, path, lab, _namespace_of(path, found))
         if not node.type_name and not node.ports:
             return  # a settings prim or leftover below a graph, which is no node
         (found.nodes[graph] if graph else found.orphans).append(node)
         return
-    ports = _ports(prim)
+    ports = read_ports(prim)
     type_name = str(plain(_value_of(prim, "node:type")) or "")
     reason: Any = "an over without a def" if prim.IsActive() else "deactivated"
     if ports or type_name:
@@ -140,7 +139,7 @@ def _node(prim: Usd.Prim, path: str, lab: Lab, namespace: str) -> Node:
         type_name=type_name,
         type=lab.catalog.get(type_name),
         version=version if isinstance(version, int) else None,
-        ports=_ports(prim),
+        ports=read_ports(prim),
         position=_pair(position),
         namespace=namespace,
     )
@@ -151,37 +150,6 @@ def _pair(value: Value | None) -> tuple[float, float] | None:
         return None
     x, y = value
     return (float(x), float(y)) if isinstance(x, float) and isinstance(y, float) else None
-
-
-def _ports(prim: Usd.Prim) -> Mapping[str, PortState]:
-    ports = {}
-    for prop in prim.GetAuthoredProperties():
-        name = prop.GetName()
-        if not name.startswith(_PORT_PREFIXES):
-            continue
-        if isinstance(prop, Usd.Attribute):
-            ports[name] = _attribute_port(name, prop)
-        else:
-            targets = tuple(str(target) for target in prop.GetTargets())
-            ports[name] = PortState(name, "rel", targets=targets)
-    return ports
-
-
-def _attribute_port(name: str, attribute: Usd.Attribute) -> PortState:
-    sources: tuple[str, ...] = ()
-    if attribute.HasAuthoredConnections():
-        sources = tuple(str(source) for source in attribute.GetConnections())
-    value = plain(attribute.Get())
-    if value is None and not sources:
-        value = _value_in_metadata(attribute)
-    return PortState(name, str(attribute.GetTypeName()), value, sources)
-
-
-def _value_in_metadata(attribute: Usd.Attribute) -> Value | None:
-    """Return the literal of an extended port, which Kit keeps beside the attribute's value."""
-    if not attribute.HasAuthoredCustomDataKey("omni"):
-        return None
-    return plain(attribute.GetCustomDataByKey("omni:graph:attrValue"))
 
 
 def _graph(path: str, prim: Usd.Prim, found: _Found) -> GraphModel:
@@ -210,26 +178,29 @@ def _namespace_of(path: str, found: _Found) -> str:
     return "/".join(reversed(parts))
 
 
-def _prim(prim: Usd.Prim, kind: str, places: Places, found: _Found) -> Prim:
-    path = str(prim.GetPath())
+def _prim(prim: Usd.Prim, path: str, kind: str, places: Places, found: _Found) -> Prim:
     attributes: dict[str, Value] = {}
     relationships: dict[str, tuple[str, ...]] = {}
-    for prop in _asked_properties(prim):
-        if isinstance(prop, Usd.Relationship):
-            relationships[prop.GetName()] = tuple(str(target) for target in prop.GetTargets())
+    for name in prim.GetAuthoredPropertyNames():
+        if _ATTRIBUTES.match(name) is None:
             continue
-        value = plain(prop.Get())
+        attribute = prim.GetAttribute(name)
+        if not attribute:
+            targets = prim.GetRelationship(name).GetTargets()
+            relationships[name] = tuple(str(target) for target in targets)
+            continue
+        value = plain(attribute.Get())
         if value is not None:
-            attributes[prop.GetName()] = value
+            attributes[name] = value
     namespace = attributes.get(_NAMESPACE)
     if isinstance(namespace, str) and namespace:
         found.namespaces[path] = namespace
-    local, world = places.of(prim)
+    local, world = places.of(prim, path)
     return Prim(
         path=path,
         type=kind,
-        apis=tuple(str(name) for name in prim.GetPrimTypeInfo().GetAppliedAPISchemas()),
-        active=bool(prim.IsActive()),
+        apis=tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas()),
+        active=prim.IsActive(),
         defined=is_in_scene(prim, found.hidden),
         attributes=attributes,
         relationships=relationships,
@@ -237,9 +208,3 @@ def _prim(prim: Usd.Prim, kind: str, places: Places, found: _Found) -> Prim:
         world=world,
         authored=frozenset(attributes),
     )
-
-
-def _asked_properties(prim: Usd.Prim) -> Iterator[Usd.Property]:
-    for prop in prim.GetAuthoredProperties():
-        if _ATTRIBUTES.match(prop.GetName()):
-            yield prop

@@ -1,0 +1,49 @@
+"""Reads the ports of one node prim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pxr import Usd
+
+from lab3_usd.check.model import PortState
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Value
+from lab3_usd.stage.plain import plain
+
+
+def read_ports(prim: Usd.Prim) -> Mapping[str, PortState]:
+    """Return the ports that the composed prim declares, by full name.
+
+    Of outputs only the names count: what flows through them is made at run time.
+    """
+    ports = {}
+    for name in prim.GetAuthoredPropertyNames():
+        if name.startswith(OUTPUT):
+            ports[name] = PortState(name)
+        elif name.startswith(INPUT):
+            attribute = prim.GetAttribute(name)
+            if attribute:
+                ports[name] = _input(name, attribute)
+            else:
+                targets = prim.GetRelationship(name).GetTargets()
+                ports[name] = PortState(name, "rel", targets=tuple(map(str, targets)))
+    return ports
+
+
+def _input(name: str, attribute: Usd.Attribute) -> PortState:
+    sources: tuple[str, ...] = ()
+    if attribute.HasAuthoredConnections():
+        sources = tuple(map(str, attribute.GetConnections()))
+    value = plain(attribute.Get())
+    if value is None and not sources:
+        value = _value_in_metadata(attribute)
+    # The type of a port without a value says nothing that a rule asks about.
+    kind = "" if value is None else str(attribute.GetTypeName())
+    return PortState(name, kind, value, sources)
+
+
+def _value_in_metadata(attribute: Usd.Attribute) -> Value | None:
+    """Return the literal of an extended port, which Kit keeps beside the attribute's value."""
+    if not attribute.HasAuthoredCustomDataKey("omni"):
+        return None
+    return plain(attribute.GetCustomDataByKey("omni:graph:attrValue"))
