@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from click.testing import CliRunner
 from ros_outputs import EDGES, STATUS, fake_ros2, frames_gv, good_outputs
 
 from lab3_usd.cli import lab3
+from lab3_usd.errors import SpecError
 from lab3_usd.lab.collect import collect_script
 from lab3_usd.lab.evidence import MANIFEST, read_evidence
 from lab3_usd.spec.load_ros import load_ros
@@ -122,6 +124,18 @@ def test_a_command_that_hangs_is_ended(tmp_path: Path) -> None:
     assert read_evidence(tmp_path / "results").topic_hz["/clock"][0].fact == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(("options", "most"), [([], 60), (["--limit", "9"], 9)])
+def test_every_command_has_its_limit(tmp_path: Path, options: list[str], most: int) -> None:
+    put_ros2(tmp_path, "exit 0")
+    timeout = tmp_path / "bin" / "timeout"
+    timeout.write_text('#!/bin/sh\nshift 2\nlimit=$1\nshift\necho "$limit $*" >>"$HOME/limits"\n')
+    timeout.chmod(0o755)
+    assert run_script(tmp_path, *options).returncode == 0
+    limits = (tmp_path / "limits").read_text().splitlines()
+    wanted = [f"{min(c.kind.seconds, most)} {c.line}" for c in ROS.commands]
+    assert [line for line in limits if " ros2 " in line] == wanted
+
+
 def test_drawn_frames_get_a_fixed_name(tmp_path: Path) -> None:
     (tmp_path / "tree.gv").write_text(frames_gv(*EDGES))
     copy = f"cp {tmp_path}/tree.gv frames_2026-11-20_10.00.00.gv"
@@ -148,6 +162,12 @@ def test_a_goal_is_watched_until_it_ends(tmp_path: Path) -> None:
     measured = next(shown.fact for shown in goals if shown.file == "goal.txt")
     assert measured.status == ROS.goal.succeeded
     assert measured.seconds is not None
+
+
+def test_a_spec_without_a_tree_to_draw_is_a_mistake() -> None:
+    commands = tuple(c for c in ROS.commands if c.kind.name != "view_frames")
+    with pytest.raises(SpecError, match="view_frames"):
+        collect_script(replace(ROS, commands=commands))
 
 
 @pytest.mark.parametrize("options", [["--goal"], ["--limit", "soon"], ["somewhere"]])

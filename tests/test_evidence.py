@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -105,6 +106,9 @@ def test_colours_and_line_ends_of_other_systems_do_not_matter(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("name", "text", "kind", "target"),
     [
+        ("hz-scan.txt", NO_RATE, "topic_hz", "/scan"),
+        ("info of odom.txt", "Unknown topic '/odom'\n", "topic_info", "/odom"),
+        ("lifecycle amcl.txt", "Node not found\n", "lifecycle", "/amcl"),
         ("hz of scan.txt", RATE, "topic_hz", "/scan"),
         ("camera_image_raw-hz.txt", RATE, "topic_hz", "/camera/image_raw"),
         ("info_tf.log", info("tf2_msgs/msg/TFMessage", "amcl"), "topic_info", "/tf"),
@@ -185,8 +189,29 @@ def test_a_message_shortened_by_hand_is_still_read() -> None:
     assert message["info.origin.position.x"] == pytest.approx(-6.2)
 
 
+def test_a_value_that_is_no_yaml_is_text() -> None:
+    (message,) = parse_messages("header:\n  frame_id: 'map\nwidth: 177\n")
+    assert message == {"header.frame_id": "'map", "width": 177}
+
+
+def test_lists_in_lists_are_left_out() -> None:
+    assert parse_messages("a: [[1], {b: 2}]\n") == [{"a.1.b": 2}]
+
+
 def test_a_message_nested_without_end_ends() -> None:
-    assert parse_messages("a: &a {b: *a, frame_id: map}\n") != []
+    assert parse_messages("a: &a {b: *a, frame_id: map}\n") == [{"a.frame_id": "map"}]
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "{a: " * 50_000, "- " * 50_000])
+def test_a_message_nested_too_deep_shows_nothing(text: str) -> None:
+    assert parse_messages(text) == []
+
+
+def test_aliases_do_not_multiply() -> None:
+    lines = ["a0: &a0 {x: 1}"]
+    lines += [f"a{n}: &a{n} {{p: *a{n - 1}, q: *a{n - 1}}}" for n in range(1, 60)]
+    (message,) = parse_messages("\n".join(lines))
+    assert message == {"a0.x": 1}
 
 
 def test_no_message_is_none() -> None:
@@ -237,6 +262,17 @@ def test_a_transform_is_read() -> None:
     assert parse_lookup(LOOKUP) == Lookup(found=True, translation=(0.25, 0.001, 0.0))
 
 
+def test_a_transform_that_was_cut_is_found() -> None:
+    assert parse_lookup("- Translation: [0.2, 0.0]\n") == Lookup(found=True)
+
+
+def test_a_transform_of_words_is_found() -> None:
+    found = parse_lookup("- Translation: [x, y, z]\n")
+    assert found.found
+    assert found.translation is not None
+    assert all(math.isnan(number) for number in found.translation)
+
+
 def test_a_transform_that_never_came_is_not_found() -> None:
     assert parse_lookup(NO_LOOKUP) == Lookup(found=False)
 
@@ -280,6 +316,15 @@ def test_an_empty_list_of_goals_is_no_goal(tmp_path: Path) -> None:
     assert read(tmp_path, **{name: "status_list: []\n---\n"}).goals == {}
 
 
+def test_a_status_that_nobody_knows_is_no_goal(tmp_path: Path) -> None:
+    assert read(tmp_path, nav2__txt="Goal finished with status: LOST\n").goals == {}
+
+
+def test_a_status_that_is_no_number_is_no_goal(tmp_path: Path) -> None:
+    name = "topic_echo_navigate_to_pose_action_status__txt"
+    assert read(tmp_path, **{name: "status_list:\n- status: fine\n---\n"}).goals == {}
+
+
 def test_packages_are_read(tmp_path: Path) -> None:
     assert "rviz2" in read(tmp_path, packages__txt=PACKAGES).packages[""][0].fact
 
@@ -317,6 +362,22 @@ def test_links_are_not_followed(tmp_path: Path) -> None:
     inside.mkdir()
     (inside / "topic_list.txt").symlink_to(tmp_path / "outside.txt")
     assert read_evidence(inside).topic_list == {}
+
+
+def test_a_folder_outside_the_root_keeps_its_name(tmp_path: Path) -> None:
+    (tmp_path / "results").mkdir()
+    evidence = read_evidence(tmp_path / "results", root=tmp_path / "work")
+    assert evidence.folder == (tmp_path / "results").as_posix()
+
+
+def test_a_file_that_cannot_be_read_shows_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path) -> bytes:
+        raise PermissionError(path)
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    assert read(tmp_path, topic_list__txt=TOPICS) == Evidence(folder=".")
 
 
 def test_pictures_are_not_read(tmp_path: Path) -> None:

@@ -69,12 +69,17 @@ def test_a_correct_map_has_no_problem(tmp_path: Path, text: str) -> None:
 FAULTS = [
     ("M01", "image: [turtlebot3_map.pgm\n", None),
     ("M01", "no map at all\n", None),
+    ("M01", "[" * 100_000, None),
     ("M02", changed("turtlebot3_map.pgm", "/home/ana/maps/turtlebot3_map.pgm"), "image"),
     ("M02", changed("turtlebot3_map.pgm", "C:\\maps\\turtlebot3_map.pgm"), "image"),
     ("M02", changed("turtlebot3_map.pgm", "~/maps/turtlebot3_map.pgm"), "image"),
     ("M02", changed("turtlebot3_map.pgm", "../maps/turtlebot3_map.pgm"), "image"),
     ("M02", changed("image: turtlebot3_map.pgm\n", ""), "image"),
     ("M02", changed("turtlebot3_map.pgm", "7"), "image"),
+    ("M02", changed("turtlebot3_map.pgm", "../../turtlebot3_map.pgm"), "image"),
+    ("M02", changed("turtlebot3_map.pgm", "/elsewhere/turtlebot3_map.pgm"), "image"),
+    ("M03", changed("turtlebot3_map.pgm", "m" * 300), "image"),
+    ("M03", changed("turtlebot3_map.pgm", '"\\0"'), "image"),
     ("M06", changed("trinary", "scale"), "mode"),
     ("M06", changed("0.05", "0.5"), "resolution"),
     ("M06", changed("negate: 0", "negate: 1"), "negate"),
@@ -131,9 +136,11 @@ def test_an_image_that_cannot_be_read_is_found(tmp_path: Path, data: bytes) -> N
     assert list(found) == ["M05"]
 
 
-def test_an_image_of_another_size_is_found(tmp_path: Path) -> None:
-    found = problems(given(tmp_path, data=image(384, 384)))
-    assert [(p.expected, p.actual) for p in found["M08"]] == [("177 x 162", "384 x 384")]
+@pytest.mark.parametrize("size", [(384, 384), (177, 161), (162, 177)])
+def test_an_image_of_another_size_is_found(tmp_path: Path, size: tuple[int, int]) -> None:
+    found = problems(given(tmp_path, data=image(*size)))
+    actual = f"{size[0]} x {size[1]}"
+    assert [(p.expected, p.actual) for p in found["M08"]] == [("177 x 162", actual)]
     assert list(found) == ["M08"]
 
 
@@ -172,6 +179,11 @@ def test_an_only_map_of_another_name_is_found(tmp_path: Path) -> None:
 
 def test_no_map_is_looked_for_under_its_name(tmp_path: Path) -> None:
     assert find_map(tmp_path, FACTS) == tmp_path / FACTS.yaml
+
+
+def test_a_map_outside_the_submission_keeps_its_path(tmp_path: Path) -> None:
+    path = tmp_path / FACTS.yaml
+    assert map_subject(path, FACTS, root=tmp_path / "work").file == path.as_posix()
 
 
 def test_the_bundled_map_has_no_problem(repository: Path) -> None:

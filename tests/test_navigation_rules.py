@@ -156,16 +156,29 @@ def test_a_source_that_is_no_laser_may_have_its_topic(tmp_path: Path) -> None:
     assert problems(read(tmp_path, text)) == {}
 
 
+def test_a_file_outside_the_submission_keeps_its_path(tmp_path: Path) -> None:
+    path = tmp_path / PARAMS_FILE
+    assert read_params(path, ROS, LAB.frames, root=tmp_path / "work").file == path.as_posix()
+
+
+def test_a_limit_that_is_no_list_is_noted(tmp_path: Path) -> None:
+    text = changed("max_velocity: [0.22, 0.0, 1.0]", "max_velocity: 0.22")
+    assert list(problems(read(tmp_path, text))) == ["V07"]
+
+
 def test_a_file_that_does_not_exist_is_unreadable(tmp_path: Path) -> None:
     subject = read_params(tmp_path / "none.yaml", ROS, LAB.frames)
     assert list(problems(subject)) == ["V01"]
 
 
-def test_a_file_of_aliases_ends(tmp_path: Path) -> None:
+def test_a_file_that_repeats_itself_by_aliases_is_not_followed(tmp_path: Path) -> None:
     lines = ["a0: &a0 {ros__parameters: {x: 1}}"]
     lines += [f"a{n}: &a{n} {{p: *a{n - 1}, q: *a{n - 1}}}" for n in range(1, 40)]
-    subject = read(tmp_path, "\n".join(lines))
-    assert len(subject.parameters) <= 20_000
+    assert list(problems(read(tmp_path, "\n".join(lines)))) == ["V01"]
+
+
+def test_a_file_that_is_nested_too_deep_is_unreadable(tmp_path: Path) -> None:
+    assert list(problems(read(tmp_path, "[" * 100_000))) == ["V01"]
 
 
 def test_the_makers_parameters_for_a_newer_release_are_recognised(shared: Path) -> None:

@@ -29,7 +29,8 @@ class MapSubject:
     """A map as handed in. `values` is the YAML file as read; None where it cannot be read.
 
     Paths are relative to the submission; `size` is (width, height) in cells. An absolute
-    image path is looked for by its name beside the YAML; `image_file` is empty when not there.
+    image path is looked for by its name beside the YAML; `image_file` is empty when it is not
+    there, and when the path leads out of the submission.
     """
 
     facts: MapFacts

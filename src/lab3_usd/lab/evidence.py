@@ -71,11 +71,8 @@ def _files(folders: tuple[Path, ...]) -> list[Path]:
 
 
 def _is_text(path: Path) -> bool:
-    try:
-        plain = path.is_file() and not path.is_symlink()
-        return plain and path.suffix.lower() in _ENDINGS and path.stat().st_size <= _MOST_BYTES
-    except OSError:
-        return False
+    plain = path.is_file() and not path.is_symlink()
+    return plain and path.suffix.lower() in _ENDINGS and path.stat().st_size <= _MOST_BYTES
 
 
 def _read(path: Path) -> str:

@@ -24,6 +24,13 @@ _LOOKS = (
     ("names", re.compile(r"\A(\s*/[\w/]+( \[.*\])?[ \t]*(\n|\Z))+\s*\Z")),
     ("topic_echo", re.compile(r"^[a-z]\w*:", re.MULTILINE)),
 )
+_NAMED = {
+    "hz": "topic_hz",
+    "type": "topic_type",
+    "info": "topic_info",
+    "lifecycle": "lifecycle",
+    "echo": "topic_echo",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,9 +105,9 @@ def _named_block(text: str, name: str, ros: RosSpec) -> Iterator[Block]:
         if command.file == name:
             yield Block(command.kind.name, command.target, text)
             return
-    kind = next((kind for kind, looks in _LOOKS if looks.search(text)), None)
+    kind = next((kind for kind, looks in _LOOKS if looks.search(text)), _kind_in(name))
     if kind == "names":
-        known = {*ros.topics, "/rosout", "/parameter_events"}
+        known = {*ros.topics, *ros.system.topics}
         kind = "topic_list" if known & set(text.split()) else "node_list"
     if kind in {"topic_list", "node_list", "view_frames"}:
         yield Block(kind, "", text)
@@ -108,6 +115,12 @@ def _named_block(text: str, name: str, ros: RosSpec) -> Iterator[Block]:
         target = _target_in(name, [c for c in ros.commands if c.kind.name == kind])
         if target:
             yield Block(kind, target, text)
+
+
+def _kind_in(name: str) -> str | None:
+    """Tell the kind of an output that says nothing of itself by a word in the file's name."""
+    words = file_word(name).lower().split("_")
+    return next((kind for word, kind in _NAMED.items() if word in words), None)
 
 
 def _target_in(name: str, commands: Sequence[Command]) -> str:

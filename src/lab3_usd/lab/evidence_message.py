@@ -10,11 +10,12 @@ import yaml
 
 from lab3_usd.check.subjects_lab import Message, Scalar
 
-_SAFE: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_DEEPEST = 20  # no message of the lab is nested half as deep
+# libyaml, fast as it is, ends the process where a file is nested too deep.
+_SAFE = yaml.SafeLoader
 _SCALARS = (str, int, float, bool, type(None))
 # What rclcpp and ros2cli print between messages: log lines, and the notice of a lost message.
 _NOISE = re.compile(r"^(\[(INFO|WARN|ERROR|DEBUG)\]|WARNING:|A message was lost|\ttotal count)")
+_ELEMENT = re.compile(r"^ *- (-?[\d.]\S*|\.nan|'\.\.\.')\s*$")
 _FIELD = re.compile(r"^(?P<indent> *)(?:- )?(?P<name>[A-Za-z_]\w*):(?: +(?P<value>.*?))?\s*$")
 
 
@@ -24,7 +25,7 @@ def parse_messages(text: str) -> list[Message]:
     Arrays of numbers are left out. A message that is no longer YAML, because somebody shortened
     it, is read line by line as far as its lines say `name: value`.
     """
-    lines = [line for line in text.splitlines() if not _NOISE.match(line)]
+    lines = [line for line in text.splitlines() if not (_NOISE.match(line) or _ELEMENT.match(line))]
     documents = re.split(r"(?m)^-{3,}\s*$", "\n".join(lines))
     return [message for document in documents if (message := _parse(document))]
 
@@ -33,24 +34,25 @@ def _parse(document: str) -> Message:
     try:
         data = yaml.load(document, Loader=_SAFE)  # noqa: S506 - a safe loader
         if isinstance(data, dict):
-            return dict(_flat(data, "", 0))
+            return dict(_flat(data, "", set()))
     except (yaml.YAMLError, RecursionError, ValueError):
         pass
     return dict(_by_line(document))
 
 
-def _flat(value: Any, path: str, depth: int) -> Iterator[tuple[str, Scalar]]:  # noqa: ANN401
-    if depth > _DEEPEST:
-        return
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _flat(inner, f"{path}.{name}" if path else str(name), depth + 1)
-    elif isinstance(value, list):
-        for index, inner in enumerate(value):
-            if isinstance(inner, dict):
-                yield from _flat(inner, f"{path}.{index}", depth + 1)
-    elif isinstance(value, _SCALARS):
+def _flat(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Scalar]]:  # noqa: ANN401
+    """Yield the scalars below a value; a part that YAML repeats by an alias is entered once."""
+    if isinstance(value, _SCALARS):
         yield path, value
+        return
+    if id(value) in seen or not isinstance(value, (dict, list)):
+        return
+    seen.add(id(value))
+    inside = value.items() if isinstance(value, dict) else enumerate(value)
+    for name, inner in inside:
+        # Arrays of numbers are left out, arrays of messages are not.
+        if isinstance(value, dict) or isinstance(inner, dict):
+            yield from _flat(inner, f"{path}.{name}" if path else str(name), seen)
 
 
 def _by_line(document: str) -> Iterator[tuple[str, Scalar]]:

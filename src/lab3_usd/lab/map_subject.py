@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any
 
 import yaml
 
@@ -12,7 +11,8 @@ from lab3_usd.check.subjects_lab import Agreement, MapSubject
 from lab3_usd.lab.maps import MapError, read_pgm
 from lab3_usd.spec.ros_spec import MapFacts
 
-_SAFE: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+# libyaml, fast as it is, ends the process where a file is nested too deep.
+_SAFE = yaml.SafeLoader
 
 
 def find_map(folder: Path, facts: MapFacts) -> Path:
@@ -43,14 +43,15 @@ def map_subject(
         return MapSubject(facts, given=True, file=file, values=values, fault=fault)
     absolute = _is_absolute(image)
     image_path = yaml_path.parent / (PureWindowsPath(image).name if absolute else image)
-    exists = image_path.is_file()
+    inside = _is_inside(image_path, base)
+    exists = inside and image_path.is_file()
     size, image_fault = _size(image_path) if exists else (None, None)
     return MapSubject(
         facts,
         given=True,
         file=file,
         values=values,
-        image_file=_relative(image_path, base) if exists or not absolute else "",
+        image_file=_relative(image_path, base) if exists or (inside and not absolute) else "",
         image_absolute=absolute,
         image_exists=exists,
         image_fault=image_fault,
@@ -63,6 +64,17 @@ def _is_absolute(image: str) -> bool:
     """Whether a path holds for one computer only, whichever system that runs."""
     windows = PureWindowsPath(image).is_absolute()
     return windows or PurePosixPath(image).is_absolute() or image.startswith("~")
+
+
+def _is_inside(path: Path, base: Path) -> bool:
+    """Whether a path that somebody else wrote stays in the submission and can be asked for."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError):
+        return False
+    return path.resolve().is_relative_to(base.resolve())
 
 
 def _read(path: Path) -> tuple[dict[str, object] | None, str | None]:

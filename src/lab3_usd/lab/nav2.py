@@ -74,7 +74,6 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
     navigation = ros.navigation
     facts = map_facts(lab.scene)
     map_frame, odom_frame = lab.frames.localization_edge
-    names = list(navigation.plugins)
     return {
         "distribution": ros.system.distribution,
         "folder": ros.system.folder,
@@ -99,13 +98,8 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         "linear_acceleration": navigation.linear_acceleration,
         "angular_acceleration": navigation.angular_acceleration,
         "lidar_size": navigation.lidar_size,
-        "planner_plugin": names[0],
-        "behaviors": [(_snake(plugin), plugin) for plugin in names[1:]],
+        "laser": navigation.parameters.laser,
+        "planner_plugin": navigation.planner,
+        "behaviors": navigation.behaviors,
+        "topics": navigation.rviz,
     }
-
-
-def _snake(plugin: str) -> str:
-    """Name a behaviour as the trees call it: `nav2_behaviors/DriveOnHeading`, drive_on_heading."""
-    name = plugin.rpartition("/")[2]
-    words = "".join(f" {letter}" if letter.isupper() else letter for letter in name).split()
-    return "_".join(words).lower()

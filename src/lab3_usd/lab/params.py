@@ -13,9 +13,8 @@ from lab3_usd.spec.ros_spec import RosSpec
 from lab3_usd.spec.spec import FrameSpec
 
 _PARAMETERS = "ros__parameters"
-_DEEPEST = 20
-_MOST = 20_000  # a parameter file of Nav2 has some three hundred
-_SAFE: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+# libyaml, fast as it is, ends the process where a file is nested too deep.
+_SAFE = yaml.SafeLoader
 
 
 def read_params(
@@ -46,17 +45,32 @@ def _parameters(data: bytes) -> Iterator[Parameter]:
     loader = _SAFE(data)
     try:
         root = loader.get_single_node()
-        for count, parameter in enumerate(_nodes(loader, root, ())):
-            if count >= _MOST:
-                return
-            yield parameter
+        repeated = _repeated(root)
+        if repeated is not None:
+            raise yaml.MarkedYAMLError(problem_mark=repeated.start_mark)
+        yield from _nodes(loader, root, ())
     finally:
         loader.dispose()
 
 
+def _repeated(root: Any) -> Any:  # noqa: ANN401
+    """Return a node that the file repeats by an alias, which ROS 2 does not read either."""
+    seen: set[int] = set()
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, yaml.CollectionNode):
+            if id(node) in seen:
+                return node
+            seen.add(id(node))
+            for part in node.value:
+                waiting.extend(part if isinstance(part, tuple) else [part])
+    return None
+
+
 def _nodes(loader: Any, node: Any, names: tuple[str, ...]) -> Iterator[Parameter]:  # noqa: ANN401
     """Find the parameters of every node; `names` are the namespaces and the node above them."""
-    for key, value in _pairs(node, len(names)):
+    for key, value in _pairs(node):
         if key == _PARAMETERS:
             yield from _values(loader, value, ".".join(names), ())
         else:
@@ -64,7 +78,7 @@ def _nodes(loader: Any, node: Any, names: tuple[str, ...]) -> Iterator[Parameter
 
 
 def _values(loader: Any, node: Any, owner: str, names: tuple[str, ...]) -> Iterator[Parameter]:  # noqa: ANN401
-    for key, value in _pairs(node, len(names)):
+    for key, value in _pairs(node):
         name = (*names, key)
         if isinstance(value, yaml.MappingNode):
             yield from _values(loader, value, owner, name)
@@ -73,8 +87,8 @@ def _values(loader: Any, node: Any, owner: str, names: tuple[str, ...]) -> Itera
             yield Parameter(owner, ".".join(name), plain, value.start_mark.line + 1)
 
 
-def _pairs(node: Any, depth: int) -> list[tuple[str, Any]]:  # noqa: ANN401
-    """Return names and nodes of a mapping; nothing of what is no mapping or nested too deep."""
-    if not isinstance(node, yaml.MappingNode) or depth > _DEEPEST:
+def _pairs(node: Any) -> list[tuple[str, Any]]:  # noqa: ANN401
+    """Return names and nodes of a mapping; nothing of what is no mapping."""
+    if not isinstance(node, yaml.MappingNode):
         return []
     return [(str(key.value), value) for key, value in node.value if key.id == "scalar"]

@@ -134,13 +134,14 @@ class ParameterNames:
     speeds: tuple[str, ...]
     stamped: str
     plugin: str
+    laser: str
 
 
 @dataclass(frozen=True, slots=True)
 class NavigationSpec:
     """What Nav2 is told; metres, metres and radians per second, and per second squared.
 
-    `frames` are (node, parameter, frame); `plugins` maps Humble's names to those of later releases.
+    `frames` are (node, parameter, frame), `behaviors` plugins by name, `rviz` topics by display.
     """
 
     handout: str
@@ -157,18 +158,29 @@ class NavigationSpec:
     lidar_size: float
     parameters: ParameterNames
     frames: tuple[tuple[str, str, str], ...]
-    plugins: Mapping[str, str]
+    planner: str
+    behaviors: Mapping[str, str]
+    rviz: Mapping[str, str]
+
+    @property
+    def plugins(self) -> tuple[str, ...]:
+        """The plugins that other releases call by another name."""
+        return (self.planner, *self.behaviors.values())
 
 
 @dataclass(frozen=True, slots=True)
 class SystemSpec:
-    """The software of 4.1 and where it lies; `packages` maps ROS packages to their usual names."""
+    """The software of 4.1 and where it lies; `packages` maps ROS packages to their usual names.
+
+    `topics` are those that every ROS 2 system has.
+    """
 
     handout: str
     distribution: str
     setup: str
     domain: int
     folder: str
+    topics: tuple[str, ...]
     packages: Mapping[str, str]
 
 

@@ -187,7 +187,7 @@ def plugin_of_another_release(subject: NavigationSubject) -> Iterator[Problem]:
     Example: `nav2_navfn_planner::NavfnPlanner` instead of `nav2_navfn_planner/NavfnPlanner`.
     """
     navigation = subject.ros.navigation
-    ours = {later: name for name, later in navigation.plugins.items()}
+    ours = {name.replace("/", "::"): name for name in navigation.plugins}
     for parameter in subject.parameters:
         value = str(parameter.value)
         if parameter.last == navigation.parameters.plugin and value in ours:
@@ -215,16 +215,16 @@ def _named(subject: NavigationSubject, names: tuple[str, ...]) -> list[Parameter
 def _sources(subject: NavigationSubject) -> Iterator[Parameter]:
     """Yield the topics of the laser sources that the layers of the costmaps list."""
     by_place = {(p.node, p.name): p for p in subject.parameters}
-    listing = subject.ros.navigation.parameters.sources
+    names = subject.ros.navigation.parameters
     for parameter in subject.parameters:
-        if parameter.last != listing or not isinstance(parameter.value, str):
+        if parameter.last != names.sources or not isinstance(parameter.value, str):
             continue
         layer = parameter.name.rpartition(".")[0]
         for source in parameter.value.split():
             place = f"{layer}.{source}" if layer else source
             kind = by_place.get((parameter.node, f"{place}.data_type"))
             topic = by_place.get((parameter.node, f"{place}.topic"))
-            if topic is not None and (kind is None or kind.value == "LaserScan"):
+            if topic is not None and (kind is None or kind.value == names.laser):
                 yield topic
 
 
