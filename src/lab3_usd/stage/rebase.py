@@ -19,9 +19,10 @@ def copy_for(source: Sdf.Layer, folder: Path) -> Sdf.Layer:
     """
     copy = Sdf.Layer.CreateAnonymous(".usda")
     copy.TransferContent(source)
-    if source.realPath and Path(source.realPath).parent.resolve() == folder.resolve():
-        return copy
-    UsdUtils.ModifyAssetPaths(copy, lambda path: _moved(path, source, folder.resolve()))
+    # usd-core drops `..` from paths as written, without following links; so does this.
+    start = Path(os.path.abspath(folder))  # noqa: PTH100 - Path.resolve() follows links
+    if Path(source.realPath).parent != start or source.GetFileFormat().IsPackage():
+        UsdUtils.ModifyAssetPaths(copy, lambda path: _moved(path, source, start))
     return copy
 
 
