@@ -98,7 +98,7 @@ def _open_starter(lab: Lab, starter: Path | None) -> Usd.Stage:
         name = str(starter)
     reasons = list(_reasons(lab, stage))
     if reasons:
-        raise StarterError(name, reasons)
+        raise StarterError(name, reasons + _unresolved(stage))
     return stage
 
 
@@ -119,6 +119,13 @@ def _state(prim: Usd.Prim) -> str:
     if not prim.IsActive():
         return " (deactivated)"
     return "" if prim.IsDefined() else " (an over without a def)"
+
+
+def _unresolved(stage: Usd.Stage) -> list[str]:
+    """Name the files that cannot be found: what is missing may be in them."""
+    with quiet():
+        missing = UsdUtils.ComputeAllDependencies(stage.GetRootLayer().identifier)[2]
+    return [f"{path} cannot be found; what is missing may be in it" for path in sorted(missing)]
 
 
 def _needed(lab: Lab) -> Iterator[str]:
