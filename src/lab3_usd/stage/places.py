@@ -23,7 +23,7 @@ class Places:
 
     def of(self, prim: Usd.Prim, path: str) -> tuple[Matrix | None, Matrix]:
         """Return the local transform (None where the prim has none) and the world transform."""
-        parent = self._worlds.get(path.rpartition("/")[0] or "/", self._worlds["/"])
+        parent = self._above(prim, path.rpartition("/")[0] or "/")
         if not prim.HasAttribute(_ORDER):
             self._worlds[path] = parent
             return None, parent[1]
@@ -38,11 +38,13 @@ class Places:
         """Return the world transform of a prim that was met before, else compute it."""
         path = str(prim.GetPath())
         if path not in self._worlds:
-            parent = prim.GetParent()
-            if parent and not parent.IsPseudoRoot():
-                self.world(parent)
             self.of(prim, path)
         return self._worlds[path][0]
+
+    def _above(self, prim: Usd.Prim, path: str) -> tuple[Gf.Matrix4d, Matrix]:
+        if path not in self._worlds:
+            self.of(prim.GetParent(), path)
+        return self._worlds[path]
 
 
 def _numbers(matrix: Gf.Matrix4d) -> Matrix:

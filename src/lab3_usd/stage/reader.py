@@ -24,6 +24,8 @@ _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
     r"horizontalAperture|verticalAperture|kind|node|xformOpOrder)(:|$)"
 )
+# Prims without applied schemas whose place matters all the same; of the others nobody asks.
+_PLACED = ("Xform", "Camera", "Plane", "OmniLidar", "")
 _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"
 
@@ -195,11 +197,12 @@ def _prim(prim: Usd.Prim, path: str, kind: str, places: Places, found: _Found) -
     namespace = attributes.get(_NAMESPACE)
     if isinstance(namespace, str) and namespace:
         found.namespaces[path] = namespace
-    local, world = places.of(prim, path)
+    apis = tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
+    local, world = places.of(prim, path) if apis or kind in _PLACED else (None, None)
     return Prim(
         path=path,
         type=kind,
-        apis=tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas()),
+        apis=apis,
         active=prim.IsActive(),
         defined=is_in_scene(prim, found.hidden),
         attributes=attributes,
