@@ -33,6 +33,7 @@ ODOM_TF = "ROS_OdomTF"
 COMPUTE = "isaac_compute_transform_tree"
 PUBLISH = "ros2_publish_transform_tree"
 PUBLISHER_TYPE = "isaacsim.ros2.bridge.ROS2Publisher"
+IMU_TYPE = "isaacsim.ros2.bridge.ROS2PublishImu"
 RAW = "ros2_publish_raw_transform_tree"
 
 
@@ -42,27 +43,33 @@ def lab() -> Lab:
 
 def node(path: str, type_name: str, /, **inputs: Value) -> Node:
     """A node with values at its inputs."""
-    ports = {
-        f"inputs:{name}": PortState(f"inputs:{name}", "", value) for name, value in inputs.items()
-    }
-    return Node(path, type_name, lab().catalog.get(type_name), 1, ports)
+    made = Node(path, type_name, lab().catalog.get(type_name), 1, {})
+    for name, value in inputs.items():
+        made = valued(made, f"inputs:{name}", value)
+    return made
+
+
+def state(given: Node, port: str) -> PortState:
+    """The port as it is, or as the catalog declares it where it was left alone."""
+    known = None if given.type is None else given.type.port(port)
+    return given.ports.get(port, PortState(port, "" if known is None else known.usd_type))
 
 
 def wired(given: Node, port: str, *sources: str) -> Node:
     """The node with an input fed from these property paths, and from nothing else."""
-    old = given.ports.get(port, PortState(port, ""))
-    return replace(given, ports={**given.ports, port: replace(old, sources=sources)})
+    changed = replace(state(given, port), sources=sources)
+    return replace(given, ports={**given.ports, port: changed})
+
+
+def valued(given: Node, port: str, value: Value | None) -> Node:
+    """The node with a value at an input."""
+    changed = replace(state(given, port), value=value)
+    return replace(given, ports={**given.ports, port: changed})
 
 
 def aimed(given: Node, port: str, *targets: str) -> Node:
     """The node with a relationship to these prims, and to nothing else."""
     return replace(given, ports={**given.ports, port: PortState(port, "rel", targets=targets)})
-
-
-def valued(given: Node, port: str, value: Value | None) -> Node:
-    """The node with a value at an input."""
-    old = given.ports.get(port, PortState(port, ""))
-    return replace(given, ports={**given.ports, port: replace(old, value=value)})
 
 
 def graph(path: str, *nodes: Node, active: bool = True, **attributes: Value) -> GraphModel:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 from lab3_usd.check.frames import Edge
+from lab3_usd.check.rings import frames_in_rings
 from lab3_usd.report.dot import quoted
 from lab3_usd.report.escape import visible
 
@@ -35,7 +36,7 @@ def faults(edges: Sequence[Edge]) -> list[Fault]:
     """Return what is wrong with the shape of the tree, in the order of the frames."""
     found = []
     parents = _by_child(edges)
-    ring = set(_rings(edges))
+    ring = set(frames_in_rings(edges))
     for frame, above in parents.items():
         names = list(dict.fromkeys(edge.parent for edge in above))
         if len(names) > 1:
@@ -89,14 +90,6 @@ def _below(top: str, children: dict[str, list[Edge]]) -> set[str]:
     return reached
 
 
-def _rings(edges: Sequence[Edge]) -> Iterator[str]:
-    """Yield the frames that lead back to themselves."""
-    children = _by_parent(edges)
-    for name in children:
-        if any(name in _below(edge.child, children) for edge in children[name]):
-            yield name
-
-
 def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:
     """Yield the lines of the tree; `verbose` names the publisher of each transform.
 
@@ -111,7 +104,7 @@ def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:
         yield visible(top)
         yield from _branches(top, report.edges, drawn, verbose=verbose)
     if len(tops) > 1:
-        yield f"! {len(tops)} trees that are not connected: {', '.join(map(visible, tops))}"
+        yield f"! {len(tops)} roots, where there must be one: {', '.join(map(visible, tops))}"
     for path in report.unknown:
         yield f"! {visible(path)} publishes frames that the stage does not tell"
 

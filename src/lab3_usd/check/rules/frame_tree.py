@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.frames import Edge
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rings import frames_in_rings
 from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.tf_view import TfView, judged_elsewhere, tf_view
 from lab3_usd.check.topic_view import copied_graphs
@@ -48,7 +49,7 @@ def two_parents(subject: StageSubject) -> Iterator[Problem]:
     if not subject.checkpoint.frames:
         return
     view = tf_view(subject)
-    rings = set(_ring(_open_edges(view)))
+    rings = set(frames_in_rings(_open_edges(view)))
     clashes: dict[str, list[tuple[Edge, list[Edge]]]] = {}
     for child, edges in view.children.items():
         if len({edge.parent for edge in edges}) == 1 or child in rings:
@@ -128,7 +129,7 @@ def ring_of_frames(subject: StageSubject) -> Iterator[Problem]:
         return
     view = tf_view(subject)
     edges = _open_edges(view)
-    ring = _ring(edges)
+    ring = frames_in_rings(edges)
     if ring:
         inside = [edge for edge in edges if edge.parent in ring and edge.child in ring]
         site = _site(inside, view)
@@ -139,18 +140,6 @@ def ring_of_frames(subject: StageSubject) -> Iterator[Problem]:
             handout=subject.lab.frames.handout,
             related=_others(inside, site),
         )
-
-
-def _ring(edges: list[Edge]) -> list[str]:
-    """Return the frames that are left when frames without parents or children are taken away."""
-    left = dict.fromkeys(name for edge in edges for name in (edge.parent, edge.child))
-    while left:
-        inside = [edge for edge in edges if edge.parent in left and edge.child in left]
-        stay = {edge.parent for edge in inside} & {edge.child for edge in inside}
-        if len(stay) == len(left):
-            break
-        left = dict.fromkeys(name for name in left if name in stay)
-    return list(left)
 
 
 @rule("T06", "frames-not-connected", scope="stage")
@@ -170,7 +159,7 @@ def frames_not_connected(subject: StageSubject) -> Iterator[Problem]:
         return
     view = tf_view(subject)
     edges = _open_edges(view)
-    ring = _ring(edges)
+    ring = frames_in_rings(edges)
     reached = _reached_from(_tops(subject), edges)
     if {child for _, child in subject.lab.frames.edges} - reached:
         return  # the tree itself is broken, which other rules say

@@ -133,3 +133,30 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
                 actual="a profile Isaac Sim refuses" if endpoint.qos is None else str(endpoint.qos),
                 handout="G6",
             )
+
+
+@rule("Q05", "topic-taken-twice", scope="stage", severity="warning")
+def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
+    """A second graph subscribes to a topic that a graph of the lab takes.
+
+    Why: both graphs act on every message. Two copies of the drive graph command the same wheels,
+    and a later change to one of them is undone by the other.
+
+    Fix: delete the copy.
+
+    Example: `/Graph/ROS_Drive` takes `/cmd_vel` beside the lab's `ROS_Drive`.
+    """
+    played = played_roles(subject)
+    takers = [e for e in endpoints(subject.stage, subject.lab) if e.direction == "subscribes"]
+    asked = {e.topic: e.node.path for e in takers if e.topic and e.node.path in played}
+    lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
+    for endpoint in takers:
+        path = endpoint.node.path
+        if endpoint.runs and endpoint.topic in asked and path.rpartition("/")[0] not in lab_graphs:
+            yield Problem(
+                path,
+                f"takes {endpoint.topic}, which another node takes for the lab",
+                property=endpoint.port,
+                actual=endpoint.topic,
+                related=(asked[endpoint.topic],),
+            )

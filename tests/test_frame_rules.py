@@ -1,0 +1,411 @@
+"""What the frame rules say of a stage, and what they leave to other rules."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import models as m
+import pytest
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.model import Absent, Node, StageModel, Unresolved
+from lab3_usd.check.registry import rules_of, run_rule
+from lab3_usd.spec.catalog import Value
+
+PLACE = m.lab().graphs[m.ODOM_TF].path
+COMPUTE, RAW = f"{PLACE}/{m.COMPUTE}", f"{PLACE}/{m.RAW}"
+RAW_TYPE = m.lab().graphs[m.ODOM_TF].nodes[m.RAW].type.type
+TICK_TYPE = m.lab().graphs[m.ODOM_TF].nodes["on_playback_tick"].type.type
+TARGETS, PARENT = "inputs:targetPrims", "inputs:parentPrim"
+FRAME_ROLES = {name: f"{m.ROBOT}/{name}" for name in m.LINKS[1:]} | {"Camera_1": m.CAMERA}
+
+Site = tuple[str, str, str | None]
+
+
+def problems(
+    stage: StageModel, checkpoint: str = "05", **given: object
+) -> dict[str, list[Problem]]:
+    """What each frame rule says, by its id."""
+    subject = m.subject(stage, checkpoint, **given)  # type: ignore[arg-type]
+    found = {
+        rule.id: run_rule(rule, subject) for rule in rules_of("stage", "T") if rule.id[0] == "T"
+    }
+    return {rule_id: said for rule_id, said in found.items() if said}
+
+
+def sites(stage: StageModel, checkpoint: str = "05", **given: object) -> list[Site]:
+    """Rule, prim and property of everything that the frame rules say."""
+    found = problems(stage, checkpoint, **given)
+    return [(rule_id, p.prim, p.property) for rule_id, said in found.items() for p in said]
+
+
+def targets(*prims: str) -> StageModel:
+    stage = m.stage()
+    return m.with_node(stage, m.aimed(m.role(stage, m.COMPUTE), TARGETS, *prims))
+
+
+def every_target(**changed: str) -> StageModel:
+    """The required targets, with the prims of some frames replaced ('' takes one out)."""
+    return targets(*filter(None, (FRAME_ROLES | changed).values()))
+
+
+def raw(parent: str, child: str) -> StageModel:
+    stage = m.stage()
+    node = m.valued(m.role(stage, m.RAW), "inputs:parentFrameId", parent)
+    return m.with_node(stage, m.valued(node, "inputs:childFrameId", child))
+
+
+def sender(path: str, parent: str, child: str, *, driven: bool = True) -> Node:
+    node = m.node(path, RAW_TYPE, parentFrameId=parent, childFrameId=child)
+    tick = f"{path.rpartition('/')[0]}/on_playback_tick.outputs:tick"
+    return m.wired(node, "inputs:execIn", tick) if driven else node
+
+
+def beside(*senders: tuple[str, str], name: str = "sender", driven: bool = True) -> StageModel:
+    """The complete stage and a graph below /Graph with further transform publishers."""
+    nodes = [
+        sender(f"/Graph/tf/{name}" if not n else f"/Graph/tf/{name}_{n:02}", *pair, driven=driven)
+        for n, pair in enumerate(senders)
+    ]
+    return m.stage(m.graph("/Graph/tf", *nodes, m.node("/Graph/tf/on_playback_tick", TICK_TYPE)))
+
+
+SENDER = "/Graph/tf/sender"
+
+
+@pytest.mark.parametrize("checkpoint", sorted(m.lab().checkpoints))
+def test_the_complete_stage_has_no_problem(checkpoint: str) -> None:
+    assert sites(m.stage(), checkpoint) == []
+
+
+def test_frames_are_judged_from_the_checkpoint_that_adds_them() -> None:
+    broken = beside(("world", "odom"), ("odom", "base_link"), ("x", "y"), ("z", "z"))
+    assert sites(broken, "04") == []
+    assert {rule_id for rule_id, _, _ in sites(broken, "05")} == {"T03", "T06", "T07", "T09"}
+
+
+# ---- T01
+
+
+@pytest.mark.parametrize("frame", FRAME_ROLES)
+@pytest.mark.parametrize("instead", ["", f"{m.ROBOT}/base_scan/Lidar2D", "/nowhere", "/World"])
+def test_a_target_taken_out_or_exchanged_is_one_finding(frame: str, instead: str) -> None:
+    found = problems(every_target(**{frame: instead}))
+    assert list(found) == ["T01"]
+    (problem,) = found["T01"]
+    assert (problem.prim, problem.property) == (COMPUTE, TARGETS)
+    assert problem.expected == FRAME_ROLES[frame]
+    assert problem.handout == "F9"
+
+
+def test_two_missing_frames_are_two_findings() -> None:
+    assert sites(every_target(base_scan="", Camera_1="")) == [("T01", COMPUTE, TARGETS)] * 2
+
+
+def test_no_targets_at_all_are_one_finding() -> None:
+    assert sites(targets()) == [("T01", COMPUTE, TARGETS)]
+
+
+def test_a_target_that_does_not_exist_is_named() -> None:
+    (problem,) = problems(every_target(base_scan="/nowhere"))["T01"]
+    assert "/nowhere" in problem.message
+
+
+@pytest.mark.parametrize("frame", FRAME_ROLES)
+def test_a_name_override_is_found_at_its_prim(frame: str) -> None:
+    override: Mapping[str, Value] = {"isaac:nameOverride": "other"}
+    stage = m.with_prim(m.stage(), FRAME_ROLES[frame], attributes=override)
+    assert sites(stage) == [("T01", FRAME_ROLES[frame], "isaac:nameOverride")]
+
+
+@pytest.mark.parametrize("frame", FRAME_ROLES)
+def test_a_prim_that_is_not_in_the_scene_is_left_to_the_rules_of_the_scene(frame: str) -> None:
+    assert sites(m.without_prim(m.stage(), FRAME_ROLES[frame])) == []
+
+
+def test_what_a_missing_asset_may_hold_is_not_judged() -> None:
+    stage = m.with_prim(targets(m.ROBOT), m.ROBOT, apis=())
+    stage = replace(stage, unresolved=(Unresolved(m.ROBOT, "robot.usd", "reference"),))
+    assert sites(stage) == []
+
+
+@pytest.mark.parametrize("role", sorted(m.lab().graphs[m.ODOM_TF].nodes))
+def test_a_missing_node_is_left_to_the_rules_of_the_graph(role: str) -> None:
+    assert sites(m.without_node(m.stage(), f"{PLACE}/{role}"), "08") == []
+
+
+@pytest.mark.parametrize(
+    ("role", "port"),
+    [(wire.target.role, wire.target.port) for wire in m.lab().graphs[m.ODOM_TF].wires],
+)
+def test_a_cut_wire_is_left_to_the_rules_of_the_graph(role: str, port: str) -> None:
+    stage = m.stage()
+    assert sites(m.with_node(stage, m.wired(m.role(stage, role), port)), "08") == []
+
+
+def test_a_graph_that_is_off_or_missing_is_left_to_the_rules_of_the_graph() -> None:
+    stage = m.stage()
+    others = tuple(graph for graph in stage.graphs if graph.path != PLACE)
+    off = replace(next(g for g in stage.graphs if g.path == PLACE), active=False)
+    assert sites(replace(stage, graphs=others), "08") == []
+    assert sites(replace(stage, graphs=(*others, off)), "08") == []
+
+
+# ---- T02
+
+
+def test_a_parent_prim_with_an_override_is_one_finding_at_the_prim() -> None:
+    stage = m.with_prim(m.stage(), m.BASE, attributes={"isaac:nameOverride": "base"})
+    assert sites(stage) == [("T02", m.BASE, "isaac:nameOverride")]
+
+
+def test_a_frame_below_another_parent_is_found_at_its_publisher() -> None:
+    stage = beside(("base_link", "base_scan"))
+    stage = m.with_node(
+        stage, m.aimed(m.role(stage, m.COMPUTE), TARGETS, *list(FRAME_ROLES.values())[2:])
+    )
+    stage = m.with_node(stage, sender("/Graph/tf/sender_01", "base_footprint", "base_link"))
+    assert sites(stage) == [("T02", SENDER, "inputs:parentFrameId")]
+
+
+@pytest.mark.parametrize("parent", ["/World", m.CAMERA, f"{m.ROBOT}/base_link"])
+def test_another_parent_prim_is_left_to_the_rule_of_targets(parent: str) -> None:
+    stage = m.stage()
+    assert sites(m.with_node(stage, m.aimed(m.role(stage, m.COMPUTE), PARENT, parent))) == []
+
+
+def test_links_may_hang_deeper_where_the_robot_stands_for_them() -> None:
+    assert sites(targets(m.ROBOT, m.CAMERA)) == []
+
+
+@pytest.mark.parametrize(
+    ("parent", "child"),
+    [("world", "base_footprint"), ("odom", "base_link"), ("odom", "x"), ("map", "base_scan")],
+)
+def test_wrong_frame_names_are_left_to_the_rule_of_settings(parent: str, child: str) -> None:
+    assert sites(raw(parent, child), "08") == []
+
+
+# ---- T03 to T06: the tree as a whole
+
+
+@pytest.mark.parametrize(
+    ("pair", "rule_id"),
+    [
+        (("odom", "base_link"), "T03"),
+        (("world", "base_footprint"), "T03"),
+        (("odom", "base_footprint"), "T04"),
+        (("base_footprint", "Camera_1"), "T04"),
+        (("base_link", "base_footprint"), "T05"),
+        (("x", "y"), "T06"),
+    ],
+)
+def test_a_further_publisher_that_breaks_the_tree_is_one_finding(
+    pair: tuple[str, str], rule_id: str
+) -> None:
+    assert sites(beside(pair), "05") == [(rule_id, SENDER, None)]
+    assert sites(beside(pair), "08") == [(rule_id, SENDER, None)]
+
+
+def test_a_further_publisher_in_the_graph_of_the_lab_is_found_as_well() -> None:
+    stage = m.with_node(m.stage(), sender(f"{PLACE}/more", "odom", "base_link"))
+    assert sites(stage) == [("T03", f"{PLACE}/more", None)]
+
+
+def test_a_further_publisher_that_is_blamed_already_is_silent() -> None:
+    stage = m.with_node(m.stage(), sender(f"{PLACE}/more", "odom", "base_link"))
+    assert sites(stage, blamed=(f"{PLACE}/more",)) == []
+
+
+def test_a_further_frame_of_the_tree_is_no_fault() -> None:
+    assert sites(beside(("base_link", "imu"), ("imu", "imu_data"))) == []
+
+
+def test_a_publisher_that_nothing_drives_breaks_nothing() -> None:
+    assert sites(beside(("odom", "base_link"), ("x", "y"), driven=False)) == []
+
+
+def test_one_publisher_of_several_wrong_transforms_is_one_finding() -> None:
+    compute = replace(m.role(m.stage(), m.COMPUTE), path="/Graph/tf/compute")
+    compute = m.wired(
+        m.aimed(compute, PARENT, "/World"),
+        "inputs:execIn",
+        "/Graph/tf/on_playback_tick.outputs:tick",
+    )
+    publish = replace(m.role(m.stage(), m.PUBLISH), path="/Graph/tf/publish")
+    for port in publish.ports:
+        if publish.sources(port):
+            out = publish.sources(port)[0].rpartition(".")[2]
+            publish = m.wired(publish, port, f"/Graph/tf/compute.{out}")
+    tick = m.node("/Graph/tf/on_playback_tick", TICK_TYPE)
+    stage = m.stage(m.graph("/Graph/tf", compute, publish, tick))
+    assert sites(stage) == [("T03", "/Graph/tf/compute", None)]
+
+
+def test_the_other_publisher_is_related() -> None:
+    (problem,) = problems(beside(("odom", "base_link")))["T03"]
+    assert problem.related == (f"{PLACE}/{m.PUBLISH}",)
+
+
+def test_a_copied_graph_is_left_to_the_rule_of_topics() -> None:
+    copy = m.graph_of(m.lab().graphs[m.ODOM_TF], "/Graph/copy")
+    assert sites(m.stage(copy), "08") == []
+
+
+# ---- T07 and T08: odom
+
+
+@pytest.mark.parametrize("parent", ["world", "x", "base_scan"])
+@pytest.mark.parametrize("driven", [True, False])
+def test_a_parent_of_odom_is_named_even_when_nothing_drives_it(
+    parent: str, *, driven: bool
+) -> None:
+    stage = beside((parent, "odom"), driven=driven)
+    assert sites(stage) == [("T07", SENDER, "inputs:parentFrameId")]
+    (problem,) = problems(stage)["T07"]
+    assert (problem.actual, problem.handout) == (f"{parent} -> odom", "8.11")
+
+
+@pytest.mark.parametrize(
+    ("parent", "port"), [("world", "inputs:parentFrameId"), ("odom", "inputs:childFrameId")]
+)
+def test_the_publisher_of_the_lab_that_places_odom_is_one_finding(parent: str, port: str) -> None:
+    assert sites(raw(parent, "odom"), "08") == [("T07", RAW, port)]
+
+
+@pytest.mark.parametrize("name", ["TFWorld2Odom", "TFWorld2Odom_01"])
+def test_a_node_of_the_forbidden_name_is_named(name: str) -> None:
+    stage = beside(("base_link", "imu"), name=name)
+    assert sites(stage) == [("T07", f"/Graph/tf/{name}", None)]
+
+
+def test_a_node_of_the_forbidden_name_that_places_odom_is_one_finding() -> None:
+    stage = beside(("world", "odom"), name="TFWorld2Odom")
+    assert len(sites(stage, "08")) == 1
+
+
+def test_a_deactivated_publisher_of_odom_is_a_note() -> None:
+    ports = sender("/Graph/tf/old", "world", "odom").ports
+    gone = Absent("/Graph/tf/old", RAW_TYPE, "deactivated", ports)
+    named = Absent("/Graph/tf/TFWorld2Odom", "", "deactivated")
+    other = Absent("/Graph/tf/other", RAW_TYPE, "deactivated")
+    stage = m.stage(replace(m.graph("/Graph/tf"), absent=(gone, named, other)))
+    said = problems(stage)["T07"]
+    assert [(p.prim, p.severity) for p in said] == [(gone.path, "note"), (named.path, "note")]
+
+
+def test_a_publisher_of_odom_in_a_deactivated_graph_is_a_note() -> None:
+    graph = m.graph("/Graph/tf", sender("/Graph/tf/old", "world", "odom"), active=False)
+    assert [p.severity for p in problems(m.stage(graph))["T07"]] == ["note"]
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_a_publisher_of_map_to_odom_competes_with_localization(*, driven: bool) -> None:
+    stage = beside(("map", "odom"), driven=driven)
+    assert sites(stage, "05") == [("T08", SENDER, "inputs:parentFrameId")]
+    assert sites(stage, "08") == [("T08", SENDER, "inputs:parentFrameId")]
+
+
+def test_the_publisher_of_the_lab_that_competes_is_one_finding() -> None:
+    assert sites(raw("map", "odom")) == [("T08", RAW, "inputs:parentFrameId")]
+
+
+def test_isaacs_menu_for_odometry_is_found_below_graph() -> None:
+    stage = beside(("world", "odom"), ("odom", "base_link"))
+    assert sites(stage) == [("T03", f"{SENDER}_01", None), ("T07", SENDER, "inputs:parentFrameId")]
+
+
+# ---- T09 to T12
+
+
+def flat(stage: StageModel) -> StageModel:
+    """The stage with the articulation root on the robot instead of its base."""
+    return m.with_prim(stage, m.BASE, apis=("PhysicsRigidBodyAPI",))
+
+
+def test_the_parent_prim_among_the_targets_is_its_own_parent() -> None:
+    assert sites(flat(targets(*FRAME_ROLES.values(), m.BASE))) == [("T09", COMPUTE, TARGETS)]
+
+
+def test_the_parent_prim_in_the_place_of_a_target_is_one_finding() -> None:
+    assert sites(flat(every_target(base_scan=m.BASE))) == [("T09", COMPUTE, TARGETS)]
+
+
+def test_the_parent_prim_may_be_a_target_where_it_stands_for_the_robot() -> None:
+    assert sites(targets(m.BASE, m.CAMERA)) == []
+
+
+def test_a_named_transform_from_a_frame_to_itself_is_found() -> None:
+    assert sites(beside(("x", "x"))) == [("T09", SENDER, None)]
+
+
+def test_the_robot_root_alone_is_a_warning_with_the_camera_in_the_hint() -> None:
+    found = problems(targets(m.ROBOT), "08")
+    assert list(found) == ["T10"]
+    (problem,) = found["T10"]
+    assert (problem.prim, problem.property) == (COMPUTE, TARGETS)
+    assert m.CAMERA in str(problem.hint)
+
+
+def test_the_articulation_root_alone_is_an_error() -> None:
+    assert sites(targets(m.BASE)) == [("T01", COMPUTE, TARGETS)]
+
+
+def test_the_robot_root_without_the_robot_api_is_an_error() -> None:
+    stage = m.with_prim(targets(m.ROBOT), m.ROBOT, apis=())
+    assert sites(stage) == [("T01", COMPUTE, TARGETS)]
+
+
+def test_the_robot_root_that_lacks_a_link_is_an_error() -> None:
+    stage = targets(m.ROBOT)
+    related = dict(stage.prims[m.ROBOT].relationships)
+    related["isaac:physics:robotLinks"] = related["isaac:physics:robotLinks"][:2]
+    found = sites(m.with_prim(stage, m.ROBOT, relationships=related))
+    assert set(found) == {("T01", COMPUTE, TARGETS)}
+
+
+def with_imu(frame: str) -> StageModel:
+    imu = m.node("/Graph/imu/publish", m.IMU_TYPE, frameId=frame)
+    imu = m.wired(imu, "inputs:execIn", "/Graph/imu/tick.outputs:tick")
+    return m.stage(m.graph("/Graph/imu", imu, m.node("/Graph/imu/tick", TICK_TYPE)))
+
+
+def test_a_further_publisher_with_a_frame_outside_the_tree_is_a_warning() -> None:
+    (problem,) = problems(with_imu("imu_link"))["T11"]
+    assert (problem.prim, problem.property) == ("/Graph/imu/publish", "inputs:frameId")
+    assert problem.severity == "warning"
+    assert sites(with_imu("base_link")) == []
+
+
+def test_a_frame_id_that_differs_from_the_lab_is_left_to_the_rule_of_settings() -> None:
+    stage = m.stage()
+    helper = m.role(stage, "ros2_rtx_lidar_helper", "ROS_Lidar2D")
+    assert sites(m.with_node(stage, m.valued(helper, "inputs:frameId", "sim_lidar"))) == []
+
+
+def test_a_frame_id_that_the_lab_asks_for_must_be_in_the_tree() -> None:
+    lab = m.lab()
+    spec = lab.graphs["ROS_Lidar2D"]
+    node = spec.nodes["ros2_rtx_lidar_helper"]
+    settings = tuple(
+        replace(s, value="laser") if s.port == "inputs:frameId" else s for s in node.settings
+    )
+    nodes = {**spec.nodes, node.role: replace(node, settings=settings)}
+    changed = replace(lab, graphs={**lab.graphs, spec.name: replace(spec, nodes=nodes)})
+    stage = m.stage()
+    helper = m.valued(m.role(stage, node.role, spec.name), "inputs:frameId", "laser")
+    subject = replace(m.subject(m.with_node(stage, helper)), lab=changed)
+    (rule,) = (rule for rule in rules_of("stage", "T") if rule.id == "T11")
+    assert [(p.prim, p.severity) for p in run_rule(rule, subject)] == [(helper.path, None)]
+
+
+def test_frames_that_nobody_can_know_are_a_note_and_end_the_judgement_of_frame_ids() -> None:
+    generic = m.node(
+        "/Graph/tf/any", m.PUBLISHER_TYPE, topicName="tf", messagePackage="tf2_msgs",
+        messageName="TFMessage",
+    )  # fmt: skip
+    generic = m.wired(generic, "inputs:execIn", "/Graph/imu/tick.outputs:tick")
+    stage = with_imu("imu_link")
+    stage = replace(stage, graphs=(*stage.graphs, m.graph("/Graph/tf", generic)))
+    assert sites(stage) == [("T12", "/Graph/tf/any", None)]

@@ -1,0 +1,137 @@
+"""The TF tree as text, dot and JSON, with what is wrong marked."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from lab3_usd.check.frames import Edge
+from lab3_usd.cli import lab3
+from lab3_usd.report.tree import TreeReport, as_dot, as_json, as_text, faults, roots
+from lab3_usd.stage.builder import build_checkpoint
+
+
+def edges(*pairs: str) -> tuple[Edge, ...]:
+    """Edges written `parent child [publisher]`."""
+    made = []
+    for pair in pairs:
+        parent, child, publisher = (*pair.split(), "/g/p")[:3]
+        made.append(Edge(parent, child, publisher, publisher, "/tf"))
+    return tuple(made)
+
+
+def text(*pairs: str, unknown: tuple[str, ...] = (), verbose: bool = False) -> list[str]:
+    return list(as_text(TreeReport("x.usda", edges(*pairs), unknown), verbose=verbose))
+
+
+def kinds(*pairs: str) -> list[tuple[str, str]]:
+    return [(fault.frame, fault.kind) for fault in faults(edges(*pairs))]
+
+
+def test_a_tree_is_drawn_in_the_order_it_is_published() -> None:
+    assert text("odom base", "base link", "link scan", "base camera") == [
+        "odom",
+        "└── base",
+        "    ├── link",
+        "    │   └── scan",
+        "    └── camera",
+    ]
+
+
+def test_verbose_names_the_publishers() -> None:
+    assert text("odom base /g/raw", verbose=True) == ["odom", "└── base  <- /g/raw (/tf)"]
+
+
+def test_a_static_transform_says_so() -> None:
+    report = TreeReport("x", (Edge("a", "b", "/g/p", "/g/p", "/tf_static", static=True),))
+    assert list(as_text(report)) == ["a", "└── b  (static)"]
+
+
+def test_a_frame_with_two_parents_is_marked_below_both_and_drawn_once() -> None:
+    assert text("a b", "x b", "b c") == [
+        "a",
+        "└── b  ! 2 parents: a, x",
+        "    └── c",
+        "x",
+        "└── b  ! 2 parents: a, x",
+        "! 2 roots, where there must be one: a, x",
+    ]
+
+
+def test_a_ring_is_drawn_once_and_marked() -> None:
+    assert text("a b", "b a") == [
+        "a",
+        "└── b  ! part of a ring",
+        "    └── a  ! part of a ring",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("pairs", "found"),
+    [
+        (("a b", "b c"), []),
+        (("a b", "x b"), [("b", "two parents")]),
+        (("a b /g/p", "a b /g/q"), [("b", "published twice")]),
+        (("a a",), [("a", "own parent")]),
+        (("a b", "b c", "c b", "c d"), [("b", "two parents"), ("b", "ring"), ("c", "ring")]),
+    ],
+)
+def test_what_tf2_cannot_take_is_a_fault(
+    pairs: tuple[str, ...], found: list[tuple[str, str]]
+) -> None:
+    assert kinds(*pairs) == found
+
+
+def test_every_frame_stands_below_some_root() -> None:
+    assert roots(edges("a b", "x y", "r s", "s r")) == ["a", "x", "r"]
+
+
+def test_a_deep_tree_is_no_problem() -> None:
+    deep = edges(*(f"f{n} f{n + 1}" for n in range(300)))
+    assert len(list(as_text(TreeReport("x", deep)))) == 301
+
+
+def test_nothing_published_says_so() -> None:
+    assert text() == ["no transforms are published"]
+
+
+def test_unknown_publishers_are_named() -> None:
+    assert text(unknown=("/g/any",)) == ["! /g/any publishes frames that the stage does not tell"]
+
+
+def test_frame_names_cannot_write_to_the_terminal() -> None:
+    report = TreeReport("x", edges("a \x1b[2J"))
+    assert "\x1b" not in "\n".join(as_text(report)) + as_dot(report) + as_json(report)
+
+
+def test_dot_marks_faults_and_quotes_names() -> None:
+    dot = as_dot(TreeReport("x", edges('a b"', 'x b"')))
+    assert '"b\\"" [color=red];' in dot
+    assert dot.count("color=red") == 3
+
+
+def test_json_has_transforms_roots_and_problems() -> None:
+    data = json.loads(as_json(TreeReport("x", edges("a b", "c b"), ("/g/any",))))
+    assert data["roots"] == ["a", "c"]
+    assert [t["child"] for t in data["transforms"]] == ["b", "b"]
+    assert [p["kind"] for p in data["problems"]] == ["two parents"]
+    assert data["unknown_publishers"] == ["/g/any"]
+
+
+def test_the_command_prints_the_tree_of_the_handout(tmp_path: Path) -> None:
+    stage = build_checkpoint(None, "05", tmp_path / "stage.usda")
+    result = CliRunner().invoke(lab3, ["tf", str(stage)])
+    assert result.exit_code == 0
+    assert result.output.splitlines()[:3] == ["odom", "└── base_footprint", "    ├── base_link"]
+    assert len(result.output.splitlines()) == 8
+
+
+@pytest.mark.parametrize("form", ["dot", "json"])
+def test_the_command_prints_other_forms(tmp_path: Path, form: str) -> None:
+    stage = build_checkpoint(None, "05", tmp_path / "stage.usda")
+    result = CliRunner().invoke(lab3, ["tf", str(stage), "--format", form])
+    assert result.exit_code == 0
+    assert result.output.startswith({"dot": "digraph", "json": "{"}[form])

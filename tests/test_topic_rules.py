@@ -1,0 +1,191 @@
+"""What the topic rules say of a stage, and what they leave to other rules."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import models as m
+import pytest
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.model import GraphModel, Node, StageModel
+from lab3_usd.check.registry import rules_of, run_rule
+from lab3_usd.spec.catalog import Value
+
+TICK_TYPE = m.lab().graphs[m.ODOM_TF].nodes["on_playback_tick"].type.type
+RAW_TYPE = m.lab().graphs[m.ODOM_TF].nodes[m.RAW].type.type
+GENERIC_SUBSCRIBER = "isaacsim.ros2.bridge.ROS2Subscriber"
+QOS_TYPE = "isaacsim.ros2.bridge.ROS2QoSProfile"
+TOPIC = "inputs:topicName"
+
+
+def problems(
+    stage: StageModel, checkpoint: str = "06", **given: object
+) -> dict[str, list[Problem]]:
+    subject = m.subject(stage, checkpoint, **given)  # type: ignore[arg-type]
+    found = {
+        rule.id: run_rule(rule, subject) for rule in rules_of("stage", "Q") if rule.id[0] == "Q"
+    }
+    return {rule_id: said for rule_id, said in found.items() if said}
+
+
+def sites(
+    stage: StageModel, checkpoint: str = "06", **given: object
+) -> list[tuple[str, str, str | None]]:
+    found = problems(stage, checkpoint, **given)
+    return [(rule_id, p.prim, p.property) for rule_id, said in found.items() for p in said]
+
+
+def copy_of(name: str, place: str = "/Graph") -> GraphModel:
+    return m.graph_of(m.lab().graphs[name], f"{place}/{name}")
+
+
+def driven(path: str, type_name: str, **inputs: Value) -> GraphModel:
+    """A graph with one node that runs with every frame."""
+    place = path.rpartition("/")[0]
+    made = m.wired(m.node(path, type_name, **inputs), "inputs:execIn", f"{place}/tick.outputs:tick")
+    return m.graph(place, made, m.node(f"{place}/tick", TICK_TYPE))
+
+
+@pytest.mark.parametrize("checkpoint", sorted(m.lab().checkpoints))
+def test_the_complete_stage_has_no_problem(checkpoint: str) -> None:
+    assert sites(m.stage(), checkpoint) == []
+
+
+# ---- Q01
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("ROS_Clock", "ros2_publish_clock"),
+        ("ROS_Lidar2D", "ros2_rtx_lidar_helper"),
+        ("ROS_Camera", "ros2_camera_info_helper"),
+        ("ROS_OdomTF", "ros2_publish_odometry"),
+    ],
+)
+def test_a_copied_graph_is_one_finding(name: str, role: str) -> None:
+    stage = m.stage(copy_of(name))
+    for checkpoint in ("05", "06", "08"):
+        assert sites(stage, checkpoint) == [("Q01", f"/Graph/{name}/{role}", TOPIC)]
+
+
+def test_two_publishers_are_judged_from_the_first_graph_on() -> None:
+    stage = m.only(copy_of("ROS_Clock", "/World"), copy_of("ROS_Clock"))
+    assert sites(stage, "00") == []
+    assert sites(stage, "01") == [("Q01", "/Graph/ROS_Clock/ros2_publish_clock", TOPIC)]
+
+
+def test_the_other_publisher_is_related() -> None:
+    (problem,) = problems(m.stage(copy_of("ROS_Clock")))["Q01"]
+    assert problem.related == ("/World/ROS_Clock/ros2_publish_clock",)
+
+
+def test_an_extra_node_in_a_graph_of_the_lab_is_left_to_the_rule_of_nodes() -> None:
+    stage = m.stage()
+    clock = m.role(stage, "ros2_publish_clock", "ROS_Clock")
+    assert sites(m.with_node(stage, replace(clock, path=f"{clock.path}_01"))) == []
+
+
+def test_a_wrong_topic_in_a_graph_of_the_lab_is_left_to_the_rule_of_settings() -> None:
+    stage = m.stage()
+    helper = m.role(stage, "ros2_camera_helper", "ROS_Camera")
+    assert sites(m.with_node(stage, m.valued(helper, TOPIC, "/camera/camera_info"))) == []
+
+
+def test_several_publishers_of_the_tree_are_normal() -> None:
+    graph = driven("/Graph/tf/sender", RAW_TYPE, parentFrameId="base_link", childFrameId="imu")
+    assert sites(m.stage(graph)) == []
+
+
+def test_a_copy_that_does_not_run_is_no_second_publisher() -> None:
+    copy = copy_of("ROS_Clock")
+    stopped = tuple(node for node in copy.nodes if node.name != "on_playback_tick")
+    assert sites(m.stage(replace(copy, nodes=stopped))) == []
+    assert sites(m.stage(replace(copy, active=False))) == []
+
+
+def test_a_copy_in_a_namespace_is_no_second_publisher() -> None:
+    copy = copy_of("ROS_Clock")
+    nodes = tuple(m.valued(node, "inputs:nodeNamespace", "b") for node in copy.nodes)
+    assert sites(m.stage(replace(copy, nodes=nodes))) == []
+
+
+def test_two_strangers_with_one_topic_are_a_finding() -> None:
+    one = driven("/Graph/a/imu", m.IMU_TYPE)
+    two = driven("/Graph/b/imu", m.IMU_TYPE)
+    assert sites(m.stage(one, two)) == [("Q01", "/Graph/b/imu", TOPIC)]
+
+
+def test_a_publisher_that_is_blamed_already_is_silent() -> None:
+    stage = m.stage(copy_of("ROS_Clock"))
+    assert sites(stage, blamed=("/Graph/ROS_Clock/ros2_publish_clock",)) == []
+
+
+# ---- Q02 to Q05
+
+
+@pytest.mark.parametrize(("message", "count"), [("TwistStamped", 1), ("Twist", 0)])
+def test_a_topic_of_the_lab_with_another_type_is_found(message: str, count: int) -> None:
+    graph = driven(
+        "/Graph/any/reader", GENERIC_SUBSCRIBER, topicName="cmd_vel",
+        messagePackage="geometry_msgs", messageName=message,
+    )  # fmt: skip
+    found = problems(m.stage(graph), "06").get("Q02", [])
+    assert [(p.prim, p.actual) for p in found] == [
+        ("/Graph/any/reader", "geometry_msgs/msg/TwistStamped")
+    ][:count]
+    assert "Q02" not in problems(m.stage(graph), "05")
+
+
+def sender(**inputs: Value) -> StageModel:
+    names: dict[str, Value] = {"parentFrameId": "base_link", "childFrameId": "imu"}
+    return m.stage(driven("/Graph/tf/sender", RAW_TYPE, **names, **inputs))
+
+
+@pytest.mark.parametrize(
+    ("topic", "static", "count"),
+    [("tf_static", False, 1), ("tf_static", True, 0), ("tf", True, 1), ("tf", False, 0)],
+)
+def test_the_durability_of_a_topic_must_be_that_of_g6(
+    topic: str, count: int, *, static: bool
+) -> None:
+    stage = sender(topicName=topic, staticPublisher=static)
+    assert sites(stage) == [("Q03", "/Graph/tf/sender", TOPIC)] * count
+    assert sites(stage, "05") == []
+
+
+def wired_profile(role: Node) -> StageModel:
+    place = role.path.rpartition("/")[0]
+    maker = m.node(f"{place}/profile", QOS_TYPE, createProfile="Sensor Data")
+    stage = m.with_node(m.stage(), maker)
+    return m.with_node(
+        stage, m.wired(role, "inputs:qosProfile", f"{maker.path}.outputs:qosProfile")
+    )
+
+
+def test_a_profile_by_wire_is_found() -> None:
+    helper = m.role(m.stage(), "ros2_rtx_lidar_helper", "ROS_Lidar2D")
+    stage = wired_profile(helper)
+    assert sites(stage) == [("Q04", helper.path, "inputs:qosProfile")]
+    assert sites(stage, "05") == []
+    (problem,) = problems(stage)["Q04"]
+    assert problem.actual == "keep_last 5, best_effort, volatile"
+
+
+def test_a_profile_as_a_setting_is_left_to_the_rule_of_settings() -> None:
+    stage = m.stage()
+    helper = m.role(stage, "ros2_rtx_lidar_helper", "ROS_Lidar2D")
+    assert sites(m.with_node(stage, m.valued(helper, "inputs:qosProfile", "SensorData"))) == []
+
+
+def test_a_copied_drive_graph_takes_the_commands_twice() -> None:
+    stage = m.stage(copy_of("ROS_Drive"))
+    assert sites(stage, "02") == [("Q05", "/Graph/ROS_Drive/ros2_subscribe_twist", TOPIC)]
+    assert sites(stage, "01") == []
+
+
+def test_another_subscriber_in_a_graph_of_the_lab_is_left_to_the_rule_of_nodes() -> None:
+    stage = m.stage()
+    taker = m.role(stage, "ros2_subscribe_twist", "ROS_Drive")
+    assert sites(m.with_node(stage, replace(taker, path=f"{taker.path}_01"))) == []

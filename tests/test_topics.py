@@ -1,0 +1,313 @@
+"""The topics of a stage: names, types, frames, QoS and pace, as Isaac Sim would have them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import models as m
+import pytest
+from click.testing import CliRunner
+
+from lab3_usd.check.model import Node, StageModel
+from lab3_usd.check.qos import Qos, decode
+from lab3_usd.check.topics import Endpoint, endpoints, resolve
+from lab3_usd.cli import lab3
+from lab3_usd.spec.catalog import Value
+from lab3_usd.stage.builder import build_checkpoint
+
+LIDAR, CAMERA, INFO = "ros2_rtx_lidar_helper", "ros2_camera_helper", "ros2_camera_info_helper"
+QOS_TYPE = "isaacsim.ros2.bridge.ROS2QoSProfile"
+PROFILE = {
+    "history": "keepLast",
+    "depth": 5,
+    "reliability": "bestEffort",
+    "durability": "transientLocal",
+    "deadline": 0.0,
+    "lifespan": 0.5,
+    "liveliness": "manualByTopic",
+    "leaseDuration": 0.0,
+}
+
+
+def found(stage: StageModel) -> dict[tuple[str | None, str], Endpoint]:
+    return {(each.topic, each.node.name): each for each in endpoints(stage, m.lab())}
+
+
+def of(stage: StageModel, role: str) -> Endpoint:
+    (endpoint,) = [each for each in endpoints(stage, m.lab()) if each.node.name == role]
+    return endpoint
+
+
+def changed(role: str, graph: str, **inputs: Value) -> StageModel:
+    stage = m.stage()
+    node = m.role(stage, role, graph)
+    for name, value in inputs.items():
+        node = m.valued(node, f"inputs:{name}", value)
+    return m.with_node(stage, node)
+
+
+@pytest.mark.parametrize(
+    ("namespace", "written", "topic"),
+    [
+        ("", "scan", "/scan"),
+        ("", "/scan", "/scan"),
+        ("", "//scan/", "/scan"),
+        ("", "~/scan", "/scan"),
+        ("", "_scan_", "/scan"),
+        ("ns", "scan", "/ns/scan"),
+        ("/a/b/", "/camera/image_raw", "/a/b/camera/image_raw"),
+        ("", "", None),
+        ("", "///", None),
+        ("", "a b", None),
+        ("", "a//b", None),
+        ("", "a/2b", None),
+        ("ns", "", None),
+    ],
+)
+def test_names_resolve_as_the_bridge_writes_them(
+    namespace: str, written: str, topic: str | None
+) -> None:
+    assert resolve(namespace, written) == topic
+
+
+def test_the_lab_has_its_topics() -> None:
+    table = [
+        (e.topic, e.type, e.direction, e.frames, e.runs) for e in endpoints(m.stage(), m.lab())
+    ]
+    assert table == [
+        ("/camera/camera_info", "sensor_msgs/msg/CameraInfo", "publishes", ("Camera_1",), True),
+        ("/camera/image_raw", "sensor_msgs/msg/Image", "publishes", ("Camera_1",), True),
+        ("/clock", "rosgraph_msgs/msg/Clock", "publishes", (), True),
+        ("/cmd_vel", "geometry_msgs/msg/Twist", "subscribes", (), True),
+        ("/odom", "nav_msgs/msg/Odometry", "publishes", ("odom", "base_footprint"), True),
+        ("/scan", "sensor_msgs/msg/LaserScan", "publishes", ("base_scan",), True),
+        ("/tf", "tf2_msgs/msg/TFMessage", "publishes", ("odom", "base_footprint"), True),
+        ("/tf", "tf2_msgs/msg/TFMessage", "publishes", (), True),
+    ]
+
+
+def test_a_topic_left_alone_is_the_default() -> None:
+    stage = changed(LIDAR, "ROS_Lidar2D", topicName=None, frameId=None)
+    assert (of(stage, LIDAR).topic, of(stage, LIDAR).frames) == ("/scan", ("sim_lidar",))
+
+
+def test_the_type_follows_the_setting() -> None:
+    assert (
+        of(changed(LIDAR, "ROS_Lidar2D", type="point_cloud"), LIDAR).type
+        == "sensor_msgs/msg/PointCloud2"
+    )
+
+
+def test_a_namespace_of_the_node_moves_its_topic() -> None:
+    assert of(changed(LIDAR, "ROS_Lidar2D", nodeNamespace="tb3"), LIDAR).topic == "/tb3/scan"
+
+
+def test_a_namespace_above_the_sensor_moves_a_helpers_topic() -> None:
+    stage = m.with_prim(m.stage(), f"{m.ROBOT}/base_scan", attributes={"isaac:namespace": "front"})
+    stage = m.with_prim(stage, m.ROBOT, attributes={"isaac:namespace": "tb3"})
+    assert of(stage, LIDAR).topic == "/tb3/front/scan"
+    assert of(stage, CAMERA).topic == "/tb3/camera/image_raw"
+
+
+def test_a_tf_publisher_takes_the_outermost_namespace_only() -> None:
+    stage = m.stage()
+    for role in (m.RAW, "ros2_publish_odometry"):
+        stage = m.with_node(stage, replace(m.role(stage, role), namespace="a/b"))
+    assert of(stage, m.RAW).topic == "/a/tf"
+    assert of(stage, "ros2_publish_odometry").topic == "/a/b/odom"
+
+
+def test_a_second_topic_counts_once_it_is_switched_on() -> None:
+    assert ("/semantic_labels", CAMERA) not in found(m.stage())
+    stage = changed(CAMERA, "ROS_Camera", enableSemanticLabels=True)
+    assert found(stage)["/semantic_labels", CAMERA].type is None
+
+
+def test_the_right_camera_counts_once_it_has_a_render_product() -> None:
+    stage = m.stage()
+    info = m.role(stage, INFO, "ROS_Camera")
+    source = info.sources("inputs:renderProductPath")[0]
+    stage = m.with_node(stage, m.wired(info, "inputs:renderProductPathRight", source))
+    right = found(stage)["/camera_info_right", INFO]
+    assert (right.frames, right.runs) == (("sim_camera_right",), True)
+
+
+def test_a_generic_publisher_has_the_type_it_names() -> None:
+    generic = m.node(
+        "/World/ROS_Clock/any", m.PUBLISHER_TYPE, topicName="map", messagePackage="nav_msgs"
+    )
+    assert of(m.with_node(m.stage(), generic), "any").type is None
+    named = m.valued(generic, "inputs:messageName", "OccupancyGrid")
+    assert of(m.with_node(m.stage(), named), "any").type == "nav_msgs/msg/OccupancyGrid"
+
+
+# ---- what runs, and at what pace
+
+
+def lidar_without(port: str) -> StageModel:
+    stage = m.stage()
+    return m.with_node(stage, m.wired(m.role(stage, LIDAR, "ROS_Lidar2D"), port))
+
+
+def without_product() -> StageModel:
+    stage = m.stage()
+    return m.without_node(stage, m.role(stage, "isaac_create_render_product", "ROS_Lidar2D").path)
+
+
+@pytest.mark.parametrize(
+    "stage",
+    [
+        changed(LIDAR, "ROS_Lidar2D", enabled=False),
+        changed("isaac_create_render_product", "ROS_Lidar2D", enabled=False),
+        without_product(),
+        lidar_without("inputs:renderProductPath"),
+        lidar_without("inputs:execIn"),
+    ],
+    ids=["helper off", "product off", "no product", "product not wired", "not driven"],
+)
+def test_a_helper_without_its_sensor_publishes_nothing(stage: StageModel) -> None:
+    assert not of(stage, LIDAR).runs
+    assert of(stage, CAMERA).runs
+
+
+def test_the_pace_is_the_events_or_the_sensors() -> None:
+    stage = m.stage()
+    assert of(stage, LIDAR).rate == "On Playback Tick"
+    sensor = f"{m.ROBOT}/base_scan/Lidar2D"
+    stage = m.with_prim(stage, sensor, attributes={"omni:sensor:tickRate": 10.0})
+    assert of(stage, LIDAR).rate == "sensor at 10 Hz"
+    assert (
+        of(changed(m.RAW, m.ODOM_TF, staticPublisher=True), m.RAW).rate
+        == "once after On Playback Tick"
+    )
+
+
+def test_a_node_that_no_event_reaches_never_publishes() -> None:
+    stage = m.without_node(m.stage(), m.role(m.stage(), "on_playback_tick", "ROS_Clock").path)
+    assert of(stage, "ros2_publish_clock").rate == "never"
+
+
+# ---- QoS
+
+
+def test_the_default_profile_keeps_as_many_messages_as_the_queue_holds() -> None:
+    assert of(m.stage(), LIDAR).qos == Qos("keep_last", 10, "reliable", "volatile")
+    assert of(changed(LIDAR, "ROS_Lidar2D", queueSize=3), LIDAR).qos == Qos(depth=3)
+
+
+def test_a_static_publisher_keeps_one_message_for_late_subscribers() -> None:
+    stage = changed(m.RAW, m.ODOM_TF, staticPublisher=True, qosProfile=json.dumps(PROFILE))
+    assert of(stage, m.RAW).qos == Qos(depth=1, durability="transient_local")
+
+
+def test_a_profile_is_decoded() -> None:
+    stage = changed(LIDAR, "ROS_Lidar2D", qosProfile=json.dumps(PROFILE))
+    assert of(stage, LIDAR).qos == Qos(
+        "keep_last", 5, "best_effort", "transient_local", 0.0, 0.5, "manual_by_topic", 0.0
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "SensorData",
+        "[]",
+        "{}",
+        json.dumps({key: PROFILE[key] for key in list(PROFILE)[1:]}),
+        json.dumps({**PROFILE, "reliability": "best_effort"}),
+        json.dumps({**PROFILE, "depth": -1}),
+        json.dumps({**PROFILE, "depth": True}),
+        json.dumps({**PROFILE, "deadline": "0"}),
+        "[" * 100_000,
+    ],
+)
+def test_a_profile_that_isaac_sim_refuses_is_none(text: str) -> None:
+    assert decode(text) is None
+
+
+def with_maker(**inputs: Value) -> StageModel:
+    """The lidar with a profile from a node that makes profiles."""
+    stage = m.stage()
+    helper = m.role(stage, LIDAR, "ROS_Lidar2D")
+    maker = m.node(f"{helper.path.rpartition('/')[0]}/profile", QOS_TYPE, **inputs)
+    stage = m.with_node(stage, maker)
+    return m.with_node(
+        stage, m.wired(helper, "inputs:qosProfile", f"{maker.path}.outputs:qosProfile")
+    )
+
+
+@pytest.mark.parametrize(
+    ("preset", "profile"),
+    [
+        ("Default for publishers/subscribers", Qos()),
+        ("Services", Qos()),
+        ("Sensor Data", Qos(depth=5, reliability="best_effort")),
+        ("System Default", Qos("system_default", 0, "system_default", "system_default")),
+    ],
+)
+def test_a_preset_replaces_the_fields(preset: str, profile: Qos) -> None:
+    assert of(with_maker(createProfile=preset, depth=99), LIDAR).qos == profile
+
+
+@pytest.mark.parametrize("preset", ["Custom", None])
+def test_without_a_preset_the_fields_count(preset: str | None) -> None:
+    stage = with_maker(createProfile=preset, depth=7, durability="transientLocal")
+    assert of(stage, LIDAR).qos == Qos(depth=7, durability="transient_local")
+
+
+def test_a_profile_that_something_else_brings_is_none() -> None:
+    stage = m.stage()
+    helper = m.role(stage, LIDAR, "ROS_Lidar2D")
+    source = helper.sources("inputs:renderProductPath")[0]
+    assert of(m.with_node(stage, m.wired(helper, "inputs:qosProfile", source)), LIDAR).qos is None
+
+
+# ---- the command
+
+
+def text_of(*arguments: str) -> str:
+    result = CliRunner().invoke(lab3, list(arguments))
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_checkpoint(None, "06", tmp_path_factory.mktemp("built") / "stage.usda")
+
+
+def test_the_table_has_a_row_for_each_topic(built: Path) -> None:
+    heading, *rows = text_of("topics", str(built)).splitlines()
+    assert heading.split() == "TOPIC TYPE DIRECTION NODE FRAMES QUEUE QOS RATE".split()  # noqa: SIM905
+    assert [row.split()[0] for row in rows] == [e.topic for e in endpoints(m.stage(), m.lab())]
+    assert "keep_last 10, reliable, volatile" in rows[0]
+    assert "7 frames" in rows[-1]
+
+
+def test_the_json_has_whole_profiles_and_the_frames_of_the_tree(built: Path) -> None:
+    data = json.loads(text_of("topics", str(built), "--format", "json"))
+    *_, tree = data["topics"]
+    assert tree["frames"] == ["base_footprint", *m.LINKS[1:], "Camera_1"]
+    assert tree["qos"]["durability"] == "volatile"
+    assert data["file"] == str(built)
+
+
+def test_the_csv_has_a_row_for_each_topic(built: Path) -> None:
+    rows = text_of("topics", str(built), "--format", "csv").splitlines()
+    assert rows[0] == "topic,type,direction,node,frames,queue,qos,rate"
+    assert len(rows) == 9
+
+
+def test_a_stage_without_topics_says_so(tmp_path: Path) -> None:
+    built = build_checkpoint(None, "00", tmp_path / "stage.usda")
+    assert text_of("topics", str(built)) == "no topics are published or subscribed\n"
+
+
+def test_a_node_of_the_stage_cannot_write_to_the_terminal() -> None:
+    from lab3_usd.report.topic_table import TopicReport, as_csv, as_table  # noqa: PLC0415
+
+    evil: Node = m.node("/World/ROS_Clock/any", m.PUBLISHER_TYPE, topicName="=1+\x1b[2J")
+    report = TopicReport("x", endpoints(m.with_node(m.stage(), evil), m.lab()), ())
+    assert "\x1b" not in "\n".join(as_table(report)) + as_csv(report)
