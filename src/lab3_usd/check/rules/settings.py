@@ -65,7 +65,9 @@ def setting_problem(found: Found, message: str) -> Problem:
 def _wrong_type(node: Node, port: Port | None) -> str | None:
     """Return the type that the file declares, when it is none the port can have."""
     state = None if port is None else node.state(port.name)
-    if port is None or state is None or port.is_union or state.usd_type == port.usd_type:
+    if port is None or state is None or port.is_union:
+        return None
+    if state.usd_type in {"", port.usd_type}:  # no type is told of a port without a value
         return None
     for family in _FAMILIES:
         if state.usd_type in family and port.usd_type in family:
