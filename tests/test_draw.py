@@ -1,0 +1,226 @@
+"""`lab3 draw`: which files it writes, from stages and from the lab's own graphs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from click.testing import CliRunner
+from pxr import Sdf, Usd
+
+from lab3_usd import cli
+from lab3_usd.check import checker
+from lab3_usd.check.finding import Crash
+from lab3_usd.errors import StageError, UsageError
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.stage.builder import build_checkpoint
+
+if TYPE_CHECKING:
+    from click.testing import Result
+
+GRAPH = "/World/ROS_Clock"
+
+
+def draw(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(
+        cli.lab3, ["draw", *map(str, arguments)], prog_name="lab3", catch_exceptions=True
+    )
+
+
+def raised(result: Result) -> str:
+    """The message of an error of ours, which the program writes as one line."""
+    assert isinstance(result.exception, (UsageError, StageError))
+    return str(result.exception)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A right stage of checkpoint 05."""
+    return build_checkpoint(
+        None, "05", tmp_path_factory.mktemp("stage") / "Lab3_05_odometry_tf.usda"
+    )
+
+
+@pytest.fixture
+def clock(tmp_path: Path) -> Usd.Stage:
+    """A stage of checkpoint 01 to break; it has to be saved."""
+    path = build_checkpoint(None, "01", tmp_path / "in" / "Lab3_01_ros_clock.usda")
+    return Usd.Stage.Open(str(path))
+
+
+def text_of(result: Result) -> str:
+    """The text of the only picture that was written."""
+    assert result.exit_code == 0, result.output
+    return Path(result.stdout.strip()).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("form", "ending", "start"),
+    [
+        ("svg", "svg", b"<?xml"),
+        ("mermaid", "mmd", b"%% ROS_Clock"),
+        ("dot", "dot", b"digraph"),
+        ("png", "png", b"\x89PNG"),
+    ],
+)
+def test_a_graph_of_the_lab_is_drawn(tmp_path: Path, form: str, ending: str, start: bytes) -> None:
+    if form == "png":
+        pytest.importorskip("resvg_py", reason="the extra png is not installed")
+    result = draw("ROS_Clock", "-o", tmp_path / "new", "--format", form)
+    target = tmp_path / "new" / f"ROS_Clock.{ending}"
+    assert result.stdout == f"{target}\n"
+    assert target.read_bytes().startswith(start)
+
+
+def test_the_required_tree_is_drawn_by_its_name(tmp_path: Path) -> None:
+    assert "base_footprint" in text_of(draw("TF", "-o", tmp_path))
+
+
+def test_every_graph_of_a_stage_is_drawn(whole: Path, tmp_path: Path) -> None:
+    result = draw(whole, "-o", tmp_path)
+    names = [*load_lab().graphs, "TF"]
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines() == [
+        str(tmp_path / f"Lab3_05_odometry_tf-{name}.svg") for name in names
+    ]
+
+
+def test_a_right_stage_has_no_fault_marked(whole: Path, tmp_path: Path) -> None:
+    draw(whole, "-o", tmp_path)
+    marked = [
+        path.name
+        for path in sorted(tmp_path.iterdir())
+        if ' wrong"' in path.read_text() or 'missing"' in path.read_text().partition("</style>")[2]
+    ]
+    assert marked == []
+
+
+def test_the_stage_itself_stays_as_it_is(clock: Usd.Stage) -> None:
+    path = Path(clock.GetRootLayer().realPath)
+    before = path.read_bytes()
+    draw(path, "-o", path.parent)
+    assert path.read_bytes() == before
+    assert len(list(path.parent.iterdir())) == 2
+
+
+def test_a_deleted_node_is_a_ghost(clock: Usd.Stage, tmp_path: Path) -> None:
+    clock.RemovePrim(f"{GRAPH}/ros2_context")
+    clock.GetRootLayer().Save()
+    text = text_of(draw(clock.GetRootLayer().realPath, "-o", tmp_path / "out"))
+    assert text.count('class="n ghost"') == 1
+    assert text.count('class="w missing"') == 1
+
+
+def test_a_wrong_topic_is_marked_with_the_expected_one(clock: Usd.Stage, tmp_path: Path) -> None:
+    publisher = clock.GetPrimAtPath(f"{GRAPH}/ros2_publish_clock")
+    publisher.GetAttribute("inputs:topicName").Set("/klock")
+    clock.GetRootLayer().Save()
+    text = text_of(draw(clock.GetRootLayer().realPath, "-o", tmp_path / "out"))
+    assert text.count('class="r wrong"') == 1
+    assert ">/klock</text>" in text
+    assert ">expected /clock</text>" in text
+
+
+def test_a_cut_wire_is_drawn_as_missing(clock: Usd.Stage, tmp_path: Path) -> None:
+    publisher = clock.GetPrimAtPath(f"{GRAPH}/ros2_publish_clock")
+    publisher.GetAttribute("inputs:execIn").ClearConnections()
+    clock.GetRootLayer().Save()
+    text = text_of(draw(clock.GetRootLayer().realPath, "-o", tmp_path / "out"))
+    assert text.count('class="w x missing"') == 1
+
+
+def test_a_second_context_is_extra(clock: Usd.Stage, tmp_path: Path) -> None:
+    second = clock.DefinePrim(f"{GRAPH}/again", "OmniGraphNode")
+    second.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set(
+        clock.GetPrimAtPath(f"{GRAPH}/isaac_read_simulation_time").GetAttribute("node:type").Get()
+    )
+    clock.GetRootLayer().Save()
+    text = text_of(draw(clock.GetRootLayer().realPath, "-o", tmp_path / "out"))
+    assert text.count('class="b extra"') == 1
+
+
+def test_a_stage_whose_name_has_no_checkpoint_is_drawn_as_it_is(
+    whole: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "mine.usda"
+    other.write_bytes(whole.read_bytes())
+    result = draw(other, "-o", tmp_path / "out", "--format", "dot")
+    assert result.exit_code == 0, result.output
+    assert "not judged" in result.stderr
+    assert len(result.stdout.splitlines()) == 6
+
+
+def test_the_checkpoint_can_be_said(whole: Path, tmp_path: Path) -> None:
+    other = tmp_path / "mine.usda"
+    other.write_bytes(whole.read_bytes())
+    result = draw(other, "-o", tmp_path / "out", "--checkpoint", "05")
+    assert result.stderr == ""
+    assert (tmp_path / "out" / "mine-ROS_Drive.svg").exists()
+
+
+def test_an_unknown_checkpoint_is_wrong_use(whole: Path, tmp_path: Path) -> None:
+    assert "'42'" in raised(draw(whole, "-o", tmp_path, "--checkpoint", "42"))
+
+
+def test_an_unknown_graph_names_those_there_are(tmp_path: Path) -> None:
+    message = raised(draw("ROS_Klock", "-o", tmp_path))
+    assert "ROS_Klock" in message
+    assert "ROS_Clock, ROS_Drive" in message
+
+
+def test_a_file_that_is_no_stage_is_said(tmp_path: Path) -> None:
+    broken = tmp_path / "Lab3_01_ros_clock.usda"
+    broken.write_text("this is no stage")
+    assert "Lab3_01_ros_clock.usda" in raised(draw(broken, "-o", tmp_path))
+
+
+def test_a_picture_that_exists_is_not_replaced_unasked(tmp_path: Path) -> None:
+    old = tmp_path / "ROS_Clock.svg"
+    old.write_text("mine")
+    assert "--force" in raised(draw("ROS_Clock", "-o", tmp_path))
+    assert old.read_text() == "mine"
+    assert draw("ROS_Clock", "-o", tmp_path, "--force").exit_code == 0
+    assert old.read_text() != "mine"
+
+
+def test_no_picture_is_written_when_one_exists(whole: Path, tmp_path: Path) -> None:
+    (tmp_path / "Lab3_05_odometry_tf-TF.svg").write_text("mine")
+    raised(draw(whole, "-o", tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["Lab3_05_odometry_tf-TF.svg"]
+
+
+def test_graphs_of_one_name_are_numbered(clock: Usd.Stage, tmp_path: Path) -> None:
+    for folder in ("/A", "/B"):
+        clock.DefinePrim(f"{folder}/Mine", "OmniGraph")
+    clock.GetRootLayer().Save()
+    result = draw(clock.GetRootLayer().realPath, "-o", tmp_path / "out")
+    names = [Path(line).name for line in result.stdout.splitlines()]
+    assert names[1:] == ["Lab3_01_ros_clock-Mine.svg", "Lab3_01_ros_clock-Mine-2.svg"]
+
+
+@pytest.mark.parametrize(("theme", "dark"), [("dark", True), ("light", False)])
+def test_a_theme_can_be_chosen(tmp_path: Path, theme: str, dark: bool) -> None:  # noqa: FBT001
+    text = text_of(draw("ROS_Clock", "-o", tmp_path, "--theme", theme))
+    assert ("fill:#1b1e23" in text) == dark
+    assert "prefers-color-scheme" not in text
+
+
+def test_unused_ports_can_be_drawn(tmp_path: Path) -> None:
+    assert "qosProfile" in text_of(draw("ROS_Clock", "-o", tmp_path, "--all-ports"))
+    assert "qosProfile" not in text_of(draw("ROS_Clock", "-o", tmp_path, "--force"))
+
+
+def test_a_rule_that_fails_is_said_and_the_pictures_are_written(
+    clock: Usd.Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    judgement = checker.Judgement((), (), (Crash("W01", "KeyError: 'x'"),))
+
+    def crash(*_: Any) -> checker.Judgement:
+        return judgement
+
+    monkeypatch.setattr(checker, "judge", crash)
+    result = draw(clock.GetRootLayer().realPath, "-o", tmp_path / "out")
+    assert result.exit_code == cli.EXIT_CRASH
+    assert result.stderr == "lab3: rule W01 failed: KeyError: 'x'\n"
+    assert Path(result.stdout.strip()).exists()

@@ -1,0 +1,739 @@
+"""What the pictures show: the lab's graphs, a stage's faults, the TF tree, in every format."""
+
+from __future__ import annotations
+
+import re
+import struct
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+
+import models
+import picture_geometry as geometry
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lab3_usd.check.finding import Finding
+from lab3_usd.check.frames import Edge
+from lab3_usd.check.matcher import match
+from lab3_usd.check.model import Absent, GraphModel, Node, StageModel
+from lab3_usd.errors import UsageError
+from lab3_usd.report.dot import celled, dot, quoted
+from lab3_usd.report.frames_picture import frames_picture, spec_frames_picture
+from lab3_usd.report.mermaid import coded, mermaid
+from lab3_usd.report.picture_model import Box, Curve, Picture, Row, State, port_id
+from lab3_usd.report.pictures import graph_picture, spec_picture
+from lab3_usd.report.png import png
+from lab3_usd.report.stage_pictures import stage_pictures
+from lab3_usd.report.svg import svg, svg_file
+from lab3_usd.report.svg_style import (
+    BELOW_TITLE,
+    HEADERS,
+    ON_HEADER,
+    PALETTES,
+    THEMES,
+    stylesheet,
+)
+from lab3_usd.spec.spec import GraphSpec
+
+LAB = models.lab()
+CLOCK = LAB.graphs["ROS_Clock"]
+DRIVE = LAB.graphs["ROS_Drive"]
+PUBLISHER = f"{CLOCK.path}/ros2_publish_clock"
+CONTEXT = f"{CLOCK.path}/ros2_context"
+TIME = f"{CLOCK.path}/isaac_read_simulation_time"
+TICK = f"{CLOCK.path}/on_playback_tick"
+EVIL = '<script>alert("1")</script>&\'"]} -->'
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def finding(
+    prim: str, prop: str | None = None, severity: str = "error", **values: str | None
+) -> Finding:
+    message = values.pop("message", "something is wrong") or ""
+    return Finding("X01", "test", severity, prim, message, prop, **values)  # type: ignore[arg-type]
+
+
+def changed(graph: GraphModel, node: Node) -> GraphModel:
+    """The graph with one node in the place of its namesake, or added."""
+    nodes = {each.path: each for each in graph.nodes} | {node.path: node}
+    return replace(graph, nodes=tuple(nodes[path] for path in sorted(nodes)))
+
+
+def without(graph: GraphModel, path: str) -> GraphModel:
+    return replace(graph, nodes=tuple(each for each in graph.nodes if each.path != path))
+
+
+def node_of(graph: GraphModel, path: str) -> Node:
+    return next(each for each in graph.nodes if each.path == path)
+
+
+def drawn(
+    graph: GraphModel | None, *findings: Finding, spec: GraphSpec = CLOCK, every: bool = False
+) -> Picture:
+    return graph_picture(spec, match(spec, graph), graph, findings, every_port=every)
+
+
+def box_of(picture: Picture, key: str) -> Box:
+    return next(box for box in picture.boxes if box.key == key)
+
+
+def row_of(picture: Picture, key: str, port: str) -> Row:
+    row = box_of(picture, key).row(port)
+    assert row is not None
+    return row
+
+
+def states(parts: Iterable[Box] | Iterable[Curve]) -> dict[State, int]:
+    return dict(Counter(part.state for part in parts))
+
+
+def into(picture: Picture, key: str, port: str) -> dict[tuple[str, str], State]:
+    """The sources of the wires into one port, and how each is drawn."""
+    return {
+        (curve.source.key.rpartition("/")[2], curve.source.port): curve.state
+        for curve in picture.curves
+        if curve.target.key == key and curve.target.port == port
+    }
+
+
+def clock() -> GraphModel:
+    return models.graph_of(CLOCK)
+
+
+def placed(graph: GraphModel, spec: GraphSpec) -> GraphModel:
+    """The graph with its nodes where the spec has them."""
+    nodes = [replace(node, position=spec.nodes[node.name].at) for node in graph.nodes]
+    return replace(graph, nodes=tuple(nodes))
+
+
+def texts(picture: Picture) -> list[str]:
+    root = ET.fromstring(svg(picture))  # noqa: S314 - written by us
+    return [element.text or "" for element in root.iter(f"{SVG}text")]
+
+
+# ---- what is drawn of a spec
+
+
+@pytest.mark.parametrize("name", list(LAB.graphs))
+@pytest.mark.parametrize("every", [False, True], ids=["used ports", "all ports"])
+def test_the_picture_of_a_spec_is_readable(name: str, every: bool) -> None:  # noqa: FBT001
+    picture = spec_picture(LAB.graphs[name], every_port=every)
+    assert geometry.overlapping(picture.boxes) == []
+    assert geometry.crossings(picture.boxes, picture.curves) == []
+    assert geometry.through_titles(picture.boxes, picture.curves) == []
+    assert geometry.loose_ends(picture.boxes, picture.curves) == []
+    assert list(geometry.outside(picture)) == []
+
+
+@pytest.mark.parametrize("name", list(LAB.graphs))
+def test_the_picture_of_a_spec_has_every_node_wire_and_value(name: str) -> None:
+    spec = LAB.graphs[name]
+    picture = spec_picture(spec)
+    assert [box.key for box in picture.boxes] == [f"{spec.path}/{role}" for role in spec.nodes]
+    assert len(picture.curves) == len(spec.wires)
+    shown = {(box.key, row.port) for box in picture.boxes for row in box.settings if row.value}
+    asked = set()
+    for role, node in spec.nodes.items():
+        asked |= {(f"{spec.path}/{role}", setting.port) for setting in node.settings}
+        asked |= {(f"{spec.path}/{role}", target.port) for target in node.targets}
+    assert shown == asked
+
+
+def test_a_node_is_titled_as_in_the_editor() -> None:
+    box = box_of(spec_picture(CLOCK), PUBLISHER)
+    assert (box.title, box.subtitle) == ("ROS2 Publish Clock", "ros2_publish_clock")
+
+
+def test_execution_wires_are_dashed_and_data_wires_are_not() -> None:
+    dashed = {curve.target.port: curve.dashed for curve in spec_picture(CLOCK).curves}
+    assert dashed == {"inputs:execIn": True, "inputs:context": False, "inputs:timeStamp": False}
+
+
+def test_values_are_shown_beside_their_names() -> None:
+    picture = spec_picture(CLOCK)
+    assert row_of(picture, PUBLISHER, "inputs:topicName").value == ("/clock",)
+    assert row_of(picture, TIME, "inputs:resetOnStop").value == ("False",)
+
+
+def test_target_prims_have_a_line_each() -> None:
+    spec = LAB.graphs["ROS_OdomTF"]
+    row = row_of(
+        spec_picture(spec), f"{spec.path}/isaac_compute_transform_tree", "inputs:targetPrims"
+    )
+    assert len(row.value) == 6
+    assert row.value[-1] == "…/base_footprint/Camera_1"
+
+
+def test_a_constant_gives_its_value_to_the_right() -> None:
+    row = row_of(spec_picture(DRIVE), f"{DRIVE.path}/constant_left_joint", "inputs:value")
+    assert (row.side, row.wired, row.value) == ("out", True, ("wheel_left_joint",))
+
+
+def test_unused_ports_are_counted_or_drawn() -> None:
+    used = box_of(spec_picture(CLOCK), PUBLISHER)
+    every = box_of(spec_picture(CLOCK, every_port=True), PUBLISHER)
+    assert used.more == "+ 2 more ports"
+    assert used.row("inputs:qosProfile") is None
+    assert every.more == ""
+    assert every.row("inputs:qosProfile") is not None
+
+
+def test_the_header_tells_what_kind_of_node_it_is() -> None:
+    families = {box.key.rpartition("/")[2]: box.family for box in spec_picture(DRIVE).boxes}
+    assert families["on_playback_tick"] == "event"
+    assert families["ros2_subscribe_twist"] == "ros"
+    assert families["differential_controller"] == "action"
+    assert families["ros2_context"] == "data"
+
+
+# ---- what is drawn of a stage
+
+
+def test_a_right_graph_has_no_mark() -> None:
+    picture = drawn(clock())
+    assert states(picture.boxes) == {"ok": 4}
+    assert states(picture.curves) == {"ok": 3}
+    assert {row.state for box in picture.boxes for row in box.rows} == {"ok"}
+
+
+def test_prim_names_do_not_matter() -> None:
+    renamed = "/World/ROS_Clock/my_clock"
+    graph = changed(without(clock(), PUBLISHER), replace(node_of(clock(), PUBLISHER), path=renamed))
+    picture = drawn(graph)
+    assert states(picture.boxes) == {"ok": 4}
+    assert box_of(picture, renamed).subtitle == "my_clock"
+
+
+def test_nodes_stand_where_the_editor_has_them() -> None:
+    picture = drawn(placed(clock(), CLOCK))
+    tick, context = box_of(picture, TICK), box_of(picture, CONTEXT)
+    assert tick.x == context.x
+    assert tick.y < context.y < box_of(picture, TIME).y
+
+
+def test_nodes_on_top_of_each_other_are_laid_out_anew() -> None:
+    graph = clock()
+    heap = replace(graph, nodes=tuple(replace(node, position=(0, 0)) for node in graph.nodes))
+    places = [[(box.x, box.y) for box in drawn(each).boxes] for each in (heap, graph)]
+    assert places[0] == places[1]
+
+
+def test_a_missing_node_is_a_ghost_with_its_wires() -> None:
+    picture = drawn(placed(without(clock(), CONTEXT), CLOCK), finding(CLOCK.path))
+    ghost = box_of(picture, CONTEXT)
+    assert (ghost.state, ghost.subtitle) == ("missing", "ros2_context · missing")
+    assert ghost.row("inputs:domain_id") is not None
+    assert into(picture, PUBLISHER, "inputs:context") == {
+        ("ros2_context", "outputs:context"): "missing"
+    }
+    assert geometry.overlapping(picture.boxes) == []
+
+
+def test_a_missing_graph_is_a_ghost_as_a_whole() -> None:
+    picture = drawn(None, finding(CLOCK.path))
+    assert states(picture.boxes) == {"missing": 4}
+    assert states(picture.curves) == {"missing": 3}
+
+
+def test_the_ghost_of_a_node_whose_name_is_taken_is_drawn_beside_it() -> None:
+    other = models.node(CONTEXT, "omni.graph.nodes.ConstantToken")
+    graph = changed(without(clock(), CONTEXT), other)
+    roles = replace(match(CLOCK, graph), retyped={})
+    picture = graph_picture(CLOCK, roles, graph, ())
+    assert states(picture.boxes) == {"ok": 3, "missing": 1, "extra": 1}
+    assert len({box.key for box in picture.boxes}) == 5
+
+
+def test_a_missing_wire_is_a_ghost() -> None:
+    graph = changed(clock(), models.wired(node_of(clock(), PUBLISHER), "inputs:timeStamp"))
+    picture = drawn(graph, finding(PUBLISHER, "inputs:timeStamp"))
+    assert states(picture.curves) == {"ok": 2, "missing": 1}
+    assert row_of(picture, PUBLISHER, "inputs:timeStamp").state == "missing"
+
+
+def test_a_wire_from_the_wrong_port_is_marked_beside_the_missing_one() -> None:
+    node = models.wired(node_of(clock(), PUBLISHER), "inputs:timeStamp", f"{TICK}.outputs:time")
+    picture = drawn(changed(clock(), node), finding(PUBLISHER, "inputs:timeStamp"))
+    assert into(picture, PUBLISHER, "inputs:timeStamp") == {
+        ("isaac_read_simulation_time", "outputs:simulationTime"): "missing",
+        ("on_playback_tick", "outputs:time"): "wrong",
+    }
+
+
+def test_an_unasked_wire_is_extra() -> None:
+    node = models.wired(node_of(clock(), PUBLISHER), "inputs:queueSize", f"{TICK}.outputs:frame")
+    picture = drawn(
+        changed(clock(), node), finding(PUBLISHER, "inputs:queueSize", severity="warning")
+    )
+    assert states(picture.curves) == {"ok": 3, "extra": 1}
+
+
+def test_a_wire_that_nobody_finds_fault_with_is_not_marked() -> None:
+    twin = replace(node_of(clock(), CONTEXT), path=f"{CLOCK.path}/ros2_context_01")
+    node = models.wired(
+        node_of(clock(), PUBLISHER), "inputs:context", f"{twin.path}.outputs:context"
+    )
+    picture = drawn(changed(changed(clock(), twin), node))
+    assert states(picture.curves) == {"ok": 3}
+
+
+def test_a_wire_from_a_deactivated_node_comes_from_a_box_that_says_so() -> None:
+    old = f"{CLOCK.path}/old_time"
+    node = models.wired(node_of(clock(), PUBLISHER), "inputs:timeStamp", f"{old}.outputs:x")
+    graph = changed(clock(), node)
+    graph = replace(graph, absent=(Absent(old, "", "deactivated"),))
+    picture = drawn(graph, finding(PUBLISHER, "inputs:timeStamp"))
+    assert box_of(picture, old).subtitle == "deactivated"
+    assert into(picture, PUBLISHER, "inputs:timeStamp")["old_time", "outputs:x"] == "wrong"
+
+
+def test_a_wire_from_a_port_that_a_node_does_not_have_is_drawn_from_it() -> None:
+    node = models.wired(node_of(clock(), PUBLISHER), "inputs:timeStamp", f"{TIME}.outputs:nothing")
+    picture = drawn(changed(clock(), node), finding(PUBLISHER, "inputs:timeStamp"))
+    assert row_of(picture, TIME, "outputs:nothing").wired
+    assert geometry.loose_ends(picture.boxes, picture.curves) == []
+
+
+def test_a_wrong_value_stands_above_the_expected_one() -> None:
+    node = models.valued(node_of(clock(), PUBLISHER), "inputs:topicName", "/klock")
+    picture = drawn(
+        changed(clock(), node), finding(PUBLISHER, "inputs:topicName", expected="'/clock'")
+    )
+    row = row_of(picture, PUBLISHER, "inputs:topicName")
+    assert (row.state, row.value, row.expected) == ("wrong", ("/klock",), ("/clock",))
+
+
+def test_a_wrong_default_is_shown() -> None:
+    node = models.valued(node_of(clock(), TIME), "inputs:resetOnStop", None)
+    picture = drawn(changed(clock(), node), finding(TIME, "inputs:resetOnStop", expected="False"))
+    row = row_of(picture, TIME, "inputs:resetOnStop")
+    assert (row.state, row.value, row.muted) == ("wrong", ("True",), True)
+
+
+def test_a_value_that_the_handout_leaves_alone_is_extra() -> None:
+    node = models.valued(node_of(clock(), TIME), "inputs:referenceTimeNumerator", 7)
+    port = "inputs:referenceTimeNumerator"
+    picture = drawn(changed(clock(), node), finding(TIME, port, severity="warning"))
+    assert (row_of(picture, TIME, port).state, row_of(picture, TIME, port).value) == (
+        "extra",
+        ("7",),
+    )
+
+
+def test_a_note_marks_nothing() -> None:
+    picture = drawn(clock(), finding(PUBLISHER, "inputs:topicName", severity="note"))
+    row = row_of(picture, PUBLISHER, "inputs:topicName")
+    assert (row.state, row.note) == ("ok", "something is wrong")
+
+
+def test_an_extra_node_is_extra() -> None:
+    extra = f"{CLOCK.path}/more"
+    graph = changed(clock(), models.node(extra, "omni.graph.nodes.ConstantToken", value="x"))
+    picture = drawn(graph, finding(extra, severity="warning"))
+    assert box_of(picture, extra).state == "extra"
+    assert box_of(picture, extra).subtitle == "more · extra"
+
+
+def test_an_extra_node_with_an_error_is_wrong() -> None:
+    extra = f"{CLOCK.path}/more"
+    graph = changed(clock(), models.node(extra, "omni.graph.scriptnode.ScriptNode"))
+    assert box_of(drawn(graph, finding(extra)), extra).state == "wrong"
+
+
+def test_a_node_of_another_type_stands_in_its_place() -> None:
+    other = models.node(TICK, "omni.graph.action.OnTick")
+    picture = drawn(changed(clock(), other), finding(TICK, "node:type"))
+    box = box_of(picture, TICK)
+    assert (box.state, box.title) == ("wrong", "OnTick")
+    assert box.subtitle == "on_playback_tick · expected On Playback Tick"
+    assert states(picture.boxes) == {"ok": 3, "wrong": 1}
+
+
+def test_a_node_without_a_type_is_drawn() -> None:
+    picture = drawn(changed(clock(), models.node(f"{CLOCK.path}/what", "")))
+    assert box_of(picture, f"{CLOCK.path}/what").title == "node without a type"
+
+
+def test_a_fault_of_the_graph_is_a_line_below_the_title() -> None:
+    wrong = finding(CLOCK.path, "evaluator:type", message="it is a push graph", actual="push")
+    picture = drawn(clock(), wrong)
+    assert [(remark.state, remark.text) for remark in picture.remarks] == [
+        ("wrong", "it is a push graph")
+    ]
+    assert "it is a push graph" in texts(picture)
+
+
+def test_a_graph_that_no_spec_describes_is_drawn_as_it_is() -> None:
+    picture = graph_picture(None, None, clock(), ())
+    assert states(picture.boxes) == {"ok": 4}
+    assert len(picture.curves) == 3
+    assert not picture.judged
+
+
+def test_an_empty_graph_is_drawn() -> None:
+    empty = models.graph("/World/Empty")
+    assert graph_picture(None, None, empty, ()).boxes == ()
+    assert "/World/Empty" in texts(graph_picture(None, None, empty, ()))[1]
+
+
+def test_a_node_wired_to_itself_is_drawn() -> None:
+    node = models.wired(node_of(clock(), PUBLISHER), "inputs:timeStamp", f"{PUBLISHER}.outputs:own")
+    picture = drawn(changed(clock(), node), finding(PUBLISHER, "inputs:timeStamp"))
+    assert geometry.crossings(picture.boxes, picture.curves) == []
+
+
+# ---- the pictures of a whole stage
+
+
+def of_stage(stage: StageModel, checkpoint: str | None) -> list[str]:
+    asked = None if checkpoint is None else LAB.checkpoints[checkpoint]
+    return [picture.title for picture in stage_pictures(LAB, asked, stage)]
+
+
+def test_a_stage_has_a_picture_per_graph_and_one_of_its_frames() -> None:
+    assert of_stage(models.stage(), "05") == [*LAB.graphs, "TF"]
+
+
+def test_graphs_that_the_checkpoint_asks_for_are_drawn_though_missing() -> None:
+    assert of_stage(models.only(), "02") == ["ROS_Clock", "ROS_Drive"]
+
+
+def test_the_starter_has_no_pictures() -> None:
+    assert of_stage(models.only(), "00") == []
+
+
+def test_graphs_beyond_the_lab_are_drawn_too() -> None:
+    assert of_stage(models.only(models.graph("/World/Mine")), "00") == ["Mine"]
+
+
+def test_a_deactivated_graph_is_not_drawn() -> None:
+    assert of_stage(models.only(models.graph("/World/Mine", active=False)), "00") == []
+
+
+def test_without_a_checkpoint_nothing_is_judged() -> None:
+    pictures = list(stage_pictures(LAB, None, models.only(without(clock(), PUBLISHER))))
+    assert [(picture.title, picture.judged) for picture in pictures] == [("ROS_Clock", False)]
+    assert states(pictures[0].boxes) == {"ok": 3}
+
+
+# ---- the TF tree
+
+
+def edge(parent: str, child: str, publisher: str = "/graph/publisher") -> Edge:
+    return Edge(parent, child, publisher, publisher, "/tf")
+
+
+ASKED = tuple(edge(*pair) for pair in LAB.frames.edges)
+
+
+def tree(*edges: Edge, required: bool = True, localized: bool = False) -> dict[str, State]:
+    picture = frames_picture(LAB.frames, edges, required=required, localized=localized)
+    assert geometry.overlapping(picture.boxes) == []
+    assert geometry.crossings(picture.boxes, picture.curves) == []
+    return {f"{each.source.key} {each.target.key}": each.state for each in picture.curves}
+
+
+def test_the_required_tree_begins_with_what_localization_publishes() -> None:
+    picture = spec_frames_picture(LAB.frames)
+    first = picture.curves[0]
+    assert (first.source.key, first.target.key, first.dashed) == ("map", "odom", True)
+    assert len(picture.curves) == 1 + len(LAB.frames.edges)
+    assert geometry.overlapping(picture.boxes) == []
+
+
+def test_a_right_tree_has_no_mark() -> None:
+    assert set(tree(*ASKED).values()) == {"ok"}
+    assert tree(*ASKED, localized=True)["map odom"] == "ok"
+
+
+def test_a_frame_that_nothing_publishes_is_missing() -> None:
+    assert tree(*ASKED[:-1])["base_footprint Camera_1"] == "missing"
+
+
+def test_before_the_tree_is_asked_for_no_frame_is_missing() -> None:
+    assert tree(*ASKED[:1], required=False) == {"odom base_footprint": "ok"}
+
+
+def test_frames_may_hang_deeper_in_the_robot() -> None:
+    deeper = (*ASKED[:2], edge("base_link", "base_scan"), *ASKED[3:])
+    assert set(tree(*deeper).values()) == {"ok"}
+
+
+def test_a_frame_with_two_parents_is_wrong_at_the_one_that_is_not_asked_for() -> None:
+    found = tree(*ASKED, edge("base_link", "base_scan"))
+    assert found["base_link base_scan"] == "wrong"
+    assert found["base_footprint base_scan"] == "ok"
+
+
+def test_a_transform_that_two_nodes_publish_is_wrong() -> None:
+    assert tree(*ASKED, edge(*LAB.frames.edges[0], "/other"))["odom base_footprint"] == "wrong"
+
+
+@pytest.mark.parametrize("parent", ["world", "map", "odom"])
+def test_odom_below_another_frame_is_wrong(parent: str) -> None:
+    assert tree(*ASKED, edge(parent, "odom"), required=False)[f"{parent} odom"] == "wrong"
+
+
+def test_a_frame_beside_the_robot_is_extra() -> None:
+    assert tree(*ASKED, edge("odom", "table"))["odom table"] == "extra"
+
+
+@pytest.mark.parametrize(("parent", "child"), [("here", "there"), ("ring", "ring")])
+def test_a_frame_without_connection_is_wrong(parent: str, child: str) -> None:
+    assert tree(*ASKED, edge(parent, child))[f"{parent} {child}"] == "wrong"
+
+
+def test_a_frame_says_who_publishes_it() -> None:
+    picture = frames_picture(LAB.frames, ASKED, localized=True)
+    subtitles = {box.title: box.subtitle for box in picture.boxes}
+    assert (subtitles["odom"], subtitles["base_link"]) == ("by AMCL", "by publisher")
+
+
+# ---- SVG
+
+
+def evil_picture() -> Picture:
+    node = models.valued(node_of(clock(), PUBLISHER), "inputs:topicName", EVIL)
+    node = models.aimed(node, "inputs:odd", EVIL)
+    graph = changed(clock(), node)
+    graph = changed(graph, models.node(f"{CLOCK.path}/odd", EVIL))
+    message = finding(PUBLISHER, "inputs:topicName", message=EVIL, expected=EVIL)
+    remark = finding(CLOCK.path, message=EVIL, actual=EVIL)
+    return drawn(graph, message, remark)
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_an_svg_is_well_formed(theme: str) -> None:
+    text = svg_file(spec_picture(DRIVE), theme)  # type: ignore[arg-type]  # one of the themes
+    assert ET.fromstring(text).tag == f"{SVG}svg"  # noqa: S314 - written by us
+
+
+def test_markup_from_a_stage_stays_text() -> None:
+    root = ET.fromstring(svg(evil_picture()))  # noqa: S314 - written by us
+    tags = {element.tag.removeprefix(SVG) for element in root.iter()}
+    assert tags <= {"svg", "g", "rect", "path", "circle", "text", "title", "a"}
+    assert any(text.startswith("<script>alert(") for text in texts(evil_picture()))
+
+
+def test_control_characters_from_a_stage_do_not_break_the_svg() -> None:
+    node = models.valued(node_of(clock(), PUBLISHER), "inputs:topicName", "a\x00\x1b\nb\ud800")
+    shown = texts(drawn(changed(clock(), node)))
+    assert "a\\x00\\x1b\\nb\\ud800" in shown
+
+
+def test_every_node_and_port_has_an_id_of_its_own() -> None:
+    picture = spec_picture(DRIVE)
+    ids = re.findall(r' id="([^"]*)"', svg(picture))
+    rows = [port_id(box.key, row.port) for box in picture.boxes for row in box.rows]
+    nodes = [port_id(box.key) for box in picture.boxes]
+    assert sorted(ids) == sorted([*rows, *nodes, port_id(DRIVE.path)])
+    assert len(set(ids)) == len(ids)
+
+
+def test_a_prefix_keeps_the_ids_of_two_pictures_apart() -> None:
+    ids = re.findall(r' id="([^"]*)"', svg(spec_picture(CLOCK), "s1-"))
+    assert all(found.startswith("s1-port--") for found in ids)
+
+
+def test_links_lead_from_a_port_to_its_finding() -> None:
+    place = port_id(PUBLISHER, "inputs:topicName")
+    root = ET.fromstring(svg(spec_picture(CLOCK), "", {place: "#f1"}))  # noqa: S314
+    links = list(root.iter(f"{SVG}a"))
+    assert [link.get("href") for link in links] == ["#f1"]
+    assert [group.get("id") for group in links[0]] == [place]
+    assert sum("id" in element.attrib for element in root.iter()) == 1
+
+
+names = st.text(st.characters(categories=["L", "N", "Pc", "Po"]), min_size=1, max_size=8)
+
+
+@given(names, names)
+def test_two_paths_never_have_the_same_id(one: str, other: str) -> None:
+    assert (port_id(one) == port_id(other)) == (one == other)
+
+
+@given(names, names)
+def test_an_id_needs_no_escape(prim: str, prop: str) -> None:
+    assert re.fullmatch(r"[A-Za-z0-9_-]+", port_id(prim, f"inputs:{prop}"))
+
+
+def test_a_property_that_is_no_port_belongs_to_its_node() -> None:
+    assert port_id(TICK, "node:type") == port_id(TICK)
+    assert port_id(TICK, "inputs:x") != port_id(TICK)
+
+
+def test_faulty_parts_have_a_mark_that_is_not_colour_alone() -> None:
+    def marks(picture: Picture) -> int:
+        return svg(picture).count('class="k')
+
+    good = marks(drawn(clock()))
+    graph = changed(clock(), models.wired(node_of(clock(), PUBLISHER), "inputs:timeStamp"))
+    assert marks(drawn(graph, finding(PUBLISHER, "inputs:timeStamp"))) == good + 1
+    assert marks(drawn(without(clock(), CONTEXT))) == good + 1
+
+
+def test_the_legend_explains_faults_only_where_a_stage_was_judged() -> None:
+    assert "missing" not in texts(spec_picture(CLOCK))
+    assert "missing" in texts(drawn(clock()))
+
+
+def test_the_picture_says_in_words_what_it_shows() -> None:
+    root = ET.fromstring(svg(drawn(without(clock(), CONTEXT))))  # noqa: S314
+    assert root.get("role") == "img"
+    assert root.get("aria-label") == ("ROS_Clock: /World/ROS_Clock, 3 nodes, 2 wires, 2 missing")
+
+
+def luminance(colour: str) -> float:
+    parts = [int(colour[place : place + 2], 16) / 255 for place in (1, 3, 5)]
+    linear = [
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+    ]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: str, other: str) -> float:
+    high, low = sorted((luminance(one), luminance(other)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("theme", list(PALETTES))
+@pytest.mark.parametrize(
+    ("ink", "grounds"),
+    [
+        ("text", ["canvas", "body", "fault_tint", "extra_tint", "lit"]),
+        ("muted", ["canvas", "body"]),
+        ("value", ["body"]),
+        ("fault", ["canvas", "body", "fault_tint"]),
+        ("extra", ["canvas", "body", "extra_tint"]),
+    ],
+)
+def test_texts_have_enough_contrast(theme: str, ink: str, grounds: list[str]) -> None:
+    palette = PALETTES[theme]
+    assert min(contrast(palette[ink], palette[ground]) for ground in grounds) >= 4.5
+
+
+@pytest.mark.parametrize("theme", list(PALETTES))
+@pytest.mark.parametrize("ink", ["data", "execution", "fault", "extra"])
+def test_wires_have_enough_contrast(theme: str, ink: str) -> None:
+    assert contrast(PALETTES[theme][ink], PALETTES[theme]["canvas"]) >= 3
+
+
+@pytest.mark.parametrize("family", list(HEADERS))
+def test_titles_have_enough_contrast(family: str) -> None:
+    assert min(contrast(HEADERS[family], ink) for ink in (ON_HEADER, BELOW_TITLE)) >= 4.5
+
+
+def test_the_theme_auto_follows_the_system_and_the_others_do_not() -> None:
+    assert "prefers-color-scheme:dark" in stylesheet("auto")
+    assert "prefers-color-scheme" not in stylesheet("light") + stylesheet("dark")
+    assert PALETTES["dark"]["canvas"] in stylesheet("dark")
+
+
+def test_a_stylesheet_keeps_to_its_scope() -> None:
+    rules = re.findall(r"^([^@}].*)\{", stylesheet("light", ".dark .lab3"), flags=re.MULTILINE)
+    selectors = [part for rule in rules for part in rule.split(",")]
+    assert all(selector.startswith(".dark .lab3 ") for selector in selectors)
+
+
+# ---- the other formats
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_a_png_has_the_size_of_its_picture(theme: str) -> None:
+    pytest.importorskip("resvg_py", reason="the extra png is not installed")
+    picture = spec_picture(CLOCK)
+    data = png(picture, theme)  # type: ignore[arg-type]  # one of the themes
+    assert data.startswith(b"\x89PNG")
+    assert struct.unpack(">II", data[16:24]) == (picture.width, picture.height)
+
+
+def test_a_huge_picture_becomes_a_smaller_png() -> None:
+    pytest.importorskip("resvg_py", reason="the extra png is not installed")
+    width, height = struct.unpack(
+        ">II", png(replace(spec_picture(CLOCK), width=64000.0, height=640.0))[16:24]
+    )
+    assert (width, height) == (16000, 160)
+
+
+def test_a_png_without_its_extra_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "resvg_py", None)
+    with pytest.raises(UsageError, match=r"lab3-usd\[png\]"):
+        png(spec_picture(CLOCK))
+
+
+def test_mermaid_has_a_line_per_node_and_wire() -> None:
+    lines = mermaid(spec_picture(CLOCK)).splitlines()
+    assert lines[1] == "flowchart LR"
+    assert '  n0 -.->|"tick → execIn"| n3' in lines
+    assert '  n1 -->|"context → context"| n3' in lines
+    assert sum("topicName = /clock" in line for line in lines) == 1
+
+
+def test_mermaid_marks_faults() -> None:
+    text = mermaid(drawn(without(clock(), CONTEXT)))
+    assert "  class n1 missing" in text
+    assert re.search(r"^  linkStyle 0 ", text, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("sign", list("<>\"'`[]{}|;&#%\\"))
+def test_mermaid_codes_what_could_end_a_label(sign: str) -> None:
+    assert coded(f"a{sign}b") == f"a#{ord(sign)};b"
+
+
+def test_mermaid_keeps_every_string_of_a_stage_in_its_label() -> None:
+    text = mermaid(evil_picture())
+    assert "<script" not in text
+    assert all(line.count('"') in {0, 2} for line in text.splitlines())
+
+
+def test_dot_has_a_cell_per_port_and_a_line_per_wire() -> None:
+    lines = dot(spec_picture(CLOCK)).splitlines()
+    assert '  n1:p0 -> n3:p1 [color="#4a5663"];' in lines
+    assert '  n0:p0 -> n3:p0 [color="#4a5663", style=dashed];' in lines
+    assert lines[0] == 'digraph "ROS_Clock" {'
+
+
+def test_dot_marks_faults() -> None:
+    text = dot(drawn(without(clock(), CONTEXT)))
+    assert 'style=dotted, penwidth=2, label="missing"' in text
+    assert 'style="dashed"' in text
+
+
+@pytest.mark.parametrize("sign", list('{}|<>"'))
+def test_dot_escapes_what_could_end_a_cell(sign: str) -> None:
+    assert celled(f"a{sign}b") == f"a\\{sign}b"
+
+
+def test_dot_doubles_backslashes() -> None:
+    assert celled("a\\b") == "a\\\\b"
+    assert quoted('a\\"b') == '"a\\\\\\"b"'
+
+
+def test_dot_keeps_every_string_of_a_stage_in_its_quotes() -> None:
+    bare = re.compile(r'(?<!\\)(?:\\\\)*"')
+    assert all(len(bare.findall(line)) % 2 == 0 for line in dot(evil_picture()).splitlines())
+
+
+def test_the_same_graph_gives_the_same_bytes_for_every_hash_seed() -> None:
+    code = (
+        "from lab3_usd.report.pictures import spec_picture\n"
+        "from lab3_usd.report.svg import svg_file\n"
+        "from lab3_usd.spec.loader import load_lab\n"
+        "print(svg_file(spec_picture(load_lab().graphs['ROS_OdomTF'])))\n"
+    )
+    outputs = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            check=True,
+            timeout=60,
+            env={"PYTHONHASHSEED": seed, "PYTHONPATH": ":".join(sys.path), "PYTHONUTF8": "1"},
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(outputs) == 1
