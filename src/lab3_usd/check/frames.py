@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from lab3_usd.check.computed_frames import Pair, computed_pairs, tf_ports
@@ -59,6 +60,7 @@ class _Scene:
     running: Nodes
 
 
+@lru_cache(maxsize=1)  # every rule of one stage asks for the same
 def published_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
     """Return every transform that the stage publishes on a topic of the TF tree.
 
@@ -71,6 +73,7 @@ def published_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
     )
 
 
+@lru_cache(maxsize=1)  # every rule of one stage asks for the same
 def unknown_publishers(stage: StageModel, lab: Lab) -> tuple[str, ...]:
     """Return the nodes that publish transforms between frames that the stage does not tell."""
     scene = _Scene(stage, lab, live_nodes(stage, lab), running_nodes(stage, lab))

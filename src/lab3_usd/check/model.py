@@ -165,9 +165,12 @@ class Collider:
     high: tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class StageModel:
-    """Everything the rules know of one stage."""
+    """Everything the rules know of one stage.
+
+    Two models are the same only when they are one: what is derived from one is remembered by it.
+    """
 
     path: str
     up_axis: str

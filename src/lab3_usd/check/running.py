@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 from lab3_usd.check.model import GraphModel, Node, StageModel
 from lab3_usd.spec.catalog import INPUT, Value
@@ -12,6 +13,7 @@ ENABLED = "inputs:enabled"
 Nodes = Mapping[str, Node]
 
 
+@lru_cache(maxsize=1)  # every rule of one stage asks for the same
 def live_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
     """Return the nodes of all active graphs by path, leaving out what the application made."""
     return {
@@ -26,6 +28,7 @@ def _is_ignored(path: str, lab: Lab) -> bool:
     return any(f"{path}/".startswith(f"{top}/") for top in lab.catalog.graph.ignored_below)
 
 
+@lru_cache(maxsize=1)  # every rule of one stage asks for the same
 def running_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
     """Return the nodes that an event reaches over execution wires, by path.
 

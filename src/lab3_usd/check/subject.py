@@ -48,7 +48,7 @@ class GraphSubject:
     wire_faults: tuple[WireFault, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class StageSubject:
     """The whole stage at one checkpoint.
 

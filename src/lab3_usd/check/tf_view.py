@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 from lab3_usd.check.computed_frames import computed_pairs, expands, tf_ports
 from lab3_usd.check.frames import Edge, published_edges
@@ -41,6 +42,7 @@ class TfView:
         return self.subject.lab.frames.forbidden_edge[1]
 
 
+@lru_cache(maxsize=1)  # every rule of one stage asks for the same
 def tf_view(subject: StageSubject) -> TfView:
     """Compute what the frame rules look at."""
     stage, lab = subject.stage, subject.lab

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 from lab3_usd.check.model import Node, StageModel
@@ -58,6 +59,7 @@ def resolve(namespace: str, written: str) -> str | None:
     return name if _VALID.match(name) else None
 
 
+@lru_cache(maxsize=1)  # every rule of one stage asks for the same
 def endpoints(stage: StageModel, lab: Lab) -> tuple[Endpoint, ...]:
     """Return every topic of every node in an active graph, in the order of topic and node."""
     live, running = live_nodes(stage, lab), running_nodes(stage, lab)

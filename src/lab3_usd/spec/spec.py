@@ -142,9 +142,9 @@ class FrameSpec:
     chain: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Lab:
-    """Everything that `graphs/` says. `scene` is the scene file as plain, checked data.
+    """Everything that `graphs/` says, loaded once. `scene` is the scene file as plain, checked data.
 
     `topics` are the topics of the running system by name, with their message types and QoS.
     """
