@@ -1,0 +1,50 @@
+"""Why a prim is not in the scene, and whether an asset that cannot be found could hold it."""
+
+from __future__ import annotations
+
+from lab3_usd.check.model import StageModel
+
+
+def is_at_or_below(path: str, top: str) -> bool:
+    """Whether `path` is the prim `top` or one below it; everything is below '/'."""
+    return path == top or path.startswith(f"{top.rstrip('/')}/")
+
+
+def why_absent(stage: StageModel, path: str) -> str:
+    """Say why there is no prim at `path`, as the end of a sentence about it."""
+    found = stage.prims.get(path)
+    if found is None:
+        above = path.rpartition("/")[0]
+        while above and above not in stage.prims:
+            above = above.rpartition("/")[0]
+        if above and not stage.prims[above].present:
+            return f"is missing: {above} {why_absent(stage, above)}"
+        return "is missing"
+    if not found.active:
+        return "is deactivated"
+    return "is only an over without a def"
+
+
+def is_hidden(stage: StageModel, path: str) -> bool:
+    """Whether a missing asset could hold the prim at `path`, or what it lacks.
+
+    A prim that was deactivated on purpose is absent whatever the asset holds.
+    """
+    above = path
+    while above and above not in stage.prims:
+        above = above.rpartition("/")[0]
+    if above and not stage.prims[above].active:
+        return False
+    return stage.unresolved_above(path) is not None
+
+
+def hides_below(stage: StageModel, path: str) -> bool:
+    """Whether a missing asset could hold something at or below `path`."""
+    return is_hidden(stage, path) or any(
+        is_at_or_below(missing.prim, path) for missing in stage.unresolved
+    )
+
+
+def hides_outside(stage: StageModel, path: str) -> bool:
+    """Whether an asset is missing elsewhere than at or below `path`."""
+    return any(not is_at_or_below(missing.prim, path) for missing in stage.unresolved)

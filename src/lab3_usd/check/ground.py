@@ -1,0 +1,84 @@
+"""The ground of a stage: what carries the robot, and how high it is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from lab3_usd.check.absence import is_at_or_below
+from lab3_usd.check.model import Collider, Prim, StageModel
+from lab3_usd.check.physics import BODY_API, PLANE, collides
+from lab3_usd.check.posing import vector
+from lab3_usd.check.subject import StageSubject
+
+# A shape as high as a wall is ground and wall in one; how high its ground is, no box says.
+_STEP = 0.15  # metres
+_LIGHT = re.compile(r"Light(_\d+)?$")
+_LIGHT_API = re.compile(r"^(Mesh|Volume)?LightAPI$")
+
+
+def planes(stage: StageModel, robot: str) -> Iterator[Prim]:
+    """Yield the endless planes beside the robot that other shapes bump into."""
+    for prim in stage.prims.values():
+        is_outside = prim.type == PLANE and not is_at_or_below(prim.path, robot)
+        if is_outside and (collides(prim) or _collides_above(stage, prim.path)):
+            yield prim
+
+
+def _collides_above(stage: StageModel, path: str) -> bool:
+    """Whether an ancestor makes all shapes below it collide."""
+    parent = path.rpartition("/")[0]
+    found = stage.prims.get(parent)
+    return found is not None and (collides(found) or _collides_above(stage, parent))
+
+
+def boxes(subject: StageSubject) -> Iterator[Collider]:
+    """Yield the fixed shapes that lie below the place where the starter has the robot."""
+    robot = subject.lab.scene["robot"]
+    x, y, z = vector(robot["pose"]["translate"])
+    reach = z + subject.lab.scene["tolerance"]["root_position"]
+    for box in subject.stage.colliders:
+        is_fixed = not is_at_or_below(box.path, robot["path"]) and not _moves(subject.stage, box)
+        if is_fixed and _covers(box, x, y) and box.low[2] <= reach:
+            yield box
+
+
+def _moves(stage: StageModel, box: Collider) -> bool:
+    body = stage.prims.get(box.body)
+    return body is not None and BODY_API in body.apis
+
+
+def _covers(box: Collider, x: float, y: float) -> bool:
+    return box.low[0] <= x <= box.high[0] and box.low[1] <= y <= box.high[1]
+
+
+def has_ground(subject: StageSubject) -> bool:
+    """Whether anything fixed can carry the robot."""
+    robot = subject.lab.scene["robot"]["path"]
+    live = [box for box in boxes(subject) if _is_on(subject.stage, box)]
+    return any(True for _ in planes(subject.stage, robot)) or bool(live)
+
+
+def _is_on(stage: StageModel, box: Collider) -> bool:
+    prim = stage.prim(box.path)
+    return prim is not None and collides(prim)
+
+
+def ground_height(subject: StageSubject) -> float | None:
+    """Return how high the ground is below the robot, in metres; None where no box says."""
+    stage, robot = subject.stage, subject.lab.scene["robot"]
+    heights = [
+        prim.world[14] * stage.meters_per_unit
+        for prim in planes(stage, robot["path"])
+        if prim.world
+    ]
+    step = robot["pose"]["translate"][2] + _STEP
+    tops = [box.high[2] for box in boxes(subject) if _is_on(stage, box)]
+    if any(top > step for top in tops) and not heights:
+        return None
+    return max([*heights, *(top for top in tops if top <= step)], default=None)
+
+
+def is_light(prim: Prim) -> bool:
+    """Whether the prim shines."""
+    return _LIGHT.search(prim.type) is not None or any(map(_LIGHT_API.match, prim.apis))

@@ -1,0 +1,125 @@
+"""How far a prim's pose is from the one the handout asks for, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from lab3_usd.check.model import Matrix, Prim, StageModel
+from lab3_usd.check.poses import Vector, angles, decompose, distance, turn_between, turned
+
+Kind = Literal["translate", "rotate", "scale"]
+ORDER = "xformOpOrder"
+# The operations of the Property panel; others that do the same, in the order of preference.
+OPERATIONS: Mapping[Kind, tuple[str, ...]] = {
+    "translate": ("xformOp:translate",),
+    "rotate": ("xformOp:orient", "xformOp:rotate"),
+    "scale": ("xformOp:scale",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """What counts as the same pose: lengths in metres, degrees, factors.
+
+    `metres` is the length of one stage unit. The handout gives lengths in metres and its stages
+    have metres for units; where the units are wrong, lengths that are right in either are right.
+    """
+
+    position: float
+    angle: float
+    scale: float
+    metres: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """One part of a pose that is wrong, and the property that says so."""
+
+    kind: Kind
+    property: str
+    message: str
+    expected: str
+    actual: str
+
+
+def sensor_tolerance(scene: Mapping[str, Any], stage: StageModel) -> Tolerance:
+    """Return how exactly a sensor must stand."""
+    spec = scene["tolerance"]
+    return Tolerance(
+        spec["sensor_position"], spec["sensor_angle"], spec["scale"], stage.meters_per_unit
+    )
+
+
+def root_tolerance(scene: Mapping[str, Any], stage: StageModel) -> Tolerance:
+    """Return how exactly the robot must stand."""
+    spec = scene["tolerance"]
+    return Tolerance(
+        spec["root_position"], spec["root_angle"], spec["scale"], stage.meters_per_unit
+    )
+
+
+def misfits(
+    prim: Prim, matrix: Matrix, wanted: Mapping[str, Any], tolerance: Tolerance
+) -> Iterator[Misfit]:
+    """Yield what is wrong with a transform: `wanted` has translate, rotate (degrees) and scale.
+
+    A number that is none (NaN) is near nothing, which is why each test is the other way round.
+    """
+    pose = decompose(matrix)
+    place = vector(wanted["translate"])
+    if not is_near(pose.translation, place, tolerance.position, tolerance.metres):
+        yield _misfit(prim, "translate", pose.translation, place, "")
+    rotation = vector(wanted["rotate"])
+    if not turn_between(pose.rotation, turned(rotation)) <= tolerance.angle:
+        yield _misfit(prim, "rotate", angles(pose.rotation), rotation, " degrees")
+    size = vector(wanted["scale"])
+    if not distance(pose.scale, size) <= tolerance.scale:
+        yield _misfit(prim, "scale", pose.scale, size, "")
+
+
+def _misfit(prim: Prim, kind: Kind, actual: Vector, expected: Vector, unit: str) -> Misfit:
+    name = {"translate": "translation", "rotate": "rotation", "scale": "scale"}[kind]
+    is_, should = text(actual), text(expected)
+    message = f"{name} is {is_}{unit}, expected {should}"
+    return Misfit(kind, pose_property(prim, kind), message, should, is_)
+
+
+def is_near(one: Vector, other: Vector, tolerance: float, metres: float = 1.0) -> bool:
+    """Whether two points are the same, with `one` in stage units and `other` in metres.
+
+    A stage whose units are wrong is right in one of two ways: in its units, or in metres.
+    """
+    in_metres = (one[0] * metres, one[1] * metres, one[2] * metres)
+    return min(distance(one, other), distance(in_metres, other)) <= tolerance
+
+
+def pose_property(prim: Prim, kind: Kind) -> str:
+    """Return the operation that sets this part of the pose, as authored, else as the panel would.
+
+    A pose written as one matrix has no part of its own to point at; the panel's name stands in.
+    """
+    order = prim.attributes.get(ORDER)
+    authored = [name for name in order if isinstance(name, str)] if isinstance(order, tuple) else []
+    for operation in OPERATIONS[kind]:
+        for name in authored:
+            if name.startswith(operation):
+                return name
+    return OPERATIONS[kind][0]
+
+
+def is_pose_property(name: str | None, kind: Kind) -> bool:
+    """Whether a property sets this part of a pose."""
+    return name is not None and name.startswith(OPERATIONS[kind])
+
+
+def vector(numbers: Sequence[float]) -> Vector:
+    """Return three numbers of the scene file as a vector."""
+    x, y, z = numbers
+    return (float(x), float(y), float(z))
+
+
+def text(numbers: Sequence[float]) -> str:
+    """Write a vector as the Property panel shows it, without float noise."""
+    return "(" + ", ".join(f"{round(number, 6) + 0.0:g}" for number in numbers) + ")"

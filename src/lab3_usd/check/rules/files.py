@@ -1,0 +1,64 @@
+"""Rules about files: the stage itself, its sublayers, and the assets it refers to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.registry import rule
+from lab3_usd.check.subject import StageSubject
+
+
+@rule("F01", "unreadable-file", scope="file")
+def unreadable_file(reason: str) -> Iterator[Problem]:
+    """The file cannot be opened as a USD stage.
+
+    Why: Isaac Sim cannot open it either, and nothing in it can be judged.
+
+    Fix: open the stage in Isaac Sim, save it again as .usda, and hand in that file.
+
+    Example: a file that ends in `.uda`, or an upload that was cut short.
+    """
+    yield Problem("/", reason)
+
+
+@rule("F02", "not-verifiable", scope="stage", severity="note")
+def not_verifiable(subject: StageSubject) -> Iterator[Problem]:
+    """The stage refers to an asset that cannot be found from here.
+
+    Why: what the asset holds is neither passed nor failed: it may be there on the computer where
+    the stage was made. Graphs, nodes and wires must be in the file itself.
+
+    Fix: hand in the asset beside the stage with a relative path, or choose File > Collect As in
+    Isaac Sim. Nothing needs to be done for assets of NVIDIA's own server.
+
+    Example: the lidar refers to `Example_Rotary_2D.usda` on a server.
+    """
+    prims: dict[str, list[str]] = {}
+    for missing in subject.stage.unresolved:
+        if missing.kind != "sublayer":
+            prims.setdefault(missing.asset, []).append(missing.prim)
+    for asset, (first, *others) in prims.items():
+        message = (
+            f"not verifiable: {asset} cannot be found from here, so what it would bring to {first} "
+            "is neither passed nor failed"
+        )
+        yield Problem(first, message, actual=asset, related=tuple(others))
+
+
+@rule("F03", "missing-sublayer", scope="stage")
+def missing_sublayer(subject: StageSubject) -> Iterator[Problem]:
+    """A sublayer of the stage cannot be found.
+
+    Why: it could hold anything, so that the stage is not the one that was worked on. Prims that it
+    may hold are not reported one by one; graphs that are missing are.
+
+    Fix: hand in the sublayer beside the stage with a relative path, or open the stage in Isaac Sim
+    and choose File > Save Flattened As.
+
+    Example: `subLayers = [@/home/ana/RAS545/Lab3/work/edits.usda@]`.
+    """
+    for missing in subject.stage.unresolved:
+        if missing.kind == "sublayer":
+            message = f"sublayer {missing.asset} cannot be found"
+            yield Problem("/", message, actual=missing.asset, handout="6.1")

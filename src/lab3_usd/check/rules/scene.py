@@ -1,0 +1,170 @@
+"""Rules about what the starter brings: its prims, units, the robot's pose, nothing too early."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.absence import is_at_or_below, is_hidden, why_absent
+from lab3_usd.check.finding import Problem, Severity
+from lab3_usd.check.poses import IDENTITY, decompose, relative
+from lab3_usd.check.posing import is_near, misfits, pose_property, root_tolerance, text, vector
+from lab3_usd.check.registry import rule
+from lab3_usd.check.rules import joints, resting, robot, world  # noqa: F401 - registers their rules
+from lab3_usd.check.sensor_place import is_named
+from lab3_usd.check.subject import StageSubject
+
+FIRST = "00"
+
+
+@rule("S01", "missing-prim", scope="stage")
+def missing_prim(subject: StageSubject) -> Iterator[Problem]:
+    """The robot, one of its links, or the parent of the graphs is not in the scene.
+
+    Why: graphs, sensors and TF name these prims by their paths. What hangs below a missing prim is
+    not reported one by one.
+
+    Fix: undo the deletion, or activate the prim (right-click in the Stage panel, Activate). If it
+    was deleted long ago, open the supplied file again and repeat the steps from there.
+
+    Example: `/turtlebot3_burger/base_scan` deactivated by a click on its eye menu.
+    """
+    scene, stage = subject.lab.scene, subject.stage
+    root = scene["robot"]
+    wanted = {scene["world"]["graph_parent"]["path"]: scene["world"]["graph_parent"]["handout"]}
+    wanted[root["path"]] = root["handout"]
+    if stage.prim(root["path"]) is not None:
+        wanted |= {f"{root['path']}/{name}": root["handout"] for name in root["links"]}
+    for path, handout in wanted.items():
+        if stage.prim(path) is None and not is_hidden(stage, path):
+            why = why_absent(stage, path)
+            yield Problem(path, f"{path} {why}", expected=path, actual=why, handout=handout)
+
+
+@rule("S02", "stage-units", scope="stage")
+def stage_units(subject: StageSubject) -> Iterator[Problem]:
+    """The stage is not Z up, in metres and kilograms.
+
+    Why: every length and mass of the handout, the gravity and the ROS frames (+Z up, metres) mean
+    something else then: a robot in centimetres is a hundred times too small.
+
+    Fix: set Up Axis to Z and Meters Per Unit to 1 in the stage's properties (select the root in the
+    Stage panel), or open the supplied file again and save it under the new name.
+
+    Example: `metersPerUnit = 0.01`, what USD takes where nothing is written.
+    """
+    wanted, stage = subject.lab.scene["stage"], subject.stage
+    pairs = {
+        "upAxis": (stage.up_axis, wanted["up_axis"]),
+        "metersPerUnit": (stage.meters_per_unit, wanted["meters_per_unit"]),
+        "kilogramsPerUnit": (stage.kilograms_per_unit, wanted["kilograms_per_unit"]),
+    }
+    tolerance = subject.lab.scene["tolerance"]["number"]
+    for name, (actual, expected) in pairs.items():
+        if isinstance(actual, float) and abs(actual - expected) <= tolerance * expected:
+            continue
+        if actual != expected:
+            is_, should = (
+                each if isinstance(each, str) else f"{each:g}" for each in (actual, expected)
+            )
+            message = f"{name} is {is_}, expected {should}"
+            yield Problem("/", message, name, should, is_, wanted["handout"])
+
+
+@rule("S03", "robot-pose", scope="stage")
+def robot_pose(subject: StageSubject) -> Iterator[Problem]:
+    """The robot root does not stand where the starter has it.
+
+    Why: the map, the initial pose of AMCL and the goals of the handout start from there. In the
+    later checkpoints a stage may have been saved after a run, so that it is a warning only.
+
+    Fix: select the robot root and set in the Property panel Translate (1.8, 0, 0), Rotate
+    (0, 0, 0), Scale (1, 1, 1).
+
+    Example: `xformOp:translate` (0, 0, 0).
+    """
+    spec, stage = subject.lab.scene["robot"], subject.stage
+    root = stage.prim(spec["path"])
+    if root is None or (root.local is None and is_hidden(stage, root.path)):
+        return
+    severity: Severity | None = None
+    if subject.checkpoint.id > spec["pose_is_error_until"]:
+        severity = "warning"
+    tolerance = root_tolerance(subject.lab.scene, stage)
+    for wrong in misfits(root, root.local or IDENTITY, spec["pose"], tolerance):
+        yield Problem(
+            root.path,
+            f"robot root's {wrong.message}",
+            wrong.property,
+            wrong.expected,
+            wrong.actual,
+            spec["pose"]["handout"],
+            severity=severity,
+        )
+
+
+@rule("S17", "scan-offset", scope="stage")
+def scan_offset(subject: StageSubject) -> Iterator[Problem]:
+    """The link that carries the lidar does not sit where the model has it on the robot.
+
+    Why: the scan is taken at that height and published in that frame: moved, it sees the robot's
+    own plates, or walls that are not where the map has them. Judged in checkpoint 00 only; later a
+    stage may have been saved while the simulation ran.
+
+    Fix: select the link and set Translate to (-0.032, 0, 0.182) in the Property panel, or start
+    again from the supplied file.
+
+    Example: `/turtlebot3_burger/base_scan` at (0, 0, 0.182).
+    """
+    spec, stage = subject.lab.scene["robot"], subject.stage
+    root = stage.prim(spec["path"])
+    if subject.checkpoint.id != FIRST or root is None or root.world is None:
+        return
+    tolerance = subject.lab.scene["tolerance"]["link_position"]
+    for name, link in spec["links"].items():
+        prim = stage.prim(f"{root.path}/{name}") if "offset" in link else None
+        seen = relative(prim.world, root.world) if prim is not None and prim.world else None
+        if prim is None or seen is None or (prim.local is None and is_hidden(stage, prim.path)):
+            continue
+        actual, expected = decompose(seen).translation, vector(link["offset"])
+        if not is_near(actual, expected, tolerance, stage.meters_per_unit):
+            is_, should = text(actual), text(expected)
+            message = f"{name} sits at {is_} on the robot, expected {should}"
+            where = pose_property(prim, "translate")
+            yield Problem(prim.path, message, where, should, is_, link["handout"])
+
+
+@rule("S18", "starter-not-empty", scope="stage")
+def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
+    """Checkpoint 00 holds what only later parts of the lab add.
+
+    Why: the first checkpoint shows the supplied scene. Leftovers of a finished lab publish beside
+    the student's own graphs: two clocks, two odometries, two parents of one frame.
+
+    Fix: open the supplied file and save it as checkpoint 00 before adding anything; delete what is
+    named here.
+
+    Example: `/World/ActionGraph` in `Lab3_00_student_start.usda`.
+    """
+    if subject.checkpoint.id != FIRST:
+        return
+    spec = subject.lab.scene["forbidden"]["starter"]
+    form = subject.lab.catalog.graph
+    told = [graph.path for graph in subject.lab.graphs.values()]
+    told = [path for path in told if (prim := subject.stage.prim(path)) and prim.type == form.type]
+    for path, kind in sorted(_prims_and_nodes(subject)):
+        is_sensor = any(kind == subject.lab.scene[name]["type"] for name in ("lidar", "camera"))
+        is_wrong = is_named(path.rpartition("/")[2], spec["names"]) or kind == form.type
+        is_wrong = is_wrong or (path in spec["paths"] and not is_sensor)
+        if is_wrong and not any(is_at_or_below(path, top) for top in told):
+            told.append(path)
+            message = f"{path} is not part of the supplied scene; was this saved late?"
+            yield Problem(path, message, actual=kind, handout=spec["handout"])
+
+
+def _prims_and_nodes(subject: StageSubject) -> Iterator[tuple[str, str]]:
+    """Yield path and type of everything in the scene, nodes of graphs included."""
+    for prim in subject.stage.prims.values():
+        if prim.present:
+            yield prim.path, prim.type
+    for node in subject.stage.nodes():
+        yield node.path, ""

@@ -1,0 +1,147 @@
+"""Rules about the world around the robot: ground, light, physics scene, observation camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from lab3_usd.check.absence import hides_outside, is_at_or_below, why_absent
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.ground import boxes, has_ground, is_light
+from lab3_usd.check.model import Prim
+from lab3_usd.check.physics import COLLISION_API, COLLISION_ENABLED, PLANE, SCENE
+from lab3_usd.check.registry import rule
+from lab3_usd.check.subject import StageSubject
+
+
+@rule("S13", "ground", scope="stage")
+def ground(subject: StageSubject) -> Iterator[Problem]:
+    """Nothing fixed with a collision lies below the robot.
+
+    Why: at Play the robot falls for ever (A5).
+
+    Fix: activate the ground plane or tick Collision Enabled on it; a ground that was deleted comes
+    with the supplied file, or with Create > Physics > Ground Plane.
+
+    Example: the collision plane below `/Environment` deactivated.
+    """
+    if has_ground(subject) or _is_elsewhere(subject):
+        return
+    off = _silent_ground(subject)
+    if off is not None:
+        has_api = COLLISION_API in off.apis
+        what = "is switched off" if has_api else "was removed"
+        message = f"the ground does not carry the robot: the collision of {off.name} {what}"
+        related = (_usual(subject, "ground"),)
+        handout = subject.lab.scene["world"]["ground"]["handout"]
+        expected = "True" if has_api else COLLISION_API
+        yield Problem(
+            off.path, message, COLLISION_ENABLED, expected, None, handout, related=related
+        )
+        return
+    yield _missing(subject, "ground", "a ground with collision", lambda prim: prim.type == PLANE)
+
+
+def _silent_ground(subject: StageSubject) -> Prim | None:
+    """Return what would be ground if it collided."""
+    robot = subject.lab.scene["robot"]["path"]
+    planes = [prim for prim in subject.stage.prims.values() if prim.present and prim.type == PLANE]
+    for prim in planes:
+        if not is_at_or_below(prim.path, robot):
+            return prim
+    return next((subject.stage.prims[box.path] for box in boxes(subject)), None)
+
+
+@rule("S14", "light", scope="stage")
+def light(subject: StageSubject) -> Iterator[Problem]:
+    """The scene has no light.
+
+    Why: the camera publishes black images.
+
+    Fix: activate the light of the supplied file, or choose Create > Light > Dome Light.
+
+    Example: the only DistantLight deactivated.
+    """
+    if any(prim.present and is_light(prim) for prim in subject.stage.prims.values()):
+        return
+    if not _is_elsewhere(subject) and not _is_told_by_ground(subject):
+        yield _missing(subject, "light", "a light", is_light)
+
+
+@rule("S15", "physics-scene", scope="stage")
+def physics_scene(subject: StageSubject) -> Iterator[Problem]:
+    """The stage has no physics scene.
+
+    Why: gravity and time step are then Isaac Sim's own, and A2 asks for the prim.
+
+    Fix: activate or restore `physicsScene`, or choose Create > Physics > Physics Scene.
+
+    Example: `/physicsScene` deleted.
+    """
+    found = [prim for prim in subject.stage.prims.values() if prim.type == SCENE]
+    if not any(prim.present for prim in found) and not _is_elsewhere(subject):
+        yield _missing(subject, "physics_scene", "a physics scene", lambda prim: prim.type == SCENE)
+
+
+@rule("S16", "observation-camera", scope="stage", severity="warning")
+def observation_camera(subject: StageSubject) -> Iterator[Problem]:
+    """The camera that looks at the scene from outside the robot is gone.
+
+    Why: the supplied file has one (section 2); without it the screenshots show another view, and
+    the robot's camera may have been made out of it.
+
+    Fix: restore it from the supplied file, or choose Create > Camera and place it beside the robot.
+
+    Example: the world's camera dragged onto `base_footprint` and renamed.
+    """
+    robot = subject.lab.scene["robot"]["path"]
+    parent = subject.stage.prims.get(subject.lab.scene["world"]["graph_parent"]["path"])
+    if (parent is not None and not parent.present) or _is_elsewhere(subject):
+        return
+    cameras = {
+        prim.path: prim
+        for prim in subject.stage.prims.values()
+        if _is_camera(prim, subject) and not is_at_or_below(prim.path, robot)
+    }
+    if not any(prim.present for prim in cameras.values()):
+        title = "an observation camera"
+        yield _missing(subject, "observation_camera", title, lambda prim: prim.path in cameras)
+
+
+def _is_camera(prim: Prim, subject: StageSubject) -> bool:
+    return prim.type == str(subject.lab.scene["camera"]["type"])
+
+
+def _is_elsewhere(subject: StageSubject) -> bool:
+    """Whether an asset of the environment is missing, which could hold it."""
+    return hides_outside(subject.stage, subject.lab.scene["robot"]["path"])
+
+
+def _usual(subject: StageSubject, part: str) -> str:
+    return str(subject.lab.scene["world"][part]["usual"])
+
+
+def _is_told_by_ground(subject: StageSubject) -> bool:
+    """Whether ground and light are gone because one prim that holds both is switched off."""
+    usual = subject.stage.prims.get(_usual(subject, "ground"))
+    is_off = usual is not None and not usual.present
+    return (
+        is_off and _usual(subject, "light") == _usual(subject, "ground") and not has_ground(subject)
+    )
+
+
+def _missing(
+    subject: StageSubject, part: str, title: str, is_part: Callable[[Prim], bool]
+) -> Problem:
+    """Say that a part is missing: at the prim that is switched off, else where it usually is."""
+    usual = _usual(subject, part)
+    handout = subject.lab.scene["world"][part]["handout"]
+    off = [prim.path for prim in subject.stage.prims.values() if not prim.present and is_part(prim)]
+    top = subject.stage.prims.get(usual)
+    if top is not None and not top.present:
+        off = [usual]
+    site = min(off, default=usual)
+    why = f": {site} {why_absent(subject.stage, site)}" if off else ""
+    related = (usual,) if site != usual else ()
+    return Problem(
+        site, f"the scene has no {title.split(' ', 1)[1]}{why}", None, title, None, handout, related
+    )

@@ -1,0 +1,138 @@
+"""Where the sensors of the lab really stand in a stage."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from lab3_usd.check.absence import is_at_or_below, is_hidden, why_absent
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.model import Matrix, Prim, StageModel
+from lab3_usd.check.poses import IDENTITY, relative
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.spec.spec import Lab
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The prim that is a required sensor, at its path or elsewhere; None where there is none.
+
+    `stranger` is the prim of another type that stands at the path instead.
+    """
+
+    path: str
+    prim: Prim | None = None
+    stranger: Prim | None = None
+
+    @property
+    def is_misplaced(self) -> bool:
+        """Whether the sensor has another name or parent."""
+        return self.prim is not None and self.prim.path != self.path
+
+    @property
+    def related(self) -> tuple[str, ...]:
+        """The path at which the handout wants the sensor that stands elsewhere."""
+        return (self.path,) if self.is_misplaced else ()
+
+
+def find_sensor(lab: Lab, stage: StageModel, name: str) -> Place:
+    """Find the sensor `name` of the scene file: at its path, else the prim that is meant.
+
+    Meant is a prim of the right type that has the name or hangs below the robot; for a sensor
+    that is recognised anywhere, every prim of the type.
+    """
+    spec = lab.scene[name]
+    path: str = spec["path"]
+    at = stage.prim(path)
+    if at is not None and at.type == spec["type"]:
+        return Place(path, at)
+    others = sorted(candidates(lab, stage, name), key=lambda prim: _strangeness(prim, path, lab))
+    return Place(path, others[0] if others else None, at)
+
+
+def sensor_homes(lab: Lab, stage: StageModel) -> dict[str, str]:
+    """Map the path of each sensor that stands elsewhere to the path where it really is."""
+    places = [find_sensor(lab, stage, name) for name in ("lidar", "camera")]
+    return {
+        place.path: place.prim.path
+        for place in places
+        if place.prim is not None and place.is_misplaced
+    }
+
+
+def candidates(lab: Lab, stage: StageModel, name: str) -> Iterator[Prim]:
+    """Yield the prims of the scene that could be meant as the sensor."""
+    spec = lab.scene[name]
+    robot: str = lab.scene["robot"]["path"]
+    wanted = spec["path"].rpartition("/")[2]
+    for prim in stage.prims.values():
+        if prim.type == spec["type"] and prim.present:
+            is_known = prim.name == wanted or is_at_or_below(prim.path, robot)
+            if spec.get("recognised") == "anywhere" or is_known:
+                yield prim
+
+
+def _strangeness(prim: Prim, path: str, lab: Lab) -> tuple[bool, bool, bool, str]:
+    parent, _, name = path.rpartition("/")
+    is_off_robot = not is_at_or_below(prim.path, lab.scene["robot"]["path"])
+    return prim.name != name, prim.parent != parent, is_off_robot, prim.path
+
+
+def frames_of(stage: StageModel, place: Place) -> list[Matrix]:
+    """Return the transforms a sensor may be judged by.
+
+    One that hangs below another parent may stand right as seen from there or from the parent
+    that it should have: Isaac Sim keeps the world transform when a prim is dragged.
+    """
+    prim = place.prim
+    if prim is None:
+        return []
+    frames = [prim.local or IDENTITY]
+    parent = place.path.rpartition("/")[0]
+    base = stage.prim(parent)
+    if prim.parent != parent and base is not None and base.world and prim.world:
+        seen = relative(prim.world, base.world)
+        frames += [seen] if seen is not None else []
+    return frames
+
+
+def is_named(name: str, names: Mapping[str, Any] | list[str]) -> bool:
+    """Whether a prim has one of these names, or one with the number Isaac Sim adds to a copy."""
+    return name in names or re.sub(r"_\d+$", "", name) in names
+
+
+def missing_problem(subject: StageSubject, place: Place, handout: str) -> Iterator[Problem]:
+    """Yield that the sensor is not in the scene; its missing link is told by another rule."""
+    stage, parent = subject.stage, place.path.rpartition("/")[0]
+    if place.prim is not None or place.stranger is not None or is_hidden(stage, place.path):
+        return
+    if stage.prim(parent) is not None:
+        why = why_absent(stage, place.path)
+        message = f"{place.path} {why}"
+        yield Problem(place.path, message, None, place.path, why, handout)
+
+
+def misplaced_problem(place: Place, handout: str) -> Iterator[Problem]:
+    """Yield that the sensor has another name or parent."""
+    if place.prim is None or not place.is_misplaced:
+        return
+    parent, _, name = place.path.rpartition("/")
+    what = []
+    if place.prim.name != name:
+        what.append(f"is named {place.prim.name}")
+    if place.prim.parent != parent:
+        what.append(f"hangs below {place.prim.parent or 'the root'}")
+    message = f"{name} {' and '.join(what)}, expected at {place.path}"
+    yield Problem(
+        place.prim.path, message, None, place.path, place.prim.path, handout, place.related
+    )
+
+
+def stranger_problem(place: Place, spec: Mapping[str, Any]) -> Iterator[Problem]:
+    """Yield that a prim of another type stands at the sensor's path, and no sensor elsewhere."""
+    if place.prim is None and place.stranger is not None:
+        actual = place.stranger.type or "a prim without a type"
+        message = f"{place.path} is {actual}, expected {spec['type']}"
+        yield Problem(place.path, message, None, spec["type"], actual, spec["handout"])
