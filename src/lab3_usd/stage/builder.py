@@ -13,6 +13,7 @@ from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.spec import Checkpoint, Lab
 from lab3_usd.stage.author import author_graph
+from lab3_usd.stage.fitness import reasons_against
 from lab3_usd.stage.opening import open_stage, quiet
 from lab3_usd.stage.rebase import copy_for
 from lab3_usd.stage.sensors import author_sensor
@@ -46,13 +47,16 @@ def build_checkpoint(starter: Path | None, checkpoint: str, target: Path) -> Pat
     Raises:
         StarterError: the starter lacks what the lab needs, or holds it already.
         StageError: the starter cannot be opened, or the target not be written.
-        UsageError: there is no such checkpoint, or the target exists.
+        UsageError: there is no such checkpoint, the target exists or is not named as a stage.
     """
     lab = load_lab()
     if checkpoint not in lab.checkpoints:
         message = f"there is no checkpoint '{checkpoint}'; known are {', '.join(lab.checkpoints)}"
         raise UsageError(message)
-    form = "usda" if target.suffix == ".usda" else "usdc"
+    form = "usda" if target.suffix == ENDINGS["usda"] else "usdc"
+    if target.suffix not in {*ENDINGS.values(), ".usdc"}:
+        message = f"{target}: a stage ends in .usda (text), .usd or .usdc (binary)"
+        raise UsageError(message)
     plan = {target: lab.checkpoints[checkpoint]}
     return build_files(lab, starter, plan, BuildOptions(form))[0]
 
@@ -96,64 +100,10 @@ def _open_starter(lab: Lab, starter: Path | None) -> Usd.Stage:
     else:
         stage = open_stage(starter)
         name = str(starter)
-    reasons = list(_reasons(lab, stage))
+    reasons = reasons_against(lab, stage)
     if reasons:
-        raise StarterError(name, reasons + _unresolved(stage))
+        raise StarterError(name, reasons)
     return stage
-
-
-def _reasons(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
-    """Say everything that keeps the lab out of this stage."""
-    added = [lab.scene[sensor]["path"] for sensor in ("lidar", "camera")]
-    added += [graph.path for graph in lab.graphs.values()]
-    for path in dict.fromkeys(_needed(lab)):
-        yield from _why_missing(stage, path)
-    for path in added:
-        prim = stage.GetPrimAtPath(path)
-        if prim:
-            yield f"{path} is there already{_state(prim)}; the starter must not hold it"
-
-
-def _state(prim: Usd.Prim) -> str:
-    """Say of a prim why the Stage panel may not show it."""
-    if not prim.IsActive():
-        return " (deactivated)"
-    return "" if prim.IsDefined() else " (an over without a def)"
-
-
-def _unresolved(stage: Usd.Stage) -> list[str]:
-    """Name the files that cannot be found: what is missing may be in them."""
-    with quiet():
-        missing = UsdUtils.ComputeAllDependencies(stage.GetRootLayer().identifier)[2]
-    return [f"{path} cannot be found; what is missing may be in it" for path in sorted(missing)]
-
-
-def _needed(lab: Lab) -> Iterator[str]:
-    """Yield the prims that the lab hangs something on, outermost first."""
-    made = {lab.scene[sensor]["path"] for sensor in ("lidar", "camera")}
-    robot = lab.scene["robot"]
-    yield lab.scene["world"]["graph_parent"]["path"]
-    yield robot["path"]
-    for sensor in ("lidar", "camera"):
-        yield lab.scene[sensor]["path"].rpartition("/")[0]
-    for graph in lab.graphs.values():
-        parent = graph.path.rpartition("/")[0]
-        if parent not in made:
-            yield parent
-        targets = (path for node in graph.nodes.values() for t in node.targets for path in t.prims)
-        yield from (path for path in targets if path not in made)
-
-
-def _why_missing(stage: Usd.Stage, path: str) -> Iterator[str]:
-    prim = stage.GetPrimAtPath(path)
-    if not prim:
-        yield f"{path} is missing; the lab adds to it or points at it"
-    elif not prim.IsActive():
-        yield f"{path} is deactivated; activate it"
-    elif not prim.IsDefined():
-        yield f"{path} is only an over; what defines it cannot be found"
-    elif prim.IsInstanceProxy() or prim.IsInstance():
-        yield f"{path} is an instance, which can hold no graph; clear 'instanceable'"
 
 
 def _check_targets(plan: dict[Path, Checkpoint], stage: Usd.Stage, options: BuildOptions) -> None:

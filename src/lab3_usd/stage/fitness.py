@@ -1,0 +1,76 @@
+"""Whether a starter can carry the lab: everything the graphs and sensors hang on is there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pxr import Usd, UsdUtils
+
+from lab3_usd.spec.spec import Lab
+from lab3_usd.stage.opening import quiet
+
+
+def reasons_against(lab: Lab, stage: Usd.Stage) -> list[str]:
+    """Say all that keeps the lab out of this stage, one line each; empty where nothing does.
+
+    What hangs below a prim that is not there is not said again.
+    """
+    reasons = list(_reasons(lab, stage))
+    return reasons + _unresolved(stage) if reasons else []
+
+
+def _reasons(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
+    added = [lab.scene[sensor]["path"] for sensor in ("lidar", "camera")]
+    added += [graph.path for graph in lab.graphs.values()]
+    blamed: list[str] = []
+    for path in dict.fromkeys(_needed(lab)):
+        if not any(path.startswith(f"{above}/") for above in blamed):
+            reasons = list(_why_missing(stage, path))
+            blamed += [path] if reasons else []
+            yield from reasons
+    for path in added:
+        prim = stage.GetPrimAtPath(path)
+        if prim:
+            yield f"{path} is there already{_state(prim)}; the starter must not hold it"
+
+
+def _state(prim: Usd.Prim) -> str:
+    """Say of a prim why the Stage panel may not show it."""
+    if not prim.IsActive():
+        return " (deactivated)"
+    return "" if prim.IsDefined() else " (an over without a def)"
+
+
+def _unresolved(stage: Usd.Stage) -> list[str]:
+    """Name the files that cannot be found: what is missing may be in them."""
+    with quiet():
+        missing = UsdUtils.ComputeAllDependencies(stage.GetRootLayer().identifier)[2]
+    return [f"{path} cannot be found; what is missing may be in it" for path in sorted(missing)]
+
+
+def _needed(lab: Lab) -> Iterator[str]:
+    """Yield the prims that the lab hangs something on, outermost first."""
+    made = {lab.scene[sensor]["path"] for sensor in ("lidar", "camera")}
+    robot = lab.scene["robot"]
+    yield lab.scene["world"]["graph_parent"]["path"]
+    yield robot["path"]
+    for sensor in ("lidar", "camera"):
+        yield lab.scene[sensor]["path"].rpartition("/")[0]
+    for graph in lab.graphs.values():
+        parent = graph.path.rpartition("/")[0]
+        if parent not in made:
+            yield parent
+        targets = (path for node in graph.nodes.values() for t in node.targets for path in t.prims)
+        yield from (path for path in targets if path not in made)
+
+
+def _why_missing(stage: Usd.Stage, path: str) -> Iterator[str]:
+    prim = stage.GetPrimAtPath(path)
+    if not prim:
+        yield f"{path} is missing; the lab adds to it or points at it"
+    elif not prim.IsActive():
+        yield f"{path} is deactivated; activate it"
+    elif not prim.IsDefined():
+        yield f"{path} is only an over; what defines it cannot be found"
+    elif prim.IsInstanceProxy() or prim.IsInstance():
+        yield f"{path} is an instance, which can hold no graph; clear 'instanceable'"
