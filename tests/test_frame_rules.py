@@ -290,7 +290,8 @@ def test_a_deactivated_publisher_of_odom_is_a_note() -> None:
     gone = Absent("/Graph/tf/old", RAW_TYPE, "deactivated", ports)
     named = Absent("/Graph/tf/TFWorld2Odom", "", "deactivated")
     other = Absent("/Graph/tf/other", RAW_TYPE, "deactivated")
-    stage = m.stage(replace(m.graph("/Graph/tf"), absent=(gone, named, other)))
+    over = Absent("/Graph/tf/over", RAW_TYPE, "an over without a def", ports)
+    stage = m.stage(replace(m.graph("/Graph/tf"), absent=(gone, named, other, over)))
     said = problems(stage)["T07"]
     assert [(p.prim, p.severity) for p in said] == [(gone.path, "note"), (named.path, "note")]
 

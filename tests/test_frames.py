@@ -99,6 +99,24 @@ def test_a_dead_wire_into_a_name_is_dropped() -> None:
     assert pairs(m.only(m.graph("/Graph/tf", sender, graph.nodes[1]))) == [("odom", "laser")]
 
 
+def test_a_wire_from_a_port_that_the_type_does_not_have_is_dropped() -> None:
+    graph = raw_graph(childFrameId="laser")
+    constant = m.node("/Graph/tf/name", CONSTANT_TYPE, value="other")
+    sender = m.wired(graph.nodes[0], "inputs:childFrameId", "/Graph/tf/name.outputs:value")
+    changed = m.graph("/Graph/tf", sender, graph.nodes[1], constant)
+    assert pairs(m.only(changed)) == [("odom", "laser")]
+
+
+def test_a_name_wired_from_two_constants_is_unknown() -> None:
+    graph = raw_graph()
+    one = m.node("/Graph/tf/one", CONSTANT_TYPE, value="laser")
+    two = m.node("/Graph/tf/two", CONSTANT_TYPE, value="other")
+    ends = (f"{node.path}.inputs:value" for node in (one, two))
+    sender = m.wired(graph.nodes[0], "inputs:childFrameId", *ends)
+    stage = m.only(m.graph("/Graph/tf", sender, graph.nodes[1], one, two))
+    assert unknown_publishers(stage, m.lab()) == ("/Graph/tf/sender",)
+
+
 def test_a_computed_name_is_unknown() -> None:
     graph = raw_graph()
     product = m.node("/Graph/tf/product", PRODUCT_TYPE)
@@ -166,6 +184,16 @@ def test_a_node_of_an_unknown_type_passes_the_signal_on() -> None:
     )
     sender = m.wired(graph.nodes[0], "inputs:execIn", "/Graph/tf/if.outputs:yes")
     assert len(edges(m.only(m.graph("/Graph/tf", sender, branch, graph.nodes[1])))) == 1
+
+
+@pytest.mark.parametrize(("enabled", "count"), [(True, 1), (False, 0)])
+def test_a_node_that_is_switched_off_passes_no_signal_on(count: int, *, enabled: bool) -> None:
+    graph = raw_graph()
+    product = m.node("/Graph/tf/product", PRODUCT_TYPE, enabled=enabled)
+    product = m.wired(product, "inputs:execIn", "/Graph/tf/tick.outputs:tick")
+    sender = m.wired(graph.nodes[0], "inputs:execIn", "/Graph/tf/product.outputs:execOut")
+    stage = m.only(m.graph("/Graph/tf", sender, product, graph.nodes[1]))
+    assert len(edges(stage)) == count
 
 
 def test_a_long_chain_of_execution_is_followed() -> None:
@@ -270,6 +298,11 @@ def test_links_without_joints_hang_below_the_parent_prim() -> None:
 def test_a_joint_that_is_deactivated_ties_nothing() -> None:
     stage = m.with_prim(retargeted(m.ROBOT), f"{m.ROBOT}/joints/scan_joint", active=False)
     assert ("base_footprint", "base_scan") in pairs(stage)
+
+
+def test_a_link_whose_joint_is_deactivated_is_no_part_of_the_articulation() -> None:
+    stage = m.with_prim(retargeted(m.BASE), f"{m.ROBOT}/joints/scan_joint", active=False)
+    assert "base_scan" not in [child for _, child in pairs(stage)]
 
 
 def test_joints_in_a_ring_do_not_hang_the_computation() -> None:

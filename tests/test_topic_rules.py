@@ -93,6 +93,12 @@ def test_a_wrong_topic_in_a_graph_of_the_lab_is_left_to_the_rule_of_settings() -
     assert sites(m.with_node(stage, m.valued(helper, TOPIC, "/camera/camera_info"))) == []
 
 
+def test_a_stranger_is_not_blamed_for_a_wrong_topic_of_the_lab() -> None:
+    stage = m.stage(driven("/Graph/a/imu", m.IMU_TYPE))
+    clock = m.role(stage, "ros2_publish_clock", "ROS_Clock")
+    assert sites(m.with_node(stage, m.valued(clock, TOPIC, "imu"))) == []
+
+
 def test_several_publishers_of_the_tree_are_normal() -> None:
     graph = driven("/Graph/tf/sender", RAW_TYPE, parentFrameId="base_link", childFrameId="imu")
     assert sites(m.stage(graph)) == []

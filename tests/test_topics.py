@@ -172,6 +172,16 @@ def test_a_helper_without_its_sensor_publishes_nothing(stage: StageModel) -> Non
     assert of(stage, CAMERA).runs
 
 
+def test_a_helper_that_the_tick_drives_still_needs_a_render_product() -> None:
+    stage = changed("isaac_create_render_product", "ROS_Lidar2D", enabled=False)
+    helper = m.role(stage, LIDAR, "ROS_Lidar2D")
+    tick = f"{helper.path.rpartition('/')[0]}/on_playback_tick.outputs:tick"
+    driven = m.with_node(stage, m.wired(helper, "inputs:execIn", tick))
+    assert not of(driven, LIDAR).runs
+    on = changed("isaac_create_render_product", "ROS_Lidar2D", enabled=True)
+    assert of(m.with_node(on, m.wired(helper, "inputs:execIn", tick)), LIDAR).runs
+
+
 def test_the_pace_is_the_events_or_the_sensors() -> None:
     stage = m.stage()
     assert of(stage, LIDAR).rate == "On Playback Tick"

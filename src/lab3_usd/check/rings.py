@@ -15,19 +15,18 @@ def frames_in_rings(edges: Iterable[Edge]) -> list[str]:
     """
     pairs = [(edge.parent, edge.child) for edge in edges]
     names = dict.fromkeys(name for pair in pairs for name in pair)
-    gone = _ends(list(names), pairs, set())
-    gone |= _ends(list(names), [(child, parent) for parent, child in pairs], gone)
+    gone = _ends(list(names), pairs)
+    gone |= _ends(list(names), [(child, parent) for parent, child in pairs])
     return [name for name in names if name not in gone]
 
 
-def _ends(names: Sequence[str], pairs: Sequence[tuple[str, str]], gone: set[str]) -> set[str]:
+def _ends(names: Sequence[str], pairs: Sequence[tuple[str, str]]) -> set[str]:
     """Return the frames that nothing is above of, once those above them are gone."""
     waiting = dict.fromkeys(names, 0)
     below: dict[str, list[str]] = {}
     for parent, child in pairs:
-        if parent not in gone and child not in gone:
-            waiting[child] += 1
-            below.setdefault(parent, []).append(child)
+        waiting[child] += 1
+        below.setdefault(parent, []).append(child)
     ahead = [name for name, count in waiting.items() if not count]
     ends = set()
     while ahead:

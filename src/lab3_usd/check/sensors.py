@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.model import Node, StageModel
-from lab3_usd.check.running import Nodes, effective, live_sources
+from lab3_usd.check.running import Nodes, effective, is_switched_on, live_sources
 from lab3_usd.spec.spec import Lab
 
 _PRODUCT = "inputs:renderProductPath"
@@ -31,7 +31,7 @@ def fed_by_sensor(node: Node, port: str, running: Nodes) -> bool:
     """Whether a render product reaches the node: from a node that runs, or by name."""
     if not node.sources(port):
         return bool(node.value(port))
-    return any(True for _ in live_sources(node, port, running))
+    return any(is_switched_on(source, running) for source, _ in live_sources(node, port, running))
 
 
 def rate_source(

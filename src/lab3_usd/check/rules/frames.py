@@ -119,15 +119,14 @@ def _is_right(edge: Edge, parent: str, view: TfView) -> bool:
 
 
 def _hangs_below(edge: Edge, top: str, view: TfView) -> bool:
-    """Whether the links of a robot lead from this frame up to `top`."""
-    family = [other for other in view.edges if other.cause == edge.cause]
-    above = {other.child: other.parent for other in family}
+    """Whether the node that gives this frame leads from it up to `top`, as with a robot's links."""
+    above = {other.child: other.parent for other in view.edges if other.cause == edge.cause}
     seen: set[str] = set()
     name = edge.child
     while name in above and name not in seen and name != top:
         seen.add(name)
         name = above[name]
-    return name == top and any(other.expanded for other in family)
+    return name == top
 
 
 def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> Problem:
