@@ -1,0 +1,87 @@
+"""Holds the lines that the package finds in a text layer against those of the second scanner."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import usda_scanner
+from pxr import Sdf, Usd, UsdUtils
+
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.stage import usda_scan
+from lab3_usd.stage.builder import BuildOptions, build_files, plan_files
+
+Spot = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """One layer: how many paths OpenUSD finds in it, and those whose place is not agreed on."""
+
+    file: Path
+    paths: int
+    wrong: tuple[str, ...]
+
+
+def measure(file: Path) -> Measure:
+    text = file.read_bytes().decode("utf-8")
+    ours, others = spots_of(text), usda_scanner.scan(text)
+    paths = spec_paths(Sdf.Layer.FindOrOpen(str(file)))
+    wrong = [path for path in paths if path not in ours or ours[path] != others.get(path)]
+    return Measure(file, len(paths), tuple(wrong))
+
+
+def spots_of(text: str) -> dict[str, Spot]:
+    """Return line and column of what the package's scanner finds, counted the plain way."""
+    return {
+        path: (text.count("\n", 0, offset) + 1, offset - (text.rfind("\n", 0, offset) + 1) + 1)
+        for path, offset in usda_scan.scan_text(text).items()
+    }
+
+
+def spec_paths(layer: Sdf.Layer) -> list[str]:
+    """Return the paths of all prims, variants and properties of a layer."""
+    found: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, found.append)
+    return sorted(
+        str(path)
+        for path in found
+        if path.IsPrimPath() or path.IsPrimVariantSelectionPath() or path.IsPrimPropertyPath()
+    )
+
+
+def text_files(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.rglob("*.usd*")):
+        with path.open("rb") as file:
+            if file.read(5) == b"#usda":
+                yield path
+
+
+def build_text_stages(folder: Path) -> list[Path]:
+    """Build every checkpoint as text, and the last one in layers as students' files have them."""
+    lab = load_lab()
+    plan = plan_files(lab, folder, list(lab.checkpoints), "usda")
+    built = build_files(lab, None, plan, BuildOptions())
+    layered = folder / "layered"
+    layered.mkdir()
+    return [*built, *_layer(built[-1], layered)]
+
+
+def _layer(built: Path, folder: Path) -> Iterator[Path]:
+    """Write a stage that stands on `built` as a sublayer, and one flattened by OpenUSD."""
+    above = folder / "above.usda"
+    stage = Usd.Stage.CreateNew(str(above))
+    stage.GetRootLayer().subLayerPaths.append(f"../{built.name}")
+    for prim in stage.Traverse():
+        for attribute in prim.GetAttributes():
+            if attribute.HasAuthoredConnections():
+                attribute.AddConnection(f"{prim.GetPath()}.inputs:other")
+            elif attribute.HasAuthoredValue():
+                attribute.Set(attribute.Get())
+    stage.Save()
+    yield above
+    flat = folder / "flat.usda"
+    UsdUtils.FlattenLayerStack(stage).Export(str(flat))
+    yield flat
