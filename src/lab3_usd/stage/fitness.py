@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from pxr import Usd, UsdUtils
 
 from lab3_usd.spec.spec import Lab
 from lab3_usd.stage.opening import quiet
+
+# usd-core takes an address for a path and drops one of its slashes.
+_ONE_SLASH = re.compile(r"^(\w{2,}):/(?=[^/])")
 
 
 def reasons_against(lab: Lab, stage: Usd.Stage) -> list[str]:
@@ -45,7 +49,8 @@ def _unresolved(stage: Usd.Stage) -> list[str]:
     """Name the files that cannot be found: what is missing may be in them."""
     with quiet():
         missing = UsdUtils.ComputeAllDependencies(stage.GetRootLayer().identifier)[2]
-    return [f"{path} cannot be found; what is missing may be in it" for path in sorted(missing)]
+    paths = (_ONE_SLASH.sub(r"\1://", path) for path in sorted(missing))
+    return [f"{path} cannot be found; what is missing may be in it" for path in paths]
 
 
 def _needed(lab: Lab) -> Iterator[str]:
