@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lab3_usd.report.drawing import saved_places
 from lab3_usd.report.drawing.curves import around, points, through
 from lab3_usd.report.drawing.ghosts import settled
 from lab3_usd.report.drawing.measure import EDGE, measured
@@ -139,8 +140,10 @@ def test_ordering_keeps_the_order_with_the_fewest_crossings() -> None:
 
 def test_stacked_slots_keep_their_gap() -> None:
     column = (Slot(("a",), 0, 40.0), Slot(("b",), 0, 60.0))
-    tops = stacked((column,), [], 10.0)
-    assert tops[("b",)] - tops[("a",)] >= 50.0
+    target = Slot(("c",), 1, 40.0)
+    links = [Link((key,), 20, ("c",), 20) for key in "ab"]
+    tops = stacked((column, (target,)), links, 10.0)
+    assert tops[("b",)] - tops[("a",)] == 50.0
 
 
 def test_a_single_wire_between_two_boxes_runs_level() -> None:
@@ -184,6 +187,13 @@ def test_a_wire_without_a_way_refuses_the_saved_places() -> None:
     assert routed(boxes, chain("a", "b")) is None
 
 
+def test_saved_places_without_a_way_for_a_wire_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(saved_places, "routed", lambda *_: None)
+    assert saved_places.saved([box("a", (0, 0)), box("b", (400, 0))], chain("a", "b")) is None
+
+
 def test_a_wire_passes_around_a_box_in_its_way() -> None:
     boxes = [box("a", (0, 0)), box("b", (400, 0)), box("c", (800, 0))]
     drawn = saved(boxes, [wire("a", "c")])
@@ -206,12 +216,13 @@ def test_wires_of_different_outputs_do_not_share_a_lane() -> None:
     assert min(abs(y - z) for y in one for z in other) >= 8
 
 
-def test_a_missing_node_stands_to_its_neighbours_as_in_the_spec() -> None:
+@pytest.mark.parametrize("way", [("ghost", "live"), ("live", "ghost")])
+def test_a_missing_node_stands_to_its_neighbours_as_in_the_spec(way: tuple[str, str]) -> None:
     live = box("live", (1000, 500))
     ghost = box("ghost", (50, 100))
     boxes = settled(
         [live, ghost],
-        chain("ghost", "live"),
+        chain(*way),
         {"live": (450, 150), "ghost": (50, 100)},
         frozenset({"live"}),
     )
@@ -224,6 +235,19 @@ def test_a_missing_node_does_not_hide_another() -> None:
     home = {"live": (0.0, 0.0), "ghost": (0.0, 0.0)}
     boxes = settled([live, ghost], [], home, frozenset({"live"}))
     assert by_key(boxes)["ghost"].at == (0, live.h + 26)
+
+
+@pytest.mark.parametrize("home", [{}, {"ghost": (0.0, 0.0)}], ids=["no role", "a role"])
+def test_the_end_of_a_dead_wire_stands_left_of_its_target(home: dict[str, Point]) -> None:
+    live = box("live", (1000, 500))
+    boxes = settled([live, box("ghost")], chain("ghost", "live"), home, frozenset({"live"}))
+    assert by_key(boxes)["ghost"].at == (1000 - live.w - 80, 500)
+
+
+def test_a_node_without_place_or_wire_stands_left_of_the_first() -> None:
+    live = box("live", (1000, 500))
+    boxes = settled([live, box("loose")], [], {}, frozenset({"live", "loose"}))
+    assert by_key(boxes)["loose"].at == (1000 - live.w - 80, 500)
 
 
 def test_nodes_made_by_a_script_have_no_places() -> None:

@@ -20,7 +20,8 @@ from hypothesis import strategies as st
 from lab3_usd.check.finding import Finding
 from lab3_usd.check.frames import Edge
 from lab3_usd.check.matcher import match
-from lab3_usd.check.model import Absent, GraphModel, Node, StageModel
+from lab3_usd.check.model import Absent, GraphModel, Node, PortState, StageModel
+from lab3_usd.check.subject import Roles
 from lab3_usd.errors import UsageError
 from lab3_usd.report.dot import celled, dot, quoted
 from lab3_usd.report.frames_picture import frames_picture, spec_frames_picture
@@ -38,6 +39,7 @@ from lab3_usd.report.svg_style import (
     THEMES,
     stylesheet,
 )
+from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import GraphSpec
 
 LAB = models.lab()
@@ -278,8 +280,17 @@ def test_a_wire_that_nobody_finds_fault_with_is_not_marked() -> None:
     node = models.wired(
         node_of(clock(), PUBLISHER), "inputs:context", f"{twin.path}.outputs:context"
     )
-    picture = drawn(changed(changed(clock(), twin), node))
+    graph = changed(changed(clock(), twin), node)
+    nodes = {role: node_of(graph, f"{CLOCK.path}/{role}") for role in CLOCK.nodes}
+    roles = Roles(
+        graph,
+        nodes,
+        {each.path: role for role, each in nodes.items()},
+        stand_ins={twin.path: "ros2_context"},
+    )
+    picture = graph_picture(CLOCK, roles, graph, ())
     assert states(picture.curves) == {"ok": 3}
+    assert states(picture.boxes) == {"ok": 5}
 
 
 def test_a_wire_from_a_deactivated_node_comes_from_a_box_that_says_so() -> None:
@@ -313,6 +324,69 @@ def test_a_wrong_default_is_shown() -> None:
     picture = drawn(changed(clock(), node), finding(TIME, "inputs:resetOnStop", expected="False"))
     row = row_of(picture, TIME, "inputs:resetOnStop")
     assert (row.state, row.value, row.muted) == ("wrong", ("True",), True)
+
+
+@pytest.mark.parametrize(
+    ("value", "line"),
+    [(("a", "b"), "[a, b]"), ("", '""'), (0.1 + 0.2, "0.3"), ("x" * 50, "x" * 33 + "…")],
+)
+def test_values_are_written_short(value: Value, line: str) -> None:
+    node = models.valued(node_of(clock(), PUBLISHER), "inputs:topicName", value)
+    assert row_of(drawn(changed(clock(), node)), PUBLISHER, "inputs:topicName").value == (line,)
+
+
+def test_a_shortened_value_can_be_read_by_pointing_at_it() -> None:
+    node = models.valued(node_of(clock(), PUBLISHER), "inputs:topicName", "x" * 50)
+    row = row_of(drawn(changed(clock(), node)), PUBLISHER, "inputs:topicName")
+    assert row.note == "x" * 50
+
+
+def test_a_long_list_of_target_prims_is_cut() -> None:
+    spec = LAB.graphs["ROS_OdomTF"]
+    path = f"{spec.path}/isaac_compute_transform_tree"
+    prims = tuple(f"/prim{number}" for number in range(20))
+    graph = models.graph_of(spec)
+    graph = changed(graph, models.aimed(node_of(graph, path), "inputs:targetPrims", *prims))
+    row = row_of(drawn(graph, spec=spec), path, "inputs:targetPrims")
+    assert row.value[-1] == "and 8 more"
+    assert len(row.value) == 13
+
+
+def test_a_relationship_without_a_target_says_so() -> None:
+    path = f"{DRIVE.path}/articulation_controller"
+    graph = models.graph_of(DRIVE)
+    graph = changed(graph, models.aimed(node_of(graph, path), "inputs:targetPrim"))
+    assert row_of(drawn(graph, spec=DRIVE), path, "inputs:targetPrim").value == ("no prim",)
+
+
+def test_a_required_value_of_an_unknown_type_may_be_not_set() -> None:
+    ports = {"inputs:topicName": PortState("inputs:topicName", "string")}
+    other = replace(models.node(PUBLISHER, "some.other.Publisher"), ports=ports)
+    roles = replace(match(CLOCK, clock()), node_of={"ros2_publish_clock": other})
+    graph = changed(clock(), other)
+    picture = graph_picture(CLOCK, roles, graph, ())
+    assert row_of(picture, PUBLISHER, "inputs:topicName").value == ("not set",)
+
+
+def test_ports_that_only_the_file_has_are_drawn() -> None:
+    odd = f"{CLOCK.path}/odd"
+    names = ("inputs:mine", "outputs:mine", "state:mine")
+    node = replace(
+        models.node(odd, "some.Node"), ports={name: PortState(name, "int") for name in names}
+    )
+    box = box_of(drawn(changed(clock(), node), every=True), odd)
+    assert [row.port for row in box.inputs] == ["inputs:mine"]
+    assert [row.port for row in box.outputs] == ["outputs:mine", "state:mine"]
+
+
+def test_a_constant_that_is_wired_itself_has_a_port_on_both_sides() -> None:
+    path = f"{DRIVE.path}/constant_left_joint"
+    graph = models.graph_of(DRIVE)
+    other = f"{DRIVE.path}/constant_right_joint.inputs:value"
+    graph = changed(graph, models.wired(node_of(graph, path), "inputs:value", other))
+    picture = drawn(graph, spec=DRIVE)
+    assert row_of(picture, path, "inputs:value").side == "both"
+    assert geometry.loose_ends(picture.boxes, picture.curves) == []
 
 
 def test_a_value_that_the_handout_leaves_alone_is_extra() -> None:
@@ -366,6 +440,13 @@ def test_a_fault_of_the_graph_is_a_line_below_the_title() -> None:
         ("wrong", "it is a push graph")
     ]
     assert "it is a push graph" in texts(picture)
+
+
+def test_a_remark_that_is_a_note_has_no_mark() -> None:
+    note = finding(CLOCK.path, severity="note", message="by the way", actual="this")
+    picture = drawn(clock(), note)
+    assert "by the way" in texts(picture)
+    assert svg(picture).count('class="k') == svg(drawn(clock())).count('class="k')
 
 
 def test_a_graph_that_no_spec_describes_is_drawn_as_it_is() -> None:

@@ -107,8 +107,6 @@ def _piece(curve: Bezier) -> str:
 
 
 def _legend(picture: Picture) -> Iterator[str]:
-    if not picture.signs:
-        return
     y = picture.signs[0].y - SIGN_LINE
     yield f'<path class="rule" d="M{number(MARGIN)} {number(y)}H{number(picture.width - MARGIN)}"/>'
     for sign in picture.signs:

@@ -98,28 +98,26 @@ def _value(plan: Plan, name: str, port: Port | None) -> tuple[tuple[str, ...], b
     asked = _asked(plan.spec, name)
     if plan.node is None:
         return asked, False
-    state = plan.node.state(name)
-    if state is not None and state.targets:
-        return prim_lines(state.targets), False
+    if plan.node.targets(name):
+        return prim_lines(plan.node.targets(name)), False
     if port is not None and port.is_target:
         return (prim_lines(()) if asked else ()), True
-    return _set_value(plan, name, bool(asked))
+    return _attribute(plan, plan.node, name, is_asked=bool(asked))
 
 
-def _set_value(plan: Plan, name: str, asked: bool) -> tuple[tuple[str, ...], bool]:  # noqa: FBT001
-    if plan.node is None:
-        return (), False
-    state = plan.node.state(name)
-    default = state is None or state.value is None
-    value = plan.node.value(name)
+def _attribute(
+    plan: Plan, node: Node, name: str, *, is_asked: bool
+) -> tuple[tuple[str, ...], bool]:
+    """Return the value of an attribute where it matters: a wire takes its place."""
+    state = node.state(name)
+    is_default = state is None or state.value is None
+    value = node.value(name)
     if value is None:
-        return (("not set",) if asked else ()), True
-    wanted = asked or plan.found.state(plan.key, name) != "ok"
-    if name in plan.arriving and not asked:
+        return (("not set",) if is_asked else ()), True
+    if name in plan.arriving and not is_asked:
         return (), False
-    if default and not (wanted or plan.every_port):
-        return (), False
-    return value_line(value), default
+    matters = is_asked or plan.every_port or plan.found.state(plan.key, name) != "ok"
+    return (value_line(value) if matters or not is_default else ()), is_default
 
 
 def _asked(spec: NodeSpec | None, name: str) -> tuple[str, ...]:
