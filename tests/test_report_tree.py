@@ -28,7 +28,7 @@ def text(*pairs: str, unknown: tuple[str, ...] = (), verbose: bool = False) -> l
 
 
 def kinds(*pairs: str) -> list[tuple[str, str]]:
-    return [(fault.frame, fault.kind) for fault in faults(edges(*pairs))]
+    return [(fault.frame, fault.kind) for fault in faults(TreeReport("x", edges(*pairs)))]
 
 
 def test_a_tree_is_drawn_in_the_order_it_is_published() -> None:
@@ -83,6 +83,11 @@ def test_what_tf2_cannot_take_is_a_fault(
     pairs: tuple[str, ...], found: list[tuple[str, str]]
 ) -> None:
     assert kinds(*pairs) == found
+
+
+def test_a_frame_that_the_stage_must_not_place_is_marked() -> None:
+    report = TreeReport("x", edges("world odom", "odom base"), reserved={"odom": "AMCL"})
+    assert list(as_text(report))[1] == "└── odom  ! only AMCL may place it"
 
 
 def test_every_frame_stands_below_some_root() -> None:

@@ -33,7 +33,12 @@ def command(stage: Path, form: str, *, verbose: bool) -> None:
 
     lab = load_lab()
     model = read_stage(stage, lab)
-    found = TreeReport(str(stage), published_edges(model, lab), unknown_publishers(model, lab))
+    found = TreeReport(
+        str(stage),
+        published_edges(model, lab),
+        unknown_publishers(model, lab),
+        {lab.frames.localization_edge[1]: lab.frames.localization_by},
+    )
     if form == "text":
         click.echo("\n".join(as_text(found, verbose=verbose)))
     else:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 from lab3_usd.check.frames import Edge
+from lab3_usd.check.qos import PROFILE
 from lab3_usd.check.topics import Endpoint
 from lab3_usd.report.csv_report import safe_cell
 from lab3_usd.report.escape import visible
@@ -16,7 +17,7 @@ from lab3_usd.report.escape import visible
 COLUMNS = ("topic", "type", "direction", "node", "frames", "queue", "qos", "rate")
 NOTHING = "-"
 _REFUSED = "not valid: the node does not work"
-_UNKNOWN = "not known"
+_UNKNOWN = "not known: it comes by a wire"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +84,7 @@ def _listed(frames: Sequence[str]) -> str:
 def _qos(endpoint: Endpoint) -> str:
     if endpoint.qos is not None:
         return str(endpoint.qos)
-    return _REFUSED
+    return _UNKNOWN if endpoint.node.sources(PROFILE) else _REFUSED
 
 
 def _item(endpoint: Endpoint, report: TopicReport) -> dict[str, object]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 
 from lab3_usd.check.frames import Edge
 from lab3_usd.check.rings import frames_in_rings
@@ -16,11 +16,15 @@ _MARK = "  ! "
 
 @dataclass(frozen=True, slots=True)
 class TreeReport:
-    """What a stage publishes: its transforms, and the nodes whose transforms nobody can tell."""
+    """What a stage publishes: its transforms, and the nodes whose transforms nobody can tell.
+
+    `reserved` are the frames that only something outside the stage may place, with its name.
+    """
 
     path: str
     edges: tuple[Edge, ...]
     unknown: tuple[str, ...] = ()
+    reserved: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +36,14 @@ class Fault:
     message: str
 
 
-def faults(edges: Sequence[Edge]) -> list[Fault]:
-    """Return what is wrong with the shape of the tree, in the order of the frames."""
+def faults(report: TreeReport) -> list[Fault]:
+    """Return what is wrong with the tree, in the order of the frames."""
     found = []
-    parents = _by_child(edges)
-    ring = set(frames_in_rings(edges))
-    for frame, above in parents.items():
+    ring = set(frames_in_rings(report.edges))
+    for frame, above in _by_child(report.edges).items():
         names = list(dict.fromkeys(edge.parent for edge in above))
+        if frame in report.reserved:
+            found.append(Fault(frame, "reserved", f"only {report.reserved[frame]} may place it"))
         if len(names) > 1:
             found.append(Fault(frame, "two parents", f"{len(names)} parents: {', '.join(names)}"))
         for name in names:
@@ -102,18 +107,18 @@ def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:
     drawn: set[str] = set()
     for top in tops:
         yield visible(top)
-        yield from _branches(top, report.edges, drawn, verbose=verbose)
+        yield from _branches(top, report, drawn, verbose=verbose)
     if len(tops) > 1:
         yield f"! {len(tops)} roots, where there must be one: {', '.join(map(visible, tops))}"
     for path in report.unknown:
         yield f"! {visible(path)} publishes frames that the stage does not tell"
 
 
-def _branches(top: str, edges: Sequence[Edge], drawn: set[str], *, verbose: bool) -> Iterator[str]:
+def _branches(top: str, report: TreeReport, drawn: set[str], *, verbose: bool) -> Iterator[str]:
     """Yield the lines below one root; `drawn` are the frames whose children stand already."""
-    children = _by_parent(edges)
+    children = _by_parent(report.edges)
     marks: dict[str, list[str]] = {}
-    for fault in faults(edges):
+    for fault in faults(report):
         marks.setdefault(fault.frame, []).append(fault.message)
     drawn.add(top)
     ahead = _rows(top, "", children)
@@ -136,12 +141,12 @@ def _rows(parent: str, lead: str, children: dict[str, list[Edge]]) -> list[tuple
 
 def as_dot(report: TreeReport) -> str:
     """Return the tree for Graphviz: each edge is labelled with its publisher, faults are red."""
-    wrong = {fault.frame for fault in faults(report.edges)}
+    wrong = {fault.frame for fault in faults(report)}
     frames = dict.fromkeys(name for edge in report.edges for name in (edge.parent, edge.child))
     lines = ["digraph tf {", "  node [shape=box, fontname=sans];", "  edge [fontname=sans];"]
     lines += [f"  {quoted(name)}{' [color=red]' if name in wrong else ''};" for name in frames]
     for edge in report.edges:
-        looks = [f"label={quoted(edge.publisher.rpartition('/')[2])}"]
+        looks = [f"label={quoted('/'.join(edge.publisher.split('/')[-2:]))}"]
         looks += [f"tooltip={quoted(edge.publisher)}"]
         looks += ["color=red"] if edge.child in wrong else []
         looks += ["style=dashed"] if edge.static else []
@@ -156,6 +161,6 @@ def as_json(report: TreeReport) -> str:
         "roots": roots(report.edges),
         "transforms": [asdict(edge) for edge in report.edges],
         "unknown_publishers": list(report.unknown),
-        "problems": [asdict(fault) for fault in faults(report.edges)],
+        "problems": [asdict(fault) for fault in faults(report)],
     }
     return json.dumps(data, indent=2)

@@ -61,9 +61,10 @@ def two_parents(subject: StageSubject) -> Iterator[Problem]:
         everything = [edge for _, edges in found for edge in edges]
         sites = "; ".join(f"{site.parent} -> {site.child}" for site, _ in found)
         names = ", ".join(f"'{site.child}'" for site, _ in found)
+        many = len(found) > 1
         yield Problem(
             cause,
-            f"publishes {sites}, and so the frame {names} has two parents",
+            f"publishes {sites}; so {names} {'have' if many else 'has'} two parents",
             expected=", ".join(
                 f"{e.parent} -> {e.child}" for e in everything if _is_asked(e, view)
             ),

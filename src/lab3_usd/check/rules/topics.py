@@ -34,12 +34,14 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
         first = found[0][0]
         names = ", ".join(str(endpoint.topic) for endpoint, _ in found)
         paths = [other.node.path for _, others in found for other in others]
+        wanted = subject.lab.topics.get(str(first.topic))
         yield Problem(
             first.node.path,
             f"publishes {names}, which another node publishes as well",
             property=first.port,
             expected="one publisher",
             actual=names,
+            handout=None if wanted is None else wanted.handout,
             related=tuple(dict.fromkeys([*(e.node.path for e, _ in found[1:]), *paths])),
         )
 
