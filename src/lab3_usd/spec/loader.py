@@ -6,17 +6,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from lab3_usd.data import data_folder
-from lab3_usd.errors import SpecError
-from lab3_usd.spec.catalog import Catalog
-from lab3_usd.spec.load_catalog import FILE as CATALOG_FILE
-from lab3_usd.spec.load_catalog import parse_catalog
-from lab3_usd.spec.load_checkpoints import FILE as CHECKPOINT_FILE
-from lab3_usd.spec.load_checkpoints import parse_checkpoints, parse_frames, parse_policy
-from lab3_usd.spec.load_graph import parse_graph
-from lab3_usd.spec.load_ros import load_ros
-from lab3_usd.spec.scene_spec import SCENE_FILE, check_scene
-from lab3_usd.spec.spec import GraphSpec, Lab
-from lab3_usd.spec.yaml_file import need, read_yaml
+from lab3_usd.spec.cache import remembered
+from lab3_usd.spec.spec import Lab
 
 
 def load_lab(folder: Path | None = None) -> Lab:
@@ -25,49 +16,17 @@ def load_lab(folder: Path | None = None) -> Lab:
     Raises:
         SpecError: a file is missing or wrong; the line names file, graph, role and port.
     """
-    return _load(folder if folder is not None else data_folder("graphs"))
+    return _bundled(data_folder("graphs")) if folder is None else _load(folder)
+
+
+@lru_cache(maxsize=1)
+def _bundled(folder: Path) -> Lab:
+    # The YAML files are read anew only when one has changed, as Python does with its own.
+    return remembered(folder, _load)
 
 
 @lru_cache(maxsize=4)
 def _load(folder: Path) -> Lab:
-    catalog = parse_catalog(read_yaml(folder / CATALOG_FILE))
-    rules = read_yaml(folder / CHECKPOINT_FILE)
-    graphs = _load_graphs(folder, _graph_names(rules), catalog)
-    scene = read_yaml(folder / SCENE_FILE)
-    check_scene(scene)
-    return Lab(
-        folder=folder,
-        catalog=catalog,
-        graphs=graphs,
-        checkpoints=parse_checkpoints(rules, graphs),
-        policy=parse_policy(rules),
-        frames=parse_frames(rules),
-        scene=scene,
-        topics=load_ros(folder).topics,
-    )
+    from lab3_usd.spec.assemble import assemble  # noqa: PLC0415 - nor YAML's parser without need
 
-
-def _graph_names(rules: dict[str, object]) -> list[str]:
-    """Name the graphs in the order in which the checkpoints add them."""
-    checkpoints = need(rules, "checkpoints", dict, CHECKPOINT_FILE)
-    names: list[str] = []
-    for spec in checkpoints.values():
-        adds = spec.get("adds") if isinstance(spec, dict) else None
-        graphs = adds.get("graphs") if isinstance(adds, dict) else None
-        names.extend(graphs if isinstance(graphs, list) else [])
-    return names
-
-
-def _load_graphs(folder: Path, names: list[str], catalog: Catalog) -> dict[str, GraphSpec]:
-    graphs: dict[str, GraphSpec] = {}
-    for name in names:
-        file = f"{name}.yaml"
-        if not (folder / file).is_file():
-            message = f"{CHECKPOINT_FILE}: asks for the graph '{name}', but there is no {file}"
-            raise SpecError(message)
-        spec = parse_graph(read_yaml(folder / file), catalog, file)
-        if spec.name != name:
-            message = f"{file}: describes the graph '{spec.name}', expected '{name}'"
-            raise SpecError(message)
-        graphs[name] = spec
-    return graphs
+    return assemble(folder)
