@@ -7,7 +7,7 @@ remembered, whose folder is trusted as much as the code.
 from __future__ import annotations
 
 import os
-import pickle  # noqa: S403 - reads only what this program wrote beside its own code
+import pickle
 import sys
 import tempfile
 from collections.abc import Callable
