@@ -630,6 +630,15 @@ def test_links_lead_from_a_port_to_its_finding() -> None:
     assert sum("id" in element.attrib for element in root.iter()) == 1
 
 
+def test_a_picture_without_links_is_smaller_and_shows_the_same() -> None:
+    picture = drawn(without(clock(), CONTEXT), finding(PUBLISHER, "inputs:topicName"))
+    bare = svg(picture, links={})
+    assert len(bare) < len(svg(picture))
+    root = ET.fromstring(bare)  # noqa: S314 - written by us
+    assert [element.text for element in root.iter(f"{SVG}text")] == texts(picture)
+    assert bare.count('class="r wrong"') == 1
+
+
 names = st.text(st.characters(categories=["L", "N", "Pc", "Po"]), min_size=1, max_size=8)
 
 

@@ -57,11 +57,14 @@ def _separator(box: Box) -> str:
 
 
 def _row(box: Box, row: Row, ink: Ink) -> str:
+    content = "".join((*_texts(box, row), *_ports(box, row)))
+    place = ink.id(box.key, row.port)
+    if not place and row.state == "ok":
+        # Nobody asks for this row by its id: a page of many pictures stays small.
+        return f"<g>{note(row.note)}{content}</g>" if row.note else content
     state = "" if row.state == "ok" else f" {row.state}"
-    content = "".join((note(row.note), _behind(box, row), *_texts(box, row), *_ports(box, row)))
-    return ink.linked(
-        f'<g class="r{state}"{ink.id(box.key, row.port)}>{content}</g>', box.key, row.port
-    )
+    group = f'<g class="r{state}"{place}>{note(row.note)}{_behind(box, row)}{content}</g>'
+    return ink.linked(group, box.key, row.port)
 
 
 def _behind(box: Box, row: Row) -> str:
