@@ -8,6 +8,7 @@ from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Node
 from lab3_usd.check.names import resolved_topic
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.nodes import strays
 from lab3_usd.check.say import title_of
 from lab3_usd.check.subject import GraphSubject, StageSubject
 
@@ -96,14 +97,19 @@ def script_node(subject: StageSubject) -> Iterator[Problem]:
 def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
     """A node stands outside every graph.
 
-    Why: nobody evaluates it. It is usually left over from dragging nodes in the Stage panel.
+    Why: nobody evaluates it. It is usually left over from dragging nodes in the Stage panel. A
+    graph that lacks this node says so itself.
 
     Fix: drag it back below its graph in the Stage panel, or delete it.
 
     Example: `/to_string` at the root of the stage.
     """
-    scripts = subject.lab.catalog.scripts
+    missed = {
+        node.path
+        for name, roles in subject.roles.items()
+        for node in strays(subject.lab.graphs[name], roles, subject.stage).values()
+    }
     for node in subject.stage.orphans:
-        if node.type_name not in scripts:
+        if node.path not in missed and node.type_name not in subject.lab.catalog.scripts:
             message = f"{title_of(node)} stands outside every graph, where it is never evaluated"
             yield Problem(node.path, message, None, None, node.type_name)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.finding import Problem
-from lab3_usd.check.model import Absent, Node
+from lab3_usd.check.model import Absent, Node, StageModel
 from lab3_usd.check.registry import rule
 from lab3_usd.check.say import titled
-from lab3_usd.check.subject import GraphSubject
+from lab3_usd.check.subject import GraphSubject, Roles
 from lab3_usd.spec.catalog import NodeType
-from lab3_usd.spec.spec import NodeSpec
+from lab3_usd.spec.spec import GraphSpec, NodeSpec
 
 
 def _missing(subject: GraphSubject) -> Iterator[NodeSpec]:
@@ -23,7 +23,7 @@ def _missing(subject: GraphSubject) -> Iterator[NodeSpec]:
 
 
 def _absent(subject: GraphSubject) -> dict[str, Absent]:
-    """Pair missing roles with prims that are in the file but not in the scene."""
+    """Pair missing roles with prims that are in the file but not in the graph."""
     graph = subject.roles.graph
     left = [] if graph is None else [*graph.absent]
     found = {}
@@ -32,6 +32,24 @@ def _absent(subject: GraphSubject) -> dict[str, Absent]:
         fitting.sort(key=lambda each: not each.path.endswith(f"/{spec.role}"))
         if fitting:
             found[spec.role] = fitting[0]
+            left.remove(fitting[0])
+    for role, node in strays(subject.spec, subject.roles, subject.stage).items():
+        outside = Absent(node.path, node.type_name, "outside every graph")
+        found.setdefault(role, outside)
+    return found
+
+
+def strays(spec: GraphSpec, roles: Roles, stage: StageModel) -> dict[str, Node]:
+    """Pair roles that no node plays with nodes of their type that stand outside every graph."""
+    left = [*stage.orphans] if roles.graph is not None else []
+    found = {}
+    for role, node_spec in spec.nodes.items():
+        if roles.node_of[role] is not None or role in roles.retyped:
+            continue
+        fitting = [node for node in left if node.type is node_spec.type]
+        fitting.sort(key=lambda node: node.name != role)
+        if fitting:
+            found[role] = fitting[0]
             left.remove(fitting[0])
     return found
 
