@@ -29,6 +29,13 @@ def _problem(fault: WireFault, message: str, hint: str | None = None) -> Problem
     )
 
 
+def _source(fault: WireFault) -> str:
+    """Return the source that is there, with its whole path when it stands in another graph."""
+    graph = fault.node.path.rpartition("/")[0]
+    is_here = fault.actual is None or fault.actual.startswith(f"{graph}/")
+    return short_source(fault.actual) if is_here else str(fault.actual)
+
+
 def _connect(fault: WireFault) -> str:
     port = fault.port.partition(":")[2]
     return f"drag a wire from {short_source(fault.expected)} to {port} of {title_of(fault.node)}"
@@ -55,7 +62,7 @@ def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
 
 
 def _explain(fault: WireFault) -> str:
-    expected, actual = short_source(fault.expected), short_source(fault.actual)
+    expected, actual = short_source(fault.expected), _source(fault)
     message = f"{fault.port} is wired from {actual}, expected {expected}"
     if fault.kind == "bypass":
         message += f"; the wire goes past {expected.partition('.')[0]}"
@@ -92,7 +99,7 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
     Example: `make_array.inputs:input0` wired from `constant_left_joint.outputs:value`.
     """
     for fault in _faults(subject, "dead"):
-        expected, actual = short_source(fault.expected), short_source(fault.actual)
+        expected, actual = short_source(fault.expected), _source(fault)
         message = f"{fault.port} is wired from {actual}, which does not exist, expected {expected}"
         yield _problem(fault, message, _connect(fault))
 
@@ -109,7 +116,7 @@ def second_source(subject: GraphSubject) -> Iterator[Problem]:
     Example: `ros2_publish_clock.inputs:timeStamp` fed by two Isaac Read Simulation Time nodes.
     """
     for fault in _faults(subject, "second"):
-        actual = short_source(fault.actual)
+        actual = _source(fault)
         message = f"{fault.port} is also wired from {actual}, expected one source"
         yield _problem(fault, message, f"delete the wire from {actual}")
 
@@ -126,7 +133,7 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: `differential_controller.inputs:maxLinearSpeed` wired from a constant.
     """
     for fault in _faults(subject, "unasked"):
-        actual = short_source(fault.actual)
+        actual = _source(fault)
         yield _problem(fault, f"{fault.port} is wired from {actual}, the handout leaves it alone")
 
 
@@ -145,7 +152,7 @@ def swapped_wires(subject: GraphSubject) -> Iterator[Problem]:
         other = short_source(fault.elsewhere)
         message = (
             f"{fault.port} and {other} are wired the wrong way round: "
-            f"{fault.port} is wired from {short_source(fault.actual)}, "
+            f"{fault.port} is wired from {_source(fault)}, "
             f"expected {short_source(fault.expected)}"
         )
         yield _problem(fault, message, f"exchange the two wires at {fault.port} and {other}")
@@ -182,7 +189,7 @@ def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
     Example: a publisher's execOut wired back to the node that triggers it.
     """
     for fault in _faults(subject, "cycle"):
-        actual = short_source(fault.actual)
+        actual = _source(fault)
         message = f"{fault.port} is wired from {actual}, which this node itself triggers"
         yield _problem(fault, message, f"delete the wire from {actual}")
 
@@ -198,7 +205,7 @@ def incompatible_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: the tick of On Playback Tick wired into a queue size.
     """
     for fault in _faults(subject, "incompatible"):
-        actual = short_source(fault.actual)
+        actual = _source(fault)
         message = f"{fault.port} cannot take what comes from {actual}"
         yield _problem(fault, message, f"delete the wire from {actual}")
 
@@ -215,7 +222,7 @@ def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: `ros2_subscribe_twist.outputs:execOut` into `differential_controller.inputs:execIn`.
     """
     for fault in _faults(subject, "forbidden"):
-        actual = short_source(fault.actual)
+        actual = _source(fault)
         expected = "" if fault.expected is None else f", expected {short_source(fault.expected)}"
         message = f"{fault.port} is wired from {actual}, which the handout forbids{expected}"
         yield _problem(fault, message, _connect(fault) if fault.expected else None)
@@ -233,5 +240,5 @@ def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: a second source `isaac_read_simulation_time_01` of a deleted node.
     """
     for fault in _faults(subject, "leftover"):
-        actual = short_source(fault.actual)
+        actual = _source(fault)
         yield _problem(fault, f"{fault.port} has a leftover wire from {actual}, which is gone")
