@@ -1,0 +1,185 @@
+"""Breaks a correct stage step by step, as a case file lists the steps.
+
+A place is written as people say it: `ROS_Clock/ros2_context` or, with a port,
+`ROS_Clock/ros2_context.inputs:domain_id`. Names of graphs stand for their paths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from pxr import Sdf, Usd
+
+from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.spec.spec import Lab
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.reader import read_model
+
+Step = Mapping[str, Any]
+
+
+@cache
+def the_lab() -> Lab:
+    return load_lab()
+
+
+@cache
+def built(checkpoint: str) -> Sdf.Layer:
+    """The correct stage of a checkpoint; never changed, only copied."""
+    with TemporaryDirectory() as folder:
+        path = build_checkpoint(None, checkpoint, Path(folder) / "Lab3.usda")
+        layer = Sdf.Layer.CreateAnonymous(".usda")
+        layer.TransferContent(Sdf.Layer.FindOrOpen(str(path)))
+    return layer
+
+
+def correct_stage(checkpoint: str) -> Usd.Stage:
+    copy = Sdf.Layer.CreateAnonymous(".usda")
+    copy.TransferContent(built(checkpoint))
+    return Usd.Stage.Open(copy)
+
+
+def judged(stage: Usd.Stage, checkpoint: str) -> Judgement:
+    lab = the_lab()
+    return judge(lab, lab.checkpoints[checkpoint], read_model(stage, lab, "stage.usda"))
+
+
+def place(text: str) -> str:
+    """Return the path that is meant; what is no graph's name stays as it is."""
+    for name, spec in the_lab().graphs.items():
+        for mark in ("/", "."):
+            if text.startswith(f"{name}{mark}"):
+                return spec.path + text[len(name) :]
+        if text == name:
+            return spec.path
+    return text
+
+
+def broken(checkpoint: str, steps: list[Step]) -> Usd.Stage:
+    """Return the correct stage after these steps."""
+    stage = correct_stage(checkpoint)
+    for step in steps:
+        for name, arguments in step.items():
+            values = arguments if isinstance(arguments, list) else [arguments]
+            STEPS[name](stage, *values)
+    return stage
+
+
+def _attribute(stage: Usd.Stage, where: str) -> Usd.Attribute:
+    """Return the attribute; one that is not declared yet is made as a script would."""
+    path = Sdf.Path(place(where))
+    prim = stage.GetPrimAtPath(path.GetPrimPath())
+    found = prim.GetAttribute(path.name)
+    return found or prim.CreateAttribute(path.name, Sdf.ValueTypeNames.Token, custom=True)
+
+
+def _paths(texts: tuple[str, ...]) -> list[Sdf.Path]:
+    return [Sdf.Path(place(text)) for text in texts]
+
+
+def _set(stage: Usd.Stage, where: str, value: Any) -> None:
+    _attribute(stage, where).Set(value)
+
+
+def _declare(stage: Usd.Stage, where: str, usd_type: str, value: Any = None) -> None:
+    path = Sdf.Path(place(where))
+    prim = stage.GetPrimAtPath(path.GetPrimPath())
+    prim.RemoveProperty(path.name)
+    kind = Sdf.ValueTypeNames.Find(usd_type)
+    attribute = prim.CreateAttribute(path.name, kind, custom=True)
+    if value is not None:
+        attribute.Set(kind.type.pythonClass(value) if kind.isArray else value)
+
+
+def _clear(stage: Usd.Stage, where: str) -> None:
+    _attribute(stage, where).Clear()
+
+
+def _connect(stage: Usd.Stage, where: str, *sources: str) -> None:
+    _attribute(stage, where).SetConnections(_paths(sources))
+
+
+def _disconnect(stage: Usd.Stage, where: str) -> None:
+    _attribute(stage, where).ClearConnections()
+
+
+def _add_source(stage: Usd.Stage, where: str, source: str) -> None:
+    _attribute(stage, where).AddConnection(place(source))
+
+
+def _swap(stage: Usd.Stage, one: str, other: str) -> None:
+    first, second = _attribute(stage, one), _attribute(stage, other)
+    value, sources = first.Get(), first.GetConnections()
+    if second.Get() is not None:
+        first.Set(second.Get())
+        second.Set(value)
+    first.SetConnections(second.GetConnections())
+    second.SetConnections(sources)
+
+
+def _targets(stage: Usd.Stage, where: str, *prims: str) -> None:
+    path = Sdf.Path(place(where))
+    prim = stage.GetPrimAtPath(path.GetPrimPath())
+    prim.CreateRelationship(path.name, custom=True).SetTargets(_paths(prims))
+
+
+def _remove(stage: Usd.Stage, where: str) -> None:
+    stage.RemovePrim(place(where))
+
+
+def _deactivate(stage: Usd.Stage, where: str) -> None:
+    stage.GetPrimAtPath(place(where)).SetActive(False)  # noqa: FBT003 - pxr takes it so
+
+
+def _over(stage: Usd.Stage, where: str) -> None:
+    stage.GetPrimAtPath(place(where)).SetSpecifier(Sdf.SpecifierOver)
+
+
+def _untype(stage: Usd.Stage, where: str, type_name: str = "") -> None:
+    stage.GetPrimAtPath(place(where)).SetTypeName(type_name)
+
+
+def _define(stage: Usd.Stage, where: str, type_name: str) -> None:
+    stage.DefinePrim(place(where), type_name)
+
+
+def _node(stage: Usd.Stage, where: str, node_type: str) -> None:
+    prim = stage.DefinePrim(place(where), "OmniGraphNode")
+    prim.CreateAttribute("node:type", Sdf.ValueTypeNames.Token, custom=False).Set(node_type)
+    prim.CreateAttribute("node:typeVersion", Sdf.ValueTypeNames.Int, custom=False).Set(1)
+
+
+def _copy(stage: Usd.Stage, source: str, target: str) -> None:
+    layer = stage.GetRootLayer()
+    Sdf.CopySpec(layer, place(source), layer, place(target))
+
+
+def _move(stage: Usd.Stage, source: str, target: str) -> None:
+    editor = Usd.NamespaceEditor(stage)
+    editor.MovePrimAtPath(place(source), place(target))
+    editor.ApplyEdits()
+
+
+STEPS: dict[str, Callable[..., None]] = {
+    "set": _set,
+    "declare": _declare,
+    "clear": _clear,
+    "connect": _connect,
+    "disconnect": _disconnect,
+    "add source": _add_source,
+    "swap": _swap,
+    "targets": _targets,
+    "remove": _remove,
+    "deactivate": _deactivate,
+    "over": _over,
+    "type of prim": _untype,
+    "define": _define,
+    "node": _node,
+    "copy": _copy,
+    "move": _move,
+}
