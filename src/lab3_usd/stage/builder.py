@@ -7,14 +7,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pxr import Sdf, Usd, UsdUtils
+from pxr import Sdf, Usd
 
 from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.spec import Checkpoint, Lab
 from lab3_usd.stage.author import author_graph
 from lab3_usd.stage.fitness import reasons_against
-from lab3_usd.stage.opening import open_stage, quiet
+from lab3_usd.stage.inputs import inputs_of
+from lab3_usd.stage.opening import open_stage
 from lab3_usd.stage.rebase import copy_for
 from lab3_usd.stage.sensors import author_sensor
 from lab3_usd.stage.starter import starter_layer
@@ -108,7 +109,7 @@ def _open_starter(lab: Lab, starter: Path | None) -> Usd.Stage:
 
 def _check_targets(plan: dict[Path, Checkpoint], stage: Usd.Stage, options: BuildOptions) -> None:
     existing = [target for target in plan if os.path.lexists(target)]
-    inputs = _inputs(stage) if existing else set()
+    inputs = inputs_of(stage).files if existing else frozenset()
     for target in existing:
         if target.resolve() in inputs:
             message = f"{target}: is a file of the starter, which is never written; choose --out"
@@ -119,18 +120,6 @@ def _check_targets(plan: dict[Path, Checkpoint], stage: Usd.Stage, options: Buil
         if not options.force:
             message = f"{target}: exists already; choose another folder or give --force"
             raise UsageError(message)
-
-
-def _inputs(stage: Usd.Stage) -> set[Path]:
-    """Return every file the starter could read, those of variants not selected included."""
-    root = stage.GetRootLayer()
-    if root.anonymous:
-        return set()
-    with quiet():
-        layers, assets, _ = UsdUtils.ComputeAllDependencies(root.identifier)
-        used = stage.GetUsedLayers()
-    paths = [layer.realPath for layer in (*layers, *used)] + list(assets)
-    return {Path(path).resolve() for path in paths if path}
 
 
 def _make_folder(folder: Path) -> None:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 
-from pxr import Usd, UsdUtils
+from pxr import Usd
 
 from lab3_usd.spec.spec import Lab
-from lab3_usd.stage.opening import quiet
-
-# usd-core takes an address for a path and drops one of its slashes.
-_ONE_SLASH = re.compile(r"^(\w{2,}):/(?=[^/])")
+from lab3_usd.stage.inputs import inputs_of
 
 
 def reasons_against(lab: Lab, stage: Usd.Stage) -> list[str]:
@@ -20,7 +16,10 @@ def reasons_against(lab: Lab, stage: Usd.Stage) -> list[str]:
     What hangs below a prim that is not there is not said again.
     """
     reasons = list(_reasons(lab, stage))
-    return reasons + _unresolved(stage) if reasons else []
+    if reasons:
+        missing = inputs_of(stage).missing
+        reasons += [f"{path} cannot be read; what is missing may be in it" for path in missing]
+    return reasons
 
 
 def _reasons(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
@@ -43,14 +42,6 @@ def _state(prim: Usd.Prim) -> str:
     if not prim.IsActive():
         return " (deactivated)"
     return "" if prim.IsDefined() else " (an over without a def)"
-
-
-def _unresolved(stage: Usd.Stage) -> list[str]:
-    """Name the files that cannot be found: what is missing may be in them."""
-    with quiet():
-        missing = UsdUtils.ComputeAllDependencies(stage.GetRootLayer().identifier)[2]
-    paths = (_ONE_SLASH.sub(r"\1://", path) for path in sorted(missing))
-    return [f"{path} cannot be found; what is missing may be in it" for path in paths]
 
 
 def _needed(lab: Lab) -> Iterator[str]:
