@@ -1,0 +1,129 @@
+"""`pytest --lab3 work/`: every requirement of every checkpoint as a test of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from lab3_usd.check.finding import Finding, Requirement, StageResult
+
+ENDINGS = (".usd", ".usda", ".usdc")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add `--lab3 PATH`, which may be given more than once."""
+    group = parser.getgroup("lab3", "checkpoints of the TurtleBot 3 lab")
+    group.addoption(
+        "--lab3",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="a checkpoint stage, or a folder of them: each requirement becomes a test",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Collect the stages beside whatever tests the course has of its own.
+
+    Raises:
+        pytest.UsageError: a path does not exist.
+    """
+    for path in config.getoption("--lab3"):
+        if not Path(path).exists():
+            message = f"--lab3 {path}: there is no such file or folder"
+            raise pytest.UsageError(message)
+        config.args.append(path)
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Take the stages that are named, or that lie in a folder that is."""
+    if file_path.suffix.lower() not in ENDINGS:
+        return None
+    named = [Path(path).resolve() for path in parent.config.getoption("--lab3")]
+    if not any(path in {file_path, *file_path.parents} for path in named):
+        return None
+    from lab3_usd.check.checker import checkpoint_of  # noqa: PLC0415 - only when it is used
+    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
+
+    if checkpoint_of(file_path.name, load_lab()) is None:
+        return None
+    return CheckpointFile.from_parent(parent, path=file_path)
+
+
+class CheckpointFile(pytest.File):
+    """One checkpoint stage; it is judged once, when its tests are collected."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        """Yield a test for each requirement, and one for faults that belong to none."""
+        from lab3_usd.check.checker import check_stage  # noqa: PLC0415 - only when it is used
+
+        result = check_stage(self.path)
+        for requirement in result.requirements:
+            item = RequirementItem.from_parent(self, name=requirement.id)
+            item.requirement, item.result = requirement, result
+            yield item
+        item = NoFaultsItem.from_parent(self, name="no faults")
+        item.result = result
+        yield item
+
+
+class RequirementItem(pytest.Item):
+    """Passes when the stage meets the requirement."""
+
+    requirement: Requirement
+    result: StageResult
+
+    def runtest(self) -> None:
+        """Fail with the findings that say why the requirement is not met."""
+        if not self.requirement.met:
+            group = f"/{self.requirement.group}"
+            told = [each for each in self.result.findings if group in f"{each.prim}/"]
+            raise UnmetError([self.requirement.title, *map(sentence, told)])
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException]) -> str:  # type: ignore[override]
+        """Say what is wrong, without a traceback."""
+        return str(excinfo.value)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Name the test by its file and requirement."""
+        return self.path, None, f"{self.path.name}: {self.requirement.title}"
+
+
+class NoFaultsItem(pytest.Item):
+    """Passes when nothing in the stage is an error and no rule failed itself."""
+
+    result: StageResult
+
+    def runtest(self) -> None:
+        """Fail with every error of the stage, and every rule that crashed."""
+        errors = [sentence(each) for each in self.result.findings if each.severity == "error"]
+        crashes = [f"rule {each.rule} failed itself: {each.error}" for each in self.result.crashes]
+        if errors or crashes:
+            raise UnmetError([*errors, *crashes])
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException]) -> str:  # type: ignore[override]
+        """Say what is wrong, without a traceback."""
+        return str(excinfo.value)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Name the test by its file."""
+        return self.path, None, f"{self.path.name}: no faults"
+
+
+class UnmetError(Exception):
+    """What a stage does not meet, one line each."""
+
+    def __init__(self, lines: list[str]) -> None:
+        """Join the lines."""
+        super().__init__("\n".join(lines))
+
+
+def sentence(finding: Finding) -> str:
+    """Return one finding as a line: rule, site, message, handout section."""
+    site = finding.prim if finding.property is None else f"{finding.prim}.{finding.property}"
+    section = "" if finding.handout is None else f" (handout {finding.handout})"
+    return f"{finding.rule} {site}: {finding.message}{section}"

@@ -1,0 +1,75 @@
+"""`pytest --lab3`: the requirements of a checkpoint as tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pxr import Usd
+
+from lab3_usd import build_checkpoint, check_stage
+
+pytest_plugins = ["pytester"]
+PLUGIN = ("-p", "lab3_usd.pytest_plugin")
+
+
+@pytest.fixture
+def clock(tmp_path: Path) -> Path:
+    """A correct checkpoint 01."""
+    return build_checkpoint(None, "01", tmp_path / "work" / "Lab3_01_ros_clock.usda")
+
+
+def run(pytester: pytest.Pytester, *arguments: str) -> pytest.RunResult:
+    """Run pytest with the plugin, whether or not it is installed as one."""
+    return pytester.runpytest_subprocess(*PLUGIN, *arguments)
+
+
+def test_every_requirement_is_a_test(pytester: pytest.Pytester, clock: Path) -> None:
+    asked = check_stage(clock).requirements
+    run(pytester, "--lab3", str(clock)).assert_outcomes(passed=len(asked) + 1)
+
+
+def test_an_unmet_requirement_fails_and_says_why(pytester: pytest.Pytester, clock: Path) -> None:
+    stage = Usd.Stage.Open(str(clock))
+    stage.GetAttributeAtPath("/World/ROS_Clock/ros2_publish_clock.inputs:topicName").Set("/other")
+    stage.Save()
+    result = run(pytester, "--lab3", str(clock))
+    result.assert_outcomes(passed=len(check_stage(clock).requirements) - 1, failed=2)
+    result.stdout.fnmatch_lines(["*P01*inputs:topicName is '/other', expected '/clock'*"])
+
+
+def test_a_folder_gives_the_tests_of_all_its_stages(
+    pytester: pytest.Pytester, clock: Path
+) -> None:
+    build_checkpoint(None, "00", clock.parent / "Lab3_00_student_start.usda")
+    (clock.parent / "notes.usda").write_text("#usda 1.0\n")
+    result = run(pytester, "--lab3", str(clock.parent), "--collect-only", "-q")
+    files = {line.partition("::")[0].rpartition("/")[2] for line in result.outlines if "::" in line}
+    assert files == {"Lab3_00_student_start.usda", "Lab3_01_ros_clock.usda"}
+
+
+def test_a_course_keeps_its_own_tests_beside_it(pytester: pytest.Pytester, clock: Path) -> None:
+    pytester.makepyfile(test_own="def test_own():\n    pass\n")
+    asked = check_stage(clock).requirements
+    result = run(pytester, str(pytester.path), "--lab3", str(clock))
+    result.assert_outcomes(passed=len(asked) + 2)
+
+
+def test_stages_are_left_alone_without_the_option(pytester: pytest.Pytester) -> None:
+    build_checkpoint(None, "01", pytester.path / "Lab3_01_ros_clock.usda")
+    pytester.makepyfile(test_own="def test_own():\n    pass\n")
+    run(pytester).assert_outcomes(passed=1)
+
+
+def test_an_unreadable_stage_fails(pytester: pytest.Pytester, tmp_path: Path) -> None:
+    broken = tmp_path / "Lab3_01_broken.usda"
+    broken.write_bytes(b"#usda 1.0\n\0")
+    result = run(pytester, "--lab3", str(broken))
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*NUL byte*"])
+
+
+def test_a_path_that_does_not_exist_is_wrong_usage(pytester: pytest.Pytester) -> None:
+    result = run(pytester, "--lab3", "nowhere")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["*nowhere: there is no such file or folder*"])
