@@ -61,13 +61,19 @@ class Rule:
 _RULES: dict[str, Rule] = {}
 
 
+def _origin(check: Callable[..., Iterator[Problem]]) -> tuple[str, str]:
+    """Name where a rule is written; a module that is imported again brings the same rules."""
+    return check.__module__, check.__qualname__
+
+
 def rule(
     rule_id: str, name: str, scope: Scope, severity: Severity = "error"
 ) -> Callable[[Check], Check]:
     """Register a generator of `Problem`s as the rule `rule_id`, which is never used again."""
 
     def register(check: Check) -> Check:
-        if rule_id in _RULES:
+        known = _RULES.get(rule_id)
+        if known is not None and _origin(known.check) != _origin(check):
             message = f"rule {rule_id} is registered twice"
             raise ValueError(message)
         _RULES[rule_id] = Rule(rule_id, name, severity, scope, check)
