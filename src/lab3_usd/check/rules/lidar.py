@@ -183,9 +183,7 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
     if place is None or place.prim is None:
         return
     handout = subject.lab.scene["forbidden"][SENSOR]["handout"]
-    for prim in _lidars(subject):
-        if is_at_or_below(place.prim.path, prim.path):
-            continue
+    for prim in _lidars(subject, place.prim.path):
         message = f"{prim.path} is a second lidar beside {place.prim.path}"
         yield Problem(prim.path, message, actual=prim.type, handout=handout, related=(place.path,))
 
@@ -209,13 +207,17 @@ def early_lidar(subject: StageSubject) -> Iterator[Problem]:
         yield Problem(prim.path, message, actual=prim.type, handout="A2", severity=severity)
 
 
-def _lidars(subject: StageSubject) -> Iterator[Prim]:
-    """Yield everything that is a lidar by type or by a name of the vendor's, topmost only."""
+def _lidars(subject: StageSubject, right: str = "") -> Iterator[Prim]:
+    """Yield everything that is a lidar by type or by a name of the vendor's, topmost only.
+
+    Left out is the lidar that is right, with what it hangs below.
+    """
     names = subject.lab.scene["forbidden"][SENSOR]["names"]
     typed = {prim.path for prim in candidates(subject.lab, subject.stage, SENSOR)}
     told = ""
     for path, prim in sorted(subject.stage.prims.items()):
         is_lidar = path in typed or (prim.present and is_named(prim.name, names))
-        if is_lidar and not (told and is_at_or_below(path, told)):
+        is_right = bool(right) and is_at_or_below(right, path)
+        if is_lidar and not is_right and not (told and is_at_or_below(path, told)):
             told = path
             yield prim

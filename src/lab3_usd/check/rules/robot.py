@@ -31,11 +31,14 @@ from lab3_usd.check.wheel_joints import could_hide_joints
 
 
 def _links(subject: StageSubject) -> Iterator[tuple[Prim, Mapping[str, Any]]]:
-    """Yield the links that are in the scene; those that are not are S01's."""
-    robot = subject.lab.scene["robot"]
+    """Yield the links that are in the scene; those that are not are S01's.
+
+    An over of a link whose asset is missing counts: what it says itself holds.
+    """
+    robot, stage = subject.lab.scene["robot"], subject.stage
     for name, spec in robot["links"].items():
-        prim = subject.stage.prim(f"{robot['path']}/{name}")
-        if prim is not None:
+        prim = stage.prims.get(f"{robot['path']}/{name}")
+        if prim is not None and prim.active and (prim.defined or is_hidden(stage, prim.path)):
             yield prim, spec
 
 
@@ -56,8 +59,9 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
         if expected is None:
             continue
         actual = number(prim.attributes.get(MASS))
-        has_api = MASS_API in prim.apis
-        if is_hidden(subject.stage, prim.path) and (actual is None or not has_api):
+        may_be_hidden = is_hidden(subject.stage, prim.path)
+        has_api = MASS_API in prim.apis or may_be_hidden
+        if actual is None and may_be_hidden:
             continue
         if actual is not None and has_api and abs(actual - expected) <= tolerance * expected:
             continue

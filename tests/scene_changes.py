@@ -1,0 +1,154 @@
+"""Small changes to a stage through the USD API, to break it or to write it another way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from pxr import Gf, Sdf, Usd, UsdGeom
+
+ROBOT = "/turtlebot3_burger"
+JOINTS = f"{ROBOT}/joints"
+LIDAR = f"{ROBOT}/base_scan/Lidar2D"
+CAMERA = f"{ROBOT}/base_footprint/Camera_1"
+LINKS = (
+    "base_footprint",
+    "base_link",
+    "base_scan",
+    "caster_back_link",
+    "wheel_left_link",
+    "wheel_right_link",
+)
+WHEELS = {"wheel_left_joint": "wheel_left_link", "wheel_right_joint": "wheel_right_link"}
+FLOOR = "/Environment/GroundPlane/CollisionPlane"
+TRANSLATE, ORIENT, SCALE = "xformOp:translate", "xformOp:orient", "xformOp:scale"
+TICK, TURNS = "omni:sensor:tickRate", "omni:sensor:Core:scanRateBaseHz"
+
+Change = Callable[[Usd.Stage], None]
+
+
+class Sabotage(NamedTuple):
+    """A fault: its name, the checkpoint, how to make it, and where it must be found."""
+
+    name: str
+    checkpoint: str
+    apply: Change
+    site: tuple[str, str | None]
+
+
+def remove(path: str) -> Change:
+    return lambda stage: void(stage.RemovePrim(path))
+
+
+def deactivate(path: str) -> Change:
+    return lambda stage: void(stage.GetPrimAtPath(path).SetActive(False))  # noqa: FBT003 - no keyword
+
+
+def undefine(path: str) -> Change:
+    return lambda stage: void(stage.GetPrimAtPath(path).SetSpecifier(Sdf.SpecifierOver))
+
+
+def retype(path: str, kind: str) -> Change:
+    return lambda stage: void(stage.GetPrimAtPath(path).SetTypeName(kind))
+
+
+def put(path: str, name: str, value: Any) -> Change:
+    return lambda stage: void(stage.GetPrimAtPath(path).GetAttribute(name).Set(value))
+
+
+def switch(path: str, name: str, *, on: bool = False) -> Change:
+    def change(stage: Usd.Stage) -> None:
+        stage.GetPrimAtPath(path).CreateAttribute(name, Sdf.ValueTypeNames.Bool).Set(on)
+
+    return change
+
+
+def clear(path: str, name: str) -> Change:
+    return lambda stage: void(stage.GetPrimAtPath(path).RemoveProperty(name))
+
+
+def without_api(path: str, api: str) -> Change:
+    return lambda stage: void(stage.GetPrimAtPath(path).RemoveAppliedSchema(api))
+
+
+def with_api(path: str, api: str) -> Change:
+    return lambda stage: void(stage.GetPrimAtPath(path).AddAppliedSchema(api))
+
+
+def aim(path: str, name: str, *targets: str) -> Change:
+    return lambda stage: void(stage.GetPrimAtPath(path).GetRelationship(name).SetTargets(targets))
+
+
+def define(path: str, kind: str) -> Change:
+    return lambda stage: void(stage.DefinePrim(path, kind))
+
+
+def refer(path: str, asset: str) -> Change:
+    return lambda stage: void(stage.GetPrimAtPath(path).GetReferences().AddReference(asset))
+
+
+def move_prim(old: str, new: str) -> Change:
+    """Rename or reparent a prim with all that names it, as the Stage panel does."""
+
+    def change(stage: Usd.Stage) -> None:
+        editor = Usd.NamespaceEditor(stage)
+        assert editor.MovePrimAtPath(old, new)
+        assert editor.ApplyEdits()
+
+    return change
+
+
+def several(*changes: Change) -> Change:
+    def change(stage: Usd.Stage) -> None:
+        for each in changes:
+            each(stage)
+
+    return change
+
+
+def rotated(path: str, degrees: tuple[float, float, float], order: str = "XYZ") -> Change:
+    """Write the rotation of a prim as angles, in single precision."""
+
+    def change(stage: Usd.Stage) -> None:
+        xform = UsdGeom.Xformable(stage.GetPrimAtPath(path))
+        place = stage.GetPrimAtPath(path).GetAttribute(TRANSLATE).Get()
+        xform.ClearXformOpOrder()
+        xform.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(place)
+        xform.AddXformOp(getattr(UsdGeom.XformOp, f"TypeRotate{order}")).Set(Gf.Vec3f(*degrees))
+
+    return change
+
+
+def as_matrix(path: str) -> Change:
+    """Write the pose of a prim as one matrix."""
+
+    def change(stage: Usd.Stage) -> None:
+        xform = UsdGeom.Xformable(stage.GetPrimAtPath(path))
+        matrix = xform.GetLocalTransformation()
+        xform.MakeMatrixXform().Set(matrix)
+
+    return change
+
+
+def negated(path: str) -> Change:
+    def change(stage: Usd.Stage) -> None:
+        attribute = stage.GetPrimAtPath(path).GetAttribute(ORIENT)
+        attribute.Set(-attribute.Get())
+
+    return change
+
+
+def void(_: object) -> None:
+    """Drop what the USD API returns."""
+
+
+def turn(degrees: float, axis: tuple[float, float, float] = (0, 0, 1)) -> Gf.Quatd:
+    return Gf.Rotation(Gf.Vec3d(*axis), degrees).GetQuat()
+
+
+def collider(wheel: str) -> str:
+    return f"{ROBOT}/{wheel}/collisions/tyre"
+
+
+def drive(part: str) -> str:
+    return f"drive:angular:physics:{part}"

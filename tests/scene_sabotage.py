@@ -1,0 +1,249 @@
+"""One way to break each scene item of the lab, through the USD API."""
+
+from __future__ import annotations
+
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
+from scene_changes import (
+    FLOOR,
+    JOINTS,
+    LINKS,
+    ORIENT,
+    ROBOT,
+    SCALE,
+    TRANSLATE,
+    WHEELS,
+    Change,
+    Sabotage,
+    aim,
+    clear,
+    collider,
+    deactivate,
+    define,
+    drive,
+    move_prim,
+    put,
+    remove,
+    retype,
+    several,
+    switch,
+    turn,
+    undefine,
+    void,
+    with_api,
+    without_api,
+)
+from sensor_sabotage import sensor_sabotage
+
+
+def _no_wheel_collision(wheel: str) -> Change:
+    return deactivate(f"{ROBOT}/{wheel}/collisions")
+
+
+def _prims() -> list[Sabotage]:
+    found = [Sabotage("no World", "00", remove("/World"), ("/World", None))]
+    found += [Sabotage("World off", "00", deactivate("/World"), ("/World", None))]
+    for path in (ROBOT, *(f"{ROBOT}/{link}" for link in LINKS)):
+        name = path.rpartition("/")[2]
+        found += [
+            Sabotage(f"no {name}", "00", remove(path), (path, None)),
+            Sabotage(f"{name} off", "00", deactivate(path), (path, None)),
+            Sabotage(f"{name} only over", "00", undefine(path), (path, None)),
+        ]
+    return found
+
+
+def _units() -> list[Sabotage]:
+    return [
+        Sabotage(
+            "Y up",
+            "01",
+            lambda stage: void(UsdGeom.SetStageUpAxis(stage, "Y")),
+            ("/", "upAxis"),
+        ),
+        Sabotage(
+            "centimetres",
+            "01",
+            lambda stage: void(UsdGeom.SetStageMetersPerUnit(stage, 0.01)),
+            ("/", "metersPerUnit"),
+        ),
+        Sabotage(
+            "grams",
+            "01",
+            lambda stage: void(UsdPhysics.SetStageKilogramsPerUnit(stage, 0.001)),
+            ("/", "kilogramsPerUnit"),
+        ),
+    ]
+
+
+def _poses() -> list[Sabotage]:
+    at_root = (ROBOT, TRANSLATE)
+    return [
+        Sabotage("robot moved", "05", put(ROBOT, TRANSLATE, Gf.Vec3d(0, 0, 0)), at_root),
+        Sabotage("robot lifted", "00", put(ROBOT, TRANSLATE, Gf.Vec3d(1.8, 0, 0.2)), at_root),
+        Sabotage("robot turned", "05", put(ROBOT, ORIENT, turn(90)), (ROBOT, ORIENT)),
+        Sabotage("robot scaled", "05", put(ROBOT, SCALE, Gf.Vec3d(2, 2, 2)), (ROBOT, SCALE)),
+        Sabotage(
+            "lidar link moved",
+            "00",
+            put(f"{ROBOT}/base_scan", TRANSLATE, Gf.Vec3d(0, 0, 0.182)),
+            (f"{ROBOT}/base_scan", TRANSLATE),
+        ),
+    ]
+
+
+def _bodies() -> list[Sabotage]:
+    found = []
+    for link in LINKS:
+        path = f"{ROBOT}/{link}"
+        body = (path, "physics:rigidBodyEnabled")
+        found.append(
+            Sabotage(f"{link} no body", "02", without_api(path, "PhysicsRigidBodyAPI"), body)
+        )
+        off = switch(path, body[1])
+        found.append(Sabotage(f"{link} body off", "02", off, body))
+        if link != "base_footprint":
+            mass = (path, "physics:mass")
+            found += [
+                Sabotage(f"{link} heavy", "05", put(path, "physics:mass", 1.5), mass),
+                Sabotage(f"{link} without mass", "05", clear(path, "physics:mass"), mass),
+            ]
+    kinematic = switch(f"{ROBOT}/base_link", "physics:kinematicEnabled", on=True)
+    site = (f"{ROBOT}/base_link", "physics:kinematicEnabled")
+    return [*found, Sabotage("base kinematic", "02", kinematic, site)]
+
+
+def _articulation() -> list[Sabotage]:
+    api, base = "PhysicsArticulationRootAPI", f"{ROBOT}/base_footprint"
+    other = f"{ROBOT}/base_link"
+    moved = several(without_api(base, api), with_api(other, api))
+    off = switch(base, "physxArticulation:articulationEnabled")
+    return [
+        Sabotage("no articulation", "02", without_api(base, api), (base, None)),
+        Sabotage("articulation off", "02", off, (base, None)),
+        Sabotage("articulation elsewhere", "02", moved, (other, None)),
+        Sabotage("two articulations", "02", with_api(other, api), (other, None)),
+    ]
+
+
+def _wheels() -> list[Sabotage]:
+    found = []
+    for name, link in WHEELS.items():
+        path, flag = collider(link), "physics:collisionEnabled"
+        off = several(
+            deactivate(f"{ROBOT}/{link}/collisions"),
+            define(f"{ROBOT}/{link}/shape", "Cylinder"),
+            with_api(f"{ROBOT}/{link}/shape", "PhysicsCollisionAPI"),
+            switch(f"{ROBOT}/{link}/shape", flag),
+        )
+        found += [
+            Sabotage(
+                f"{link} no shape", "00", _no_wheel_collision(link), (f"{ROBOT}/{link}", flag)
+            ),
+            Sabotage(f"{link} shape off", "00", off, (f"{ROBOT}/{link}/shape", flag)),
+            Sabotage(
+                f"{link} tyre off",
+                "00",
+                switch(path, flag),
+                (path, flag),
+            ),
+            *_joint(name),
+        ]
+    return found
+
+
+def _joint(name: str) -> list[Sabotage]:
+    path, other = f"{JOINTS}/{name}", f"{ROBOT}/{WHEELS[_twin(name)]}"
+    enabled = switch(path, "physics:jointEnabled")
+    backward = put(path, "physics:localRot0", Gf.Quatf(0.70710678, 0.70710678, 0, 0))
+    api = "PhysicsDriveAPI:angular"
+    return [
+        Sabotage(f"no {name}", "02", remove(path), (path, None)),
+        Sabotage(f"{name} off", "02", deactivate(path), (path, None)),
+        Sabotage(f"{name} fixed", "02", retype(path, "PhysicsFixedJoint"), (path, None)),
+        Sabotage(f"{name} disabled", "02", enabled, (path, "physics:jointEnabled")),
+        Sabotage(f"{name} renamed", "00", move_prim(path, f"{path}_1"), (f"{path}_1", None)),
+        Sabotage(
+            f"{name} wrong wheel", "02", aim(path, "physics:body1", other), (path, "physics:body1")
+        ),
+        Sabotage(f"{name} in the world", "02", aim(path, "physics:body0"), (path, "physics:body0")),
+        Sabotage(f"{name} axis", "02", put(path, "physics:axis", "X"), (path, "physics:axis")),
+        Sabotage(f"{name} backward", "02", backward, (path, "physics:localRot0")),
+        Sabotage(
+            f"{name} stiff", "02", put(path, drive("stiffness"), 10.0), (path, drive("stiffness"))
+        ),
+        Sabotage(
+            f"{name} undamped", "02", put(path, drive("damping"), 0.0), (path, drive("damping"))
+        ),
+        Sabotage(
+            f"{name} damping unset", "02", clear(path, drive("damping")), (path, drive("damping"))
+        ),
+        Sabotage(f"{name} undriven", "02", without_api(path, api), (path, drive("damping"))),
+        Sabotage(
+            f"{name} wide",
+            "02",
+            put(path, "physics:localPos0", Gf.Vec3f(0, 0.1 if "left" in name else -0.1, 0.023)),
+            (path, "physics:localPos0"),
+        ),
+    ]
+
+
+def _twin(name: str) -> str:
+    return next(other for other in WHEELS if other != name)
+
+
+def _loose() -> list[Sabotage]:
+    return [
+        Sabotage(f"no {joint}", "02", remove(f"{JOINTS}/{joint}"), (f"{ROBOT}/{link}", None))
+        for joint, link in (
+            ("base_joint", "base_link"),
+            ("scan_joint", "base_scan"),
+            ("caster_back_joint", "caster_back_link"),
+        )
+    ]
+
+
+def _world() -> list[Sabotage]:
+    flag = "physics:collisionEnabled"
+    lights = several(remove("/Environment/Lights/Sun"), remove("/Environment/Lights/Sky"))
+    return [
+        Sabotage("no ground", "00", remove("/Environment/GroundPlane"), ("/Environment", None)),
+        Sabotage("ground off", "00", deactivate(FLOOR), (FLOOR, None)),
+        Sabotage("ground soft", "00", without_api(FLOOR, "PhysicsCollisionAPI"), (FLOOR, flag)),
+        Sabotage(
+            "ground switched off",
+            "05",
+            switch(FLOOR, flag),
+            (FLOOR, flag),
+        ),
+        Sabotage("ground low", "00", _lower_floor, (ROBOT, None)),
+        Sabotage("environment off", "00", deactivate("/Environment"), ("/Environment", None)),
+        Sabotage("no light", "04", lights, ("/Environment", None)),
+        Sabotage("lights off", "04", deactivate("/Environment/Lights"), ("/Environment", None)),
+        Sabotage("no physics", "01", remove("/physicsScene"), ("/physicsScene", None)),
+        Sabotage("physics off", "01", deactivate("/physicsScene"), ("/physicsScene", None)),
+        Sabotage("wheel sunk", "00", _sink_wheel, (f"{ROBOT}/wheel_left_link", None)),
+    ]
+
+
+def _lower_floor(stage: Usd.Stage) -> None:
+    plane = UsdGeom.Xformable(stage.GetPrimAtPath(FLOOR))
+    plane.AddTranslateOp().Set(Gf.Vec3d(0, 0, -0.1))
+
+
+def _sink_wheel(stage: Usd.Stage) -> None:
+    put(f"{ROBOT}/wheel_left_link", TRANSLATE, Gf.Vec3d(0, 0.08, 0.0))(stage)
+
+
+def scene_sabotage() -> list[Sabotage]:
+    """Return every fault that is tried, each at a checkpoint that asks for the item."""
+    parts = (
+        _prims,
+        _units,
+        _poses,
+        _bodies,
+        _articulation,
+        _wheels,
+        _loose,
+        _world,
+    )
+    return [*(each for part in parts for each in part()), *sensor_sabotage()]

@@ -1,0 +1,64 @@
+"""Built stages to break or rewrite, and what the rules of the scene say of them."""
+
+from __future__ import annotations
+
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+
+from pxr import Sdf, Usd
+
+from lab3_usd.check.checker import finding_of
+from lab3_usd.check.finding import Finding
+from lab3_usd.check.model import StageModel
+from lab3_usd.check.registry import Rule, rules_of
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.opening import quiet
+from lab3_usd.stage.reader import read_model
+
+FAMILIES = ("F", "S", "L", "C")
+
+
+@lru_cache
+def built_text(checkpoint: str) -> str:
+    """The text of a checkpoint as the builder makes it."""
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "stage.usda"
+        build_checkpoint(None, checkpoint, target)
+        return target.read_text()
+
+
+def built(checkpoint: str) -> Usd.Stage:
+    """A fresh copy of a checkpoint in memory."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    assert layer.ImportFromString(built_text(checkpoint))
+    return Usd.Stage.Open(layer)
+
+
+def model_of(stage: Usd.Stage) -> StageModel:
+    with quiet():
+        return read_model(stage, load_lab(), "stage.usda")
+
+
+def stage_rules() -> dict[str, Rule]:
+    """The rules about files, scene, lidar and camera that judge a stage, by id."""
+    found = rules_of("stage", *FAMILIES)
+    return {rule.id: rule for rule in found if rule.id[0] in FAMILIES}
+
+
+def findings_of(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
+    """What the rules about files, scene, lidar and camera say."""
+    lab = load_lab()
+    subject = StageSubject(lab, lab.checkpoints[checkpoint], model_of(stage), {})
+    return [
+        finding_of(rule, problem)
+        for rule in stage_rules().values()
+        for problem in rule.check(subject)
+    ]
+
+
+def told(stage: Usd.Stage, checkpoint: str) -> list[tuple[str, str, str | None]]:
+    """Rule, prim and property of everything that is said of the stage."""
+    return [(each.rule, each.prim, each.property) for each in findings_of(stage, checkpoint)]

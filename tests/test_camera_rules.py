@@ -1,0 +1,161 @@
+"""What is said of the robot's camera, beyond one fault for each thing that is asked of it."""
+
+from __future__ import annotations
+
+import pytest
+from pxr import Gf, UsdGeom
+from scene_changes import (
+    CAMERA,
+    ORIENT,
+    ROBOT,
+    SCALE,
+    TICK,
+    TRANSLATE,
+    Change,
+    as_matrix,
+    clear,
+    define,
+    move_prim,
+    negated,
+    put,
+    refer,
+    remove,
+    rotated,
+    several,
+    turn,
+    without_api,
+)
+from scene_stages import built, findings_of, told
+
+RIGHT = Gf.Quatd(0.5, 0.5, -0.5, -0.5)
+FLOATS = Gf.Quatd(0.49999997, 0.50000003, -0.5, -0.49999994)
+
+
+def in_single_precision(stage: object) -> None:
+    xform = UsdGeom.Xformable(stage.GetPrimAtPath(CAMERA))  # type: ignore[attr-defined] # pxr
+    xform.ClearXformOpOrder()
+    xform.GetPrim().RemoveProperty(ORIENT)
+    xform.GetPrim().RemoveProperty(TRANSLATE)
+    xform.AddTranslateOp(UsdGeom.XformOp.PrecisionFloat).Set(Gf.Vec3f(0.1, 0, 0.2))
+    xform.AddOrientOp(UsdGeom.XformOp.PrecisionFloat).Set(Gf.Quatf(RIGHT))
+
+
+EQUALS: dict[str, Change] = {
+    "the handout's angles": rotated(CAMERA, (90, 0, -90)),
+    "the same angles another way": rotated(CAMERA, (90, -90, 0), "ZYX"),
+    "matrix": as_matrix(CAMERA),
+    "other sign": negated(CAMERA),
+    "noise": put(CAMERA, ORIENT, FLOATS),
+    "single precision": in_single_precision,
+    "a little off": put(CAMERA, TRANSLATE, Gf.Vec3d(0.10000000149, 5e-5, 0.2)),
+    "no rate": clear(CAMERA, TICK),
+    "no sensor schema": several(clear(CAMERA, TICK), without_api(CAMERA, "OmniSensorAPI")),
+    "default aperture": lambda stage: (
+        UsdGeom.Camera(stage.GetPrimAtPath(CAMERA)).CreateHorizontalApertureAttr(20.955) and None
+    ),
+    "another camera on the robot": define(f"{ROBOT}/base_link/Extra", "Camera"),
+}
+
+
+@pytest.mark.parametrize("change", EQUALS.values(), ids=EQUALS)
+def test_what_means_the_same_is_no_fault(change: Change) -> None:
+    stage = built("05")
+    change(stage)
+    assert told(stage, "05") == []
+
+
+def message_of(quaternion: Gf.Quatd) -> str:
+    stage = built("05")
+    put(CAMERA, ORIENT, quaternion)(stage)
+    (found,) = findings_of(stage, "05")
+    assert found.rule == "C05"
+    return found.message
+
+
+def test_numbers_typed_into_the_orient_field_are_named_as_that() -> None:
+    message = message_of(Gf.Quatd(0.5, 0.5, 0.5, -0.5))
+    assert "Orient field" in message
+    assert "(90, 0, -90)" in message
+
+
+def test_the_handouts_fallback_typed_into_the_orient_field_is_named_as_that() -> None:
+    message = message_of(Gf.Quatd(0.5, 0.5, -0.5, 0.5))
+    assert "Orient field" in message
+    assert "(90, 0, 90)" in message
+
+
+def test_a_camera_that_looks_backward_is_named_as_that() -> None:
+    assert "backward" in message_of(Gf.Quatd(0.5, 0.5, 0.5, 0.5))
+
+
+def test_any_other_view_is_told_as_it_is() -> None:
+    stage = built("05")
+    rotated(CAMERA, (60, 0, -90))(stage)
+    (found,) = findings_of(stage, "05")
+    assert (found.rule, found.property) == ("C05", "xformOp:rotateXYZ")
+    assert found.actual == "along (0.866025, 0, -0.5), up (0.5, 0, 0.866025)"
+
+
+def test_a_mirrored_camera_is_scaled_wrong() -> None:
+    stage = built("05")
+    put(CAMERA, SCALE, Gf.Vec3d(1, 1, -1))(stage)
+    assert ("C04", CAMERA, SCALE) in told(stage, "05")
+
+
+def test_each_part_of_the_pose_is_a_fault_of_its_own() -> None:
+    stage = built("05")
+    put(CAMERA, TRANSLATE, Gf.Vec3d(0, 0, 0))(stage)
+    put(CAMERA, ORIENT, turn(10))(stage)
+    assert told(stage, "05") == [("C04", CAMERA, TRANSLATE), ("C05", CAMERA, ORIENT)]
+
+
+def test_a_camera_dragged_off_its_link_in_place_is_only_misplaced() -> None:
+    stage = built("05")
+    move_prim(CAMERA, "/World/Camera_1")(stage)
+    put("/World/Camera_1", TRANSLATE, Gf.Vec3d(1.9, 0, 0.2))(stage)
+    assert told(stage, "05") == [("C02", "/World/Camera_1", None)]
+
+
+def test_the_inside_of_a_misplaced_camera_is_judged() -> None:
+    stage = built("04")
+    move_prim(CAMERA, f"{ROBOT}/base_link/Camera_1")(stage)
+    put(f"{ROBOT}/base_link/Camera_1", "focalLength", 50.0)(stage)
+    assert told(stage, "04") == [
+        ("C02", f"{ROBOT}/base_link/Camera_1", None),
+        ("C06", f"{ROBOT}/base_link/Camera_1", "focalLength"),
+    ]
+
+
+def test_the_observation_camera_is_not_taken_for_the_robots() -> None:
+    stage = built("04")
+    remove(CAMERA)(stage)
+    assert told(stage, "04") == [("C01", CAMERA, None)]
+
+
+def test_a_camera_below_a_missing_link_is_not_told_again() -> None:
+    stage = built("04")
+    remove(f"{ROBOT}/base_footprint")(stage)
+    assert [each[0] for each in told(stage, "04")] == ["S01"]
+
+
+def test_a_changed_aperture_is_a_warning() -> None:
+    stage = built("04")
+    UsdGeom.Camera(stage.GetPrimAtPath(CAMERA)).CreateVerticalApertureAttr(24.0)
+    (found,) = findings_of(stage, "04")
+    assert (found.rule, found.severity) == ("C08", "warning")
+    assert (found.prim, found.property) == (CAMERA, "verticalAperture")
+
+
+@pytest.mark.parametrize("checkpoint", ["01", "03"])
+def test_an_early_camera_is_a_warning(checkpoint: str) -> None:
+    stage = built(checkpoint)
+    define(CAMERA, "Camera")(stage)
+    found = findings_of(stage, checkpoint)
+    assert [(each.rule, each.severity, each.prim) for each in found] == [("C09", "warning", CAMERA)]
+
+
+def test_a_lens_behind_a_missing_asset_is_not_verifiable() -> None:
+    stage = built("04")
+    clear(CAMERA, "focalLength")(stage)
+    refer(CAMERA, "camera.usd")(stage)
+    assert told(stage, "04") == [("F02", CAMERA, None)]

@@ -1,0 +1,163 @@
+"""What is said of assets that cannot be found, and what they excuse."""
+
+from __future__ import annotations
+
+import pytest
+from pxr import Sdf, Usd, UsdGeom
+from scene_changes import (
+    CAMERA,
+    FLOOR,
+    LIDAR,
+    LINKS,
+    ROBOT,
+    TICK,
+    deactivate,
+    put,
+    refer,
+    remove,
+    without_api,
+)
+from scene_stages import built, findings_of, model_of, told
+
+
+def behind_a_missing_robot(checkpoint: str) -> Usd.Stage:
+    """A stage as its author saves it over a robot file that did not come along."""
+    stage = built(checkpoint)
+    for prim in list(stage.GetPrimAtPath(ROBOT).GetChildren()):
+        if prim.GetName() not in LINKS and prim.GetTypeName() != "OmniGraph":
+            stage.RemovePrim(prim.GetPath())
+    layer = stage.GetRootLayer()
+    for link in LINKS:
+        spec = layer.GetPrimAtPath(f"{ROBOT}/{link}")
+        for child in [each.name for each in spec.nameChildren]:
+            if f"{spec.path}/{child}" not in {LIDAR, CAMERA}:
+                del spec.nameChildren[child]
+        for name in [each.name for each in spec.properties]:
+            spec.RemoveProperty(spec.properties[name])
+        spec.ClearInfo("apiSchemas")
+        spec.specifier = Sdf.SpecifierOver
+        spec.typeName = ""
+    stage.GetPrimAtPath(ROBOT).GetPayloads().AddPayload("./turtlebot3_burger.usd")
+    return stage
+
+
+@pytest.mark.parametrize("checkpoint", ["00", "02", "05"])
+def test_a_missing_robot_is_one_note(checkpoint: str) -> None:
+    found = findings_of(behind_a_missing_robot(checkpoint), checkpoint)
+    assert [(each.rule, each.severity, each.prim) for each in found] == [("F02", "note", ROBOT)]
+
+
+def test_graphs_below_a_missing_robot_are_in_the_scene() -> None:
+    model = model_of(behind_a_missing_robot("05"))
+    assert [graph.path for graph in model.graphs if not graph.active] == []
+
+
+def test_a_link_deactivated_on_purpose_is_a_fault_over_a_missing_robot() -> None:
+    stage = behind_a_missing_robot("02")
+    deactivate(f"{ROBOT}/base_link")(stage)
+    assert ("S01", f"{ROBOT}/base_link", None) in told(stage, "02")
+
+
+def test_what_the_file_says_itself_is_judged_over_a_missing_robot() -> None:
+    stage = behind_a_missing_robot("05")
+    put(CAMERA, TICK, 30.0)(stage)
+    stage.GetPrimAtPath(f"{ROBOT}/base_link").CreateAttribute(
+        "physics:mass", Sdf.ValueTypeNames.Float
+    ).Set(3.0)
+    without_api(LIDAR, "OmniSensorGenericLidarCoreAPI")(stage)
+    assert told(stage, "05") == [
+        ("C07", CAMERA, TICK),
+        ("F02", ROBOT, None),
+        ("S04", f"{ROBOT}/base_link", "physics:mass"),
+    ]
+
+
+def test_a_missing_environment_is_one_note() -> None:
+    stage = built("05")
+    for child in list(stage.GetPrimAtPath("/Environment").GetChildren()):
+        stage.RemovePrim(child.GetPath())
+    refer("/Environment", "room.usd")(stage)
+    assert told(stage, "05") == [("F02", "/Environment", None)]
+
+
+def test_a_missing_environment_excuses_no_part_of_the_robot() -> None:
+    stage = built("05")
+    refer("/Environment", "room.usd")(stage)
+    remove(f"{ROBOT}/base_scan")(stage)
+    assert ("S01", f"{ROBOT}/base_scan", None) in told(stage, "05")
+
+
+def test_a_missing_robot_asset_excuses_no_ground() -> None:
+    stage = built("05")
+    refer(f"{ROBOT}/base_link/visuals", "shell.usd")(stage)
+    remove(FLOOR)(stage)
+    assert ("S13", "/Environment", None) in told(stage, "05")
+
+
+def test_wheel_shapes_behind_a_missing_asset_are_not_verifiable() -> None:
+    stage = built("01")
+    wheel = f"{ROBOT}/wheel_left_link/collisions"
+    stage.GetPrimAtPath(wheel).GetReferences().ClearReferences()
+    refer(wheel, "tyre.usd")(stage)
+    assert told(stage, "01") == [("F02", wheel, None)]
+
+
+def test_an_asset_that_is_missing_twice_is_noted_once() -> None:
+    stage = built("01")
+    define = UsdGeom.Xform.Define
+    for name in ("A", "B"):
+        refer(str(define(stage, f"/World/{name}").GetPath()), "chair.usd")(stage)
+    (found,) = findings_of(stage, "01")
+    assert (found.prim, found.related, found.actual) == ("/World/A", ("/World/B",), "chair.usd")
+
+
+def test_an_address_is_told_as_it_was_written() -> None:
+    stage = built("01")
+    refer("/Environment/Walls", "https://assets.example/walls.usd")(stage)
+    (found,) = findings_of(stage, "01")
+    assert found.actual == "https://assets.example/walls.usd"
+
+
+def test_a_reference_to_a_prim_that_was_deleted_hides_nothing() -> None:
+    stage = built("01")
+    remove(f"{ROBOT}/colliders/wheel")(stage)
+    assert [each[0] for each in told(stage, "01")] == ["S06", "S06"]
+
+
+def test_a_missing_sublayer_is_one_error() -> None:
+    stage = built("05")
+    stage.GetRootLayer().subLayerPaths.append("edits.usda")
+    found = findings_of(stage, "05")
+    assert [(each.rule, each.severity, each.actual) for each in found] == [
+        ("F03", "error", "edits.usda")
+    ]
+
+
+def test_what_a_missing_sublayer_may_hold_is_not_reported_one_by_one() -> None:
+    stage = built("05")
+    for path in (f"{ROBOT}/base_scan", "/physicsScene", f"{ROBOT}/joints", FLOOR):
+        remove(path)(stage)
+    stage.GetRootLayer().subLayerPaths.append("starter.usda")
+    assert told(stage, "05") == [("F03", "/", None)]
+
+
+def test_graphs_over_a_missing_sublayer_are_in_the_scene() -> None:
+    stage = built("05")
+    stage.GetRootLayer().GetPrimAtPath("/World").specifier = Sdf.SpecifierOver
+    stage.GetRootLayer().subLayerPaths.append("starter.usda")
+    assert [graph.path for graph in model_of(stage).graphs if not graph.active] == []
+
+
+def test_a_prim_below_an_over_is_absent_where_nothing_is_missing() -> None:
+    stage = built("01")
+    stage.GetRootLayer().GetPrimAtPath("/World").specifier = Sdf.SpecifierOver
+    assert [graph.path for graph in model_of(stage).graphs if not graph.active] == [
+        "/World/ROS_Clock"
+    ]
+
+
+def test_a_class_is_not_in_the_scene() -> None:
+    stage = built("05")
+    stage.CreateClassPrim("/Prototypes")
+    stage.DefinePrim("/Prototypes/Lidar", "OmniLidar")
+    assert told(stage, "05") == []

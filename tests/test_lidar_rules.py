@@ -1,0 +1,172 @@
+"""What is said of the lidar, beyond one fault for each thing that is asked of it."""
+
+from __future__ import annotations
+
+import pytest
+from pxr import Gf, Sdf
+from scene_changes import (
+    LIDAR,
+    ORIENT,
+    ROBOT,
+    TICK,
+    TRANSLATE,
+    TURNS,
+    Change,
+    as_matrix,
+    clear,
+    deactivate,
+    define,
+    move_prim,
+    negated,
+    put,
+    refer,
+    remove,
+    rotated,
+    turn,
+    without_api,
+)
+from scene_stages import built, findings_of, told
+
+API = "OmniSensorGenericLidarCoreAPI"
+ELSEWHERE = "/World/Example_Rotary_2D"
+OWN_API = "OmniSensorGenericLidarCoreEmitterStateAPI:s001"
+
+EQUALS: dict[str, Change] = {
+    "angles": rotated(LIDAR, (0, 0, 1e-5)),
+    "matrix": as_matrix(LIDAR),
+    "other sign": negated(LIDAR),
+    "noise": put(LIDAR, TRANSLATE, Gf.Vec3d(3e-9, -1e-8, 5e-5)),
+    "a little turn": put(LIDAR, ORIENT, turn(0.05)),
+    "no pose": lambda stage: stage.GetPrimAtPath(LIDAR).RemoveProperty("xformOpOrder") and None,
+    "other attributes": put(LIDAR, "omni:sensor:Core:farRangeM", 30.0),
+    "deactivated leftover": lambda stage: (
+        define("/World/Lidar_01", "OmniLidar")(stage),
+        deactivate("/World/Lidar_01")(stage),
+        None,
+    )[-1],
+}
+
+
+@pytest.mark.parametrize("change", EQUALS.values(), ids=EQUALS)
+def test_what_means_the_same_is_no_fault(change: Change) -> None:
+    stage = built("05")
+    change(stage)
+    assert told(stage, "05") == []
+
+
+def test_a_lidar_with_its_world_place_below_another_parent_is_only_misplaced() -> None:
+    stage = built("03")
+    move_prim(LIDAR, "/World/Lidar2D")(stage)
+    put("/World/Lidar2D", TRANSLATE, Gf.Vec3d(1.768, 0, 0.182))(stage)
+    assert told(stage, "03") == [("L02", "/World/Lidar2D", None)]
+
+
+def test_the_inside_of_a_misplaced_lidar_is_judged() -> None:
+    stage = built("03")
+    move_prim(LIDAR, ELSEWHERE)(stage)
+    put(ELSEWHERE, TICK, 30.0)(stage)
+    put(ELSEWHERE, TRANSLATE, Gf.Vec3d(0, 0, 7))(stage)
+    assert told(stage, "03") == [
+        ("L02", ELSEWHERE, None),
+        ("L04", ELSEWHERE, TRANSLATE),
+        ("L05", ELSEWHERE, TICK),
+    ]
+
+
+def test_what_is_said_of_a_misplaced_lidar_relates_to_its_path() -> None:
+    stage = built("03")
+    move_prim(LIDAR, ELSEWHERE)(stage)
+    put(ELSEWHERE, TICK, 30.0)(stage)
+    assert [each.related for each in findings_of(stage, "03")] == [(LIDAR,)] * 2
+
+
+def test_a_lidar_with_the_right_name_is_the_misplaced_one_of_two() -> None:
+    stage = built("03")
+    move_prim(LIDAR, "/World/Lidar2D")(stage)
+    define("/World/Another", "OmniLidar")(stage)
+    assert told(stage, "03") == [("L02", "/World/Lidar2D", None), ("L07", "/World/Another", None)]
+
+
+def test_an_active_lidar_beside_a_deactivated_one_is_misplaced() -> None:
+    stage = built("03")
+    deactivate(LIDAR)(stage)
+    define(ELSEWHERE, "OmniLidar")(stage)
+    rules = [each[0] for each in told(stage, "03")]
+    assert rules == ["L02", "L05", "L05", "L06"]
+
+
+def test_a_lidar_inside_an_xform_at_its_path_is_misplaced() -> None:
+    stage = built("03")
+    inner = f"{ROBOT}/base_scan/Example/Lidar2D"
+    define(f"{ROBOT}/base_scan/Example", "Xform")(stage)
+    move_prim(LIDAR, inner)(stage)
+    move_prim(f"{ROBOT}/base_scan/Example", LIDAR)(stage)
+    assert told(stage, "03") == [("L02", f"{LIDAR}/Lidar2D", None)]
+
+
+def test_a_lidar_below_a_missing_link_is_not_told_again() -> None:
+    stage = built("03")
+    remove(f"{ROBOT}/base_scan")(stage)
+    assert told(stage, "03") == [("S01", f"{ROBOT}/base_scan", None)]
+
+
+def test_a_second_lidar_below_the_first_is_told() -> None:
+    stage = built("03")
+    define(f"{LIDAR}/Lidar", "OmniLidar")(stage)
+    assert told(stage, "03") == [("L07", f"{LIDAR}/Lidar", None)]
+
+
+def test_a_named_leftover_is_told_once_with_the_lidar_in_it() -> None:
+    stage = built("05")
+    define(ELSEWHERE, "Xform")(stage)
+    define(f"{ELSEWHERE}/sensor", "OmniLidar")(stage)
+    assert told(stage, "05") == [("L07", ELSEWHERE, None)]
+
+
+@pytest.mark.parametrize("checkpoint", ["01", "02"])
+def test_an_early_lidar_is_a_warning(checkpoint: str) -> None:
+    stage = built(checkpoint)
+    define(LIDAR, "OmniLidar")(stage)
+    found = findings_of(stage, checkpoint)
+    assert [(each.rule, each.severity, each.prim) for each in found] == [("L08", "warning", LIDAR)]
+
+
+def vendors(stage: object) -> None:
+    """Leave of the lidar what a stage says of it whose asset is on a server."""
+    for change in (
+        without_api(LIDAR, API),
+        without_api(LIDAR, OWN_API),
+        refer(LIDAR, "https://assets.example/Example_Rotary_2D.usda"),
+    ):
+        change(stage)
+
+
+def test_rates_and_schema_behind_a_missing_asset_are_not_verifiable() -> None:
+    stage = built("03")
+    vendors(stage)
+    clear(LIDAR, TICK)(stage)
+    clear(LIDAR, TURNS)(stage)
+    (found,) = findings_of(stage, "03")
+    assert (found.rule, found.severity, found.prim) == ("F02", "note", LIDAR)
+
+
+def test_a_wrong_rate_over_a_missing_asset_is_a_fault() -> None:
+    stage = built("03")
+    vendors(stage)
+    put(LIDAR, TICK, 30.0)(stage)
+    assert ("L05", LIDAR, TICK) in told(stage, "03")
+
+
+def test_the_rate_may_be_a_whole_number() -> None:
+    stage = built("03")
+    clear(LIDAR, TICK)(stage)
+    stage.GetPrimAtPath(LIDAR).CreateAttribute(TICK, Sdf.ValueTypeNames.Int).Set(10)
+    assert told(stage, "03") == []
+
+
+@pytest.mark.parametrize(("kind", "value"), [("String", "10"), ("Bool", True)])
+def test_a_rate_that_is_no_number_is_a_fault(kind: str, value: object) -> None:
+    stage = built("03")
+    clear(LIDAR, TICK)(stage)
+    stage.GetPrimAtPath(LIDAR).CreateAttribute(TICK, getattr(Sdf.ValueTypeNames, kind)).Set(value)
+    assert told(stage, "03") == [("L05", LIDAR, TICK)]

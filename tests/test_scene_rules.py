@@ -1,0 +1,388 @@
+"""What is said of the scene: each fault once, at its place, and nothing of one that is right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom
+from scene_changes import (
+    CAMERA,
+    FLOOR,
+    JOINTS,
+    LIDAR,
+    LINKS,
+    ORIENT,
+    ROBOT,
+    TRANSLATE,
+    WHEELS,
+    Change,
+    Sabotage,
+    aim,
+    as_matrix,
+    clear,
+    deactivate,
+    define,
+    drive,
+    move_prim,
+    negated,
+    put,
+    remove,
+    rotated,
+    several,
+    switch,
+    turn,
+    with_api,
+    without_api,
+)
+from scene_sabotage import scene_sabotage
+from scene_stages import built, findings_of, stage_rules, told
+
+from lab3_usd.check.finding import Finding
+from lab3_usd.check.registry import Rule
+from lab3_usd.check.scene_item import is_met
+from lab3_usd.check.scene_items import scene_items
+from lab3_usd.spec.loader import load_lab
+
+FAULTS = scene_sabotage()
+CHECKPOINTS = tuple(load_lab().checkpoints)
+# Faults that no item of the handout asks for by itself.
+ELSEWHERE = {"F02", "F03", "S16", "C08"}
+
+
+def errors(found: list[Finding]) -> list[Finding]:
+    return [each for each in found if each.severity == "error"]
+
+
+def broken(fault: Sabotage) -> list[Finding]:
+    stage = built(fault.checkpoint)
+    fault.apply(stage)
+    return findings_of(stage, fault.checkpoint)
+
+
+@pytest.fixture(scope="module")
+def said() -> dict[str, list[Finding]]:
+    return {fault.name: broken(fault) for fault in FAULTS}
+
+
+@pytest.mark.parametrize("checkpoint", CHECKPOINTS)
+def test_nothing_is_said_of_a_built_checkpoint(checkpoint: str) -> None:
+    assert told(built(checkpoint), checkpoint) == []
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_each_fault_is_one_error_at_its_place(
+    fault: Sabotage, said: dict[str, list[Finding]]
+) -> None:
+    found = errors(said[fault.name])
+    assert [(each.prim, each.property) for each in found] == [fault.site]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_each_fault_costs_an_item(fault: Sabotage, said: dict[str, list[Finding]]) -> None:
+    lab = load_lab()
+    items = scene_items(lab, lab.checkpoints[fault.checkpoint])
+    assert not all(is_met(item, said[fault.name]) for item in items)
+
+
+@pytest.mark.parametrize("checkpoint", CHECKPOINTS)
+def test_each_item_is_lost_by_some_fault(checkpoint: str, said: dict[str, list[Finding]]) -> None:
+    lab = load_lab()
+    items = scene_items(lab, lab.checkpoints[checkpoint])
+    kept = [item.id for item in items if all(is_met(item, found) for found in said.values())]
+    assert kept == []
+
+
+def test_items_have_ids_of_their_own() -> None:
+    lab = load_lab()
+    ids = [item.id for item in scene_items(lab, lab.checkpoints["05"])]
+    assert len(ids) == len(set(ids))
+
+
+def test_a_wrong_mass_costs_that_mass_only(said: dict[str, list[Finding]]) -> None:
+    lab = load_lab()
+    items = scene_items(lab, lab.checkpoints["05"])
+    lost = [item.id for item in items if not is_met(item, said["base_link heavy"])]
+    assert lost == ["Scene/mass/base_link"]
+
+
+def test_a_missing_link_costs_all_that_is_asked_of_it(said: dict[str, list[Finding]]) -> None:
+    lab = load_lab()
+    items = scene_items(lab, lab.checkpoints["05"])
+    lost = {item.id for item in items if not is_met(item, said["no base_scan"])}
+    assert {"Scene/prim/base_scan", "Scene/mass/base_scan", "Lidar2D/tickRate"} <= lost
+    assert "Scene/mass/base_link" not in lost
+
+
+def test_every_rule_speaks_of_some_fault(said: dict[str, list[Finding]]) -> None:
+    spoken = {each.rule for found in said.values() for each in found}
+    assert set(stage_rules()) - spoken - ELSEWHERE == set()
+
+
+@pytest.mark.parametrize("rule", stage_rules().values(), ids=lambda rule: rule.id)
+def test_every_rule_has_a_manual(rule: Rule) -> None:
+    assert [bool(rule.section(title)) for title in ("Why", "Fix", "Example")] == [True] * 3
+
+
+def wheel_shape_on_link(stage: Usd.Stage) -> None:
+    """Collide with a shape right below each wheel instead of the referenced one."""
+    for link in WHEELS.values():
+        stage.RemovePrim(f"{ROBOT}/{link}/collisions")
+        shape = UsdGeom.Cylinder.Define(stage, f"{ROBOT}/{link}/tyre")
+        shape.CreateRadiusAttr(0.033)
+        shape.CreateHeightAttr(0.018)
+        shape.GetPrim().AddAppliedSchema("PhysicsCollisionAPI")
+
+
+def instanced(stage: Usd.Stage) -> None:
+    for link in LINKS:
+        for part in ("visuals", "collisions"):
+            prim = stage.GetPrimAtPath(f"{ROBOT}/{link}/{part}")
+            if prim:
+                prim.SetInstanceable(True)  # noqa: FBT003 - no keyword
+
+
+def slab(stage: Usd.Stage) -> None:
+    """Stand on a flat box instead of the plane."""
+    stage.RemovePrim(FLOOR)
+    cube = UsdGeom.Cube.Define(stage, "/World/Slab")
+    cube.CreateSizeAttr(1)
+    cube.AddTranslateOp().Set(Gf.Vec3d(0, 0, -0.05))
+    cube.AddScaleOp().Set(Gf.Vec3f(20, 20, 0.1))
+    cube.GetPrim().AddAppliedSchema("PhysicsCollisionAPI")
+
+
+def mesh_room(stage: Usd.Stage) -> None:
+    """Stand on the floor of a room that is one mesh, walls and all."""
+    stage.RemovePrim(FLOOR)
+    mesh = UsdGeom.Mesh.Define(stage, "/World/Room")
+    mesh.CreatePointsAttr([(-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0), (-5, -5, 2)])
+    mesh.CreateFaceVertexCountsAttr([4, 3])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3, 0, 1, 4])
+    mesh.GetPrim().AddAppliedSchema("PhysicsCollisionAPI")
+
+
+def plane_below_collider(stage: Usd.Stage) -> None:
+    """Let the parent of the plane carry the collision."""
+    stage.GetPrimAtPath(FLOOR).RemoveAppliedSchema("PhysicsCollisionAPI")
+    stage.GetPrimAtPath(FLOOR).GetParent().AddAppliedSchema("PhysicsCollisionAPI")
+
+
+def other_light(stage: Usd.Stage) -> None:
+    stage.RemovePrim("/Environment/Lights")
+    stage.DefinePrim("/World/Lamp", "DomeLight_1")
+
+
+def shining_mesh(stage: Usd.Stage) -> None:
+    stage.RemovePrim("/Environment/Lights")
+    stage.GetPrimAtPath("/Environment/GroundPlane/Floor").AddAppliedSchema("MeshLightAPI")
+
+
+def reversed_joints(stage: Usd.Stage) -> None:
+    """Let the wheel be the first body, and turn the frame so that plus is forward again."""
+    for name, link in WHEELS.items():
+        joint = stage.GetPrimAtPath(f"{JOINTS}/{name}")
+        place = joint.GetAttribute("physics:localPos0").Get()
+        joint.GetRelationship("physics:body0").SetTargets([f"{ROBOT}/{link}"])
+        joint.GetRelationship("physics:body1").SetTargets([f"{ROBOT}/base_link"])
+        joint.GetAttribute("physics:localPos0").Set(Gf.Vec3f(0))
+        joint.GetAttribute("physics:localPos1").Set(place)
+        half = 0.70710678
+        joint.GetAttribute("physics:localRot1").Set(Gf.Quatf(half, half, 0, 0))
+        joint.GetAttribute("physics:localRot0").Set(Gf.Quatf(0, 1, 0, 0))
+
+
+NOISE = Gf.Vec3d(1.8000000238418579, 1e-9, -2e-8)
+EQUALS: dict[str, Change] = {
+    "robot as angles": rotated(ROBOT, (0, 1e-6, 0)),
+    "robot as matrix": as_matrix(ROBOT),
+    "robot a bit off": put(ROBOT, TRANSLATE, Gf.Vec3d(1.795, 0.004, 0.004)),
+    "robot with noise": put(ROBOT, TRANSLATE, NOISE),
+    "robot a bit turned": put(ROBOT, ORIENT, turn(0.3)),
+    "other rotation sign": negated(ROBOT),
+    "robot root articulated": several(
+        without_api(f"{ROBOT}/base_footprint", "PhysicsArticulationRootAPI"),
+        with_api(ROBOT, "PhysicsArticulationRootAPI"),
+    ),
+    "wheel shape on the link": wheel_shape_on_link,
+    "instances": instanced,
+    "slab": slab,
+    "room of one mesh": mesh_room,
+    "plane below a collider": plane_below_collider,
+    "other light": other_light,
+    "mesh light": shining_mesh,
+    "physics scene elsewhere": move_prim("/physicsScene", "/World/Physics"),
+    "environment elsewhere": move_prim("/Environment", "/World/Surroundings"),
+    "camera of the world elsewhere": move_prim("/World/ObservationCamera", "/Environment/Cam"),
+    "joints below their links": several(
+        *(move_prim(f"{JOINTS}/{name}", f"{ROBOT}/{link}/{name}") for name, link in WHEELS.items())
+    ),
+    "wheel as first body": reversed_joints,
+    "stiffness unset": clear(f"{JOINTS}/wheel_left_joint", drive("stiffness")),
+    "mass nearly": put(f"{ROBOT}/base_link", "physics:mass", 0.826),
+    "collision switched on": switch(FLOOR, "physics:collisionEnabled", on=True),
+    "wheel turned by a run": put(f"{ROBOT}/wheel_left_link", ORIENT, turn(77, (0, 1, 0))),
+    "lidar link moved by a run": put(
+        f"{ROBOT}/base_scan", TRANSLATE, Gf.Vec3d(-0.032, 0.002, 0.1835)
+    ),
+}
+
+
+@pytest.mark.parametrize("change", EQUALS.values(), ids=EQUALS)
+def test_what_means_the_same_is_no_fault(change: Change) -> None:
+    stage = built("05")
+    change(stage)
+    assert told(stage, "05") == []
+
+
+def test_a_binary_stage_is_judged_alike(tmp_path: Path) -> None:
+    path = tmp_path / "stage.usd"
+    built("05").GetRootLayer().Export(str(path), args={"format": "usdc"})
+    assert told(Usd.Stage.Open(str(path)), "05") == []
+
+
+def test_a_robot_that_drove_is_a_warning_in_later_checkpoints() -> None:
+    stage = built("06")
+    put(ROBOT, TRANSLATE, Gf.Vec3d(0.4, 1.2, 0))(stage)
+    found = findings_of(stage, "06")
+    assert [(each.rule, each.severity) for each in found] == [("S03", "warning")]
+
+
+def test_a_robot_that_was_moved_is_not_said_to_float_as_well() -> None:
+    stage = built("00")
+    put(ROBOT, TRANSLATE, Gf.Vec3d(1.8, 0, 0.5))(stage)
+    assert told(stage, "00") == [("S03", ROBOT, TRANSLATE)]
+
+
+def test_a_robot_within_the_tolerance_may_float_as_much() -> None:
+    stage = built("00")
+    put(ROBOT, TRANSLATE, Gf.Vec3d(1.8, 0, 0.009))(stage)
+    assert told(stage, "00") == []
+
+
+def test_the_pose_is_named_by_the_operation_that_was_written() -> None:
+    stage = built("00")
+    rotated(ROBOT, (0, 0, 45), "ZYX")(stage)
+    assert told(stage, "00") == [("S03", ROBOT, "xformOp:rotateZYX")]
+
+
+def test_a_stage_in_centimetres_has_one_fault() -> None:
+    stage = built("05")
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    for path, place in ((ROBOT, (180, 0, 0)), (CAMERA, (10, 0, 20))):
+        put(path, TRANSLATE, Gf.Vec3d(*place))(stage)
+    assert told(stage, "05") == [("S02", "/", "metersPerUnit")]
+
+
+def test_links_of_a_missing_robot_are_not_listed() -> None:
+    stage = built("00")
+    remove(ROBOT)(stage)
+    assert told(stage, "00") == [("S01", ROBOT, None)]
+
+
+def test_both_wheels_backward_is_a_warning_for_each() -> None:
+    stage = built("02")
+    for name in WHEELS:
+        backward = Gf.Quatf(0.70710678, 0.70710678, 0, 0)
+        put(f"{JOINTS}/{name}", "physics:localRot0", backward)(stage)
+    found = findings_of(stage, "02")
+    assert [(each.rule, each.severity) for each in found] == [("S09", "warning")] * 2
+
+
+def test_both_axles_along_the_robot_are_errors() -> None:
+    stage = built("02")
+    for name in WHEELS:
+        put(f"{JOINTS}/{name}", "physics:axis", "X")(stage)
+    found = findings_of(stage, "02")
+    assert [(each.rule, each.severity) for each in found] == [("S09", "error")] * 2
+
+
+def test_a_joint_found_by_its_wheel_relates_to_its_place() -> None:
+    stage = built("02")
+    move_prim(f"{JOINTS}/wheel_left_joint", f"{JOINTS}/left")(stage)
+    (found,) = findings_of(stage, "02")
+    assert (found.prim, found.related) == (f"{JOINTS}/left", (f"{JOINTS}/wheel_left_joint",))
+
+
+def test_a_joint_of_a_missing_wheel_is_not_told_again() -> None:
+    stage = built("02")
+    remove(f"{ROBOT}/wheel_left_link")(stage)
+    assert told(stage, "02") == [("S01", f"{ROBOT}/wheel_left_link", None)]
+
+
+def test_a_joint_may_hold_a_part_of_its_wheel() -> None:
+    stage = built("02")
+    tyre = f"{ROBOT}/wheel_left_link/collisions/tyre"
+    aim(f"{JOINTS}/wheel_left_joint", "physics:body1", tyre)(stage)
+    assert told(stage, "02") == []
+
+
+def test_two_articulation_roots_on_base_and_root_are_one_too_many() -> None:
+    stage = built("02")
+    with_api(ROBOT, "PhysicsArticulationRootAPI")(stage)
+    assert told(stage, "02") == [("S11", ROBOT, None)]
+
+
+def test_a_missing_observation_camera_is_a_warning() -> None:
+    stage = built("00")
+    remove("/World/ObservationCamera")(stage)
+    (found,) = findings_of(stage, "00")
+    assert (found.rule, found.severity, found.prim) == ("S16", "warning", "/World")
+
+
+def test_a_ground_beside_the_robot_carries_nothing() -> None:
+    stage = built("00")
+    slab(stage)
+    put("/World/Slab", TRANSLATE, Gf.Vec3d(-15, 0, -0.05))(stage)
+    assert told(stage, "00") == [("S13", "/Environment", None)]
+
+
+def test_a_moving_ground_is_no_ground() -> None:
+    stage = built("00")
+    slab(stage)
+    with_api("/World/Slab", "PhysicsRigidBodyAPI")(stage)
+    assert [each[0] for each in told(stage, "00")] == ["S13"]
+
+
+def test_a_link_below_the_ground_is_named() -> None:
+    stage = built("01")
+    put(f"{ROBOT}/caster_back_link", TRANSLATE, Gf.Vec3d(-0.081, 0, -0.05))(stage)
+    assert told(stage, "01") == [("S19", f"{ROBOT}/caster_back_link", None)]
+
+
+def test_a_lidar_link_without_shape_must_be_above_the_ground() -> None:
+    stage = built("03")
+    deactivate(f"{ROBOT}/base_scan/collisions")(stage)
+    put(f"{ROBOT}/base_scan", TRANSLATE, Gf.Vec3d(-0.032, 0, -0.182))(stage)
+    assert told(stage, "03") == [("S19", f"{ROBOT}/base_scan", None)]
+
+
+def test_a_graph_at_its_later_path_is_left_to_the_rule_about_graphs() -> None:
+    stage = built("00")
+    define("/World/ROS_Clock", "OmniGraph")(stage)
+    assert told(stage, "00") == []
+
+
+def test_a_node_left_over_in_the_starter_is_told_with_its_graph() -> None:
+    stage = built("00")
+    define("/Graph/ROS_Odometry", "OmniGraph")(stage)
+    define("/Graph/ROS_Odometry/TFWorld2Odom", "OmniGraphNode")(stage)
+    put_type = Sdf.ValueTypeNames.Token
+    node = stage.GetPrimAtPath("/Graph/ROS_Odometry/TFWorld2Odom")
+    node.CreateAttribute("node:type", put_type).Set("any")
+    assert told(stage, "00") == [("S18", "/Graph/ROS_Odometry", None)]
+
+
+def test_a_deactivated_leftover_is_not_in_the_starter() -> None:
+    stage = built("00")
+    define("/World/ActionGraph", "OmniGraph")(stage)
+    deactivate("/World/ActionGraph")(stage)
+    assert told(stage, "00") == []
+
+
+@pytest.mark.parametrize("path", [LIDAR, CAMERA])
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_numbers_that_are_none_are_faults(path: str, value: float) -> None:
+    stage = built("05")
+    put(path, TRANSLATE, Gf.Vec3d(value, 0, 0))(stage)
+    assert (path, TRANSLATE) in [each[1:] for each in told(stage, "05")]
