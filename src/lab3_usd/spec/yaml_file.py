@@ -19,18 +19,17 @@ class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run tim
     """A safe loader that refuses keys that are not text, or given twice and so overwritten."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:  # noqa: ANN401, FBT001, FBT002 - PyYAML's signature
+        seen: set[str] = set()
         for key, _ in node.value:
+            problem = ""
             if key.tag != _TEXT:
-                message = f"the key '{key.value}' is not text; put it in quotes"
-                raise yaml.MarkedYAMLError(problem=message, problem_mark=key.start_mark)
+                problem = f"the key '{key.value}' is not text; put it in quotes"
+            elif key.value in seen:
+                problem = f"'{key.value}' is given twice"
+            if problem:
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+            seen.add(key.value)
         mapping: dict[Any, Any] = super().construct_mapping(node, deep=deep)
-        if len(mapping) != len(node.value):
-            seen = set()
-            for key, _ in node.value:
-                if key.value in seen:
-                    message = f"'{key.value}' is given twice"
-                    raise yaml.MarkedYAMLError(problem=message, problem_mark=key.start_mark)
-                seen.add(key.value)
         return mapping
 
 
