@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO, cast
 
 import pytest
 from handout_table import FILES, GRAPHS, LIDAR
@@ -250,6 +251,24 @@ def test_a_starter_nobody_may_read_is_one_line_and_status_2(
     if os.access(starter, os.R_OK):
         pytest.skip("this user may read every file")
     refused_in_one_line(build(starter), starter)
+    assert not out.exists()
+
+
+def test_a_starter_that_fails_to_be_read_is_one_line_and_status_2(
+    build: Run, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    starter = text_starter(tmp_path / "scene.usda")
+    really_open = Path.open
+
+    def refuse(self: Path, *arguments: str, **options: str) -> IO[bytes]:
+        if self == starter:
+            raise PermissionError(13, "Permission denied")
+        return cast("IO[bytes]", really_open(self, *arguments, **options))
+
+    monkeypatch.setattr(Path, "open", refuse)
+    outcome = build(starter)
+    refused_in_one_line(outcome, starter)
+    assert "Permission denied" in outcome.err[0]
     assert not out.exists()
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from handout_table import CAMERA, FILES, FOOTPRINT, GRAPHS, LIDAR, SENSORS
-from pxr import Sdf, Usd, UsdUtils
+from pxr import Sdf, Tf, Usd, UsdUtils
 from starters import (
     BASE_SCAN,
     COMMENT,
@@ -42,6 +42,7 @@ from lab3_usd.stage.builder import (
     plan_files,
 )
 from lab3_usd.stage.opening import quiet
+from lab3_usd.stage.writing import export_layer
 
 ALL = [f"{number:02}" for number in range(9)]
 ADDED = [each.path for each in (*GRAPHS, *SENSORS)]
@@ -520,6 +521,39 @@ def test_a_file_that_cannot_be_put_in_place_takes_the_others_with_it(
     with pytest.raises(StageError) as failed:
         build(None, tmp_path)
     assert "Lab3_05" in str(failed.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+class Stubborn:
+    """A layer that usd-core cannot write, and says so in one of its two ways."""
+
+    def __init__(self, *, raising: bool) -> None:
+        self.raising = raising
+
+    def Export(self, *_: object) -> bool:  # noqa: N802 - usd-core's name
+        if self.raising:
+            raise Tf.ErrorException
+        return False
+
+
+@pytest.mark.parametrize("raising", [False, True])
+def test_a_layer_that_cannot_be_written_leaves_no_file(raising: bool, tmp_path: Path) -> None:  # noqa: FBT001 - a parameter
+    with pytest.raises(StageError) as failed:
+        export_layer(Stubborn(raising=raising), tmp_path / "a.usda", "usda")
+    assert str(tmp_path / "a.usda") in str(failed.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_nobody_may_write_to_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(**_: object) -> tuple[int, str]:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tempfile.mkstemp", refuse)
+    with pytest.raises(StageError) as failed:
+        build(None, tmp_path)
+    assert "Permission denied" in str(failed.value)
     assert list(tmp_path.iterdir()) == []
 
 
