@@ -95,4 +95,5 @@ $(ENVIRONMENTS:%=%/run): %/run: %/python $(PINS) pyproject.toml
 
 $(ENVIRONMENTS:%=%/dev): %/dev: %/python $(PINS) pyproject.toml
 	$(@D)/bin/python $(PIP) --no-build-isolation $(CONSTRAINTS) -e '.[test]'
+	$(@D)/bin/python $(PIP) --no-deps -r requirements/schemas.txt
 	@touch $(@D)/run $@
