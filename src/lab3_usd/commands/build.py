@@ -57,6 +57,9 @@ def command(  # noqa: PLR0913, PLR0917 - one parameter per option
         plan_files,
     )
 
+    if lidar_asset == "":  # a reference to nothing would be one to the stage itself
+        message = "--lidar-asset needs an address"
+        raise click.UsageError(message)
     lab = load_lab()
     numbers = _numbers(list(lab.checkpoints), through, only)
     options = BuildOptions(form, lidar_asset, force)
