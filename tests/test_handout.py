@@ -22,7 +22,7 @@ from handout_table import (
     Sensor,
     Wire,
 )
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
 
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.stage.builder import BuildOptions, build_files, plan_files
@@ -323,6 +323,13 @@ def test_nothing_of_the_lab_is_in_the_starter(stages: list[Usd.Stage]) -> None:
         *("ROS_GenericPub", "TFWorld2Odom", "Camera_1", "Example_Rotary", "Example_Rotary_2D"),
     }
     assert not forbidden & {prim.GetName() for prim in stages[0].TraverseAll()}
+
+
+def test_usd_cores_own_validators_find_no_fault(stages: list[Usd.Stage]) -> None:
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    errors = UsdValidation.ValidationContext(validators).Validate(stages[8])
+    assert len(validators) > 10
+    assert [error.GetMessage() for error in errors] == []
 
 
 def test_the_files_from_06_on_hold_the_scene_of_05(folder: Path) -> None:
