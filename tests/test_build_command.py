@@ -45,8 +45,8 @@ def build(
 ) -> Run:
     """Run `lab3 build ... --out OUT` and return all that reached the terminal, C++ included."""
 
-    def run(*arguments: str | Path) -> Outcome:
-        command = ["lab3", "build", *map(str, arguments), "--out", str(tmp_path / "out")]
+    def run(*arguments: str | Path, into: str = "out") -> Outcome:
+        command = ["lab3", "build", *map(str, arguments), "--out", str(tmp_path / into)]
         monkeypatch.setattr("sys.argv", command)
         capfd.readouterr()
         status = 0
@@ -110,9 +110,8 @@ def test_a_lidar_asset_is_handed_on(build: Run, out: Path) -> None:
 
 
 def test_missing_folders_are_made(build: Run, tmp_path: Path) -> None:
-    deep = tmp_path / "a" / "b"
-    assert build("--only", "00", "--out", deep, "--out").status != 0
-    assert build("--only", "00", "--out", deep).status == 0
+    assert build("--only", "00", into="a/b/c").status == 0
+    assert names(tmp_path / "a" / "b" / "c") == [f"{FILES[0]}.usda"]
 
 
 @pytest.mark.parametrize(
@@ -125,6 +124,7 @@ def test_missing_folders_are_made(build: Run, tmp_path: Path) -> None:
         ("--only", "-1"),
         ("--only", ""),
         ("--format", "usd"),
+        ("--lidar-asset", ""),
         ("--unknown",),
         ("one.usda", "two.usda"),
     ],
