@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from lab3_usd.check.model import Node
 from lab3_usd.check.names import resolved_topic
-from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.catalog import INPUT, Value
 from lab3_usd.spec.compatible import compatible
 from lab3_usd.spec.spec import Setting, Target, Wire
 
@@ -28,22 +28,27 @@ def same_value(one: Value | None, other: Value | None) -> bool:
 def setting_value(nodes: Mapping[str, Node], node: Node, port: str) -> Value | None:
     """Return the effective value of an input, followed through a wire from a constant.
 
-    `nodes` holds the live nodes of the stage by path.
+    `nodes` holds the live nodes of the stage by path. None where what comes over a wire is known
+    at run time only.
     """
     for source in node.sources(port):
         path, _, source_port = source.rpartition(".")
-        constant = nodes.get(path)
-        if constant is not None and _gives_constant(constant, source_port, node, port):
-            return constant.value(source_port)
+        feeding = nodes.get(path)
+        if feeding is not None and _feeds(feeding, source_port, node, port):
+            # Only a constant is wired from an input, which holds its value.
+            return feeding.value(source_port) if source_port.startswith(INPUT) else None
     return node.value(port)
 
 
-def _gives_constant(constant: Node, source_port: str, node: Node, port: str) -> bool:
-    source = None if constant.type is None else constant.type.port(source_port)
+def _feeds(feeding: Node, source_port: str, node: Node, port: str) -> bool:
+    """Whether the application keeps this wire; one between types that do not fit it drops."""
+    if not feeding.has_port(source_port):
+        return False
+    source = None if feeding.type is None else feeding.type.port(source_port)
     target = None if node.type is None else node.type.port(port)
     if source is None or target is None:
-        return False
-    return source.output_only and compatible(source, target)
+        return True
+    return source.is_source and compatible(source, target)
 
 
 def setting_met(node: Node, setting: Setting, value: Value | None) -> bool:
@@ -51,6 +56,8 @@ def setting_met(node: Node, setting: Setting, value: Value | None) -> bool:
 
     Topics are compared as ROS 2 resolves them.
     """
+    if value is None:
+        return False
     if node.type is not None and setting.port in node.type.topics:
         return resolved_topic(str(value)) == resolved_topic(str(setting.value))
     return same_value(value, setting.value)

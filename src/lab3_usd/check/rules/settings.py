@@ -11,7 +11,7 @@ from lab3_usd.check.finding import Problem
 from lab3_usd.check.met import setting_met, setting_value
 from lab3_usd.check.model import Node
 from lab3_usd.check.registry import rule
-from lab3_usd.check.say import shown, titled
+from lab3_usd.check.say import short_source, shown, titled
 from lab3_usd.check.subject import GraphSubject
 from lab3_usd.spec.catalog import Port, Value
 from lab3_usd.spec.spec import NodeSpec, Setting
@@ -108,14 +108,23 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
     Example: `topicName` 'scan1' instead of '/scan': Nav2 waits for a scan that never comes.
     """
     swapped = _swapped(subject)
+    # Where a wire that belongs elsewhere ends, the rule of that wire speaks.
+    strays = {fault.elsewhere for fault in subject.wire_faults if fault.kind == "moved"}
     for found in settings_of(subject):
         node, port = found.node, found.setting.port
         if found.met or (node.path, port) in swapped or not _is_authored(node, port):
             continue
         if _has_wrong_type(node, port) or _frames_forbidden(subject, found):
             continue
-        message = f"{port} is {shown(found.value)}, expected {shown(found.setting.value)}"
+        if f"{node.path}.{port}" in strays:
+            continue
+        what = shown(found.value) if found.value is not None else _wired(found)
+        message = f"{port} is {what}, expected {shown(found.setting.value)}"
         yield setting_problem(found, message)
+
+
+def _wired(found: Found) -> str:
+    return f"wired from {short_source(found.node.sources(found.setting.port)[0])}"
 
 
 def _is_authored(node: Node, port: str) -> bool:

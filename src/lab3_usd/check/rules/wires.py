@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from lab3_usd.check.diagnosis import WireFault
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.settings import settings_of
 from lab3_usd.check.say import short_source, title_of
 from lab3_usd.check.subject import GraphSubject
 
@@ -123,7 +124,7 @@ def second_source(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("W05", "unasked-wire", scope="graph", severity="warning")
 def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
-    """An input that the handout leaves alone is wired.
+    """An input is wired that the handout does not wire.
 
     Why: the handout's graph works without this wire; what comes over it overrides a value or a
     default that was right.
@@ -132,9 +133,13 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: `differential_controller.inputs:maxLinearSpeed` wired from a constant.
     """
+    # A wire that makes a value wrong, or reaches what must keep its default, is told as that.
+    told = {(each.node.path, each.setting.port) for each in settings_of(subject) if not each.met}
+    kept = subject.lab.policy.keep_default
     for fault in _faults(subject, "unasked"):
-        actual = _source(fault)
-        yield _problem(fault, f"{fault.port} is wired from {actual}, the handout leaves it alone")
+        if (fault.node.path, fault.port) not in told and fault.port.partition(":")[2] not in kept:
+            message = f"{fault.port} is wired from {_source(fault)}, which the handout does not ask"
+            yield _problem(fault, message)
 
 
 @rule("W06", "swapped-wires", scope="graph")
