@@ -10,7 +10,7 @@ from lab3_usd.check.model import Node
 from lab3_usd.check.names import resolved_topic
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.settings import setting_problem, settings_of
-from lab3_usd.check.say import shown, titled
+from lab3_usd.check.say import listed, short_source, shown, titled
 from lab3_usd.check.subject import GraphSubject, Roles, StageSubject
 from lab3_usd.spec.catalog import Port, Value
 from lab3_usd.spec.spec import NodeSpec
@@ -29,11 +29,31 @@ def kept_default_changed(subject: GraphSubject) -> Iterator[Problem]:
     """
     for node, spec, port, value in _changed(subject):
         if port.short in subject.lab.policy.keep_default:
-            message = f"{port.name} is {shown(value)}, expected its default {shown(port.default)}"
-            hint = f"select {titled(spec)} and reset {port.short} in the Property panel"
-            section = dict(spec.keep).get(port.name, "G6" if "qos" in port.short else spec.handout)
-            expected, actual = shown(port.default), shown(value)
-            yield Problem(node.path, message, port.name, expected, actual, section, hint=hint)
+            yield _kept_problem(node, spec, port, shown(value))
+    for fault in subject.wire_faults:
+        spec = subject.spec.nodes[subject.roles.role_of[fault.node.path]]
+        wired = spec.type.port(fault.port)
+        if wired is not None and fault.kind == "unasked" and _is_kept_from_wires(subject, wired):
+            source = short_source(fault.actual)
+            yield _kept_problem(fault.node, spec, wired, f"wired from {source}")
+
+
+def _is_kept_from_wires(subject: GraphSubject, port: Port) -> bool:
+    """Whether no wire may end here; from G on, a rule about topics speaks of profiles."""
+    judged_as_topic = subject.checkpoint.topics and _is_profile(port)
+    return port.short in subject.lab.policy.keep_default and not judged_as_topic
+
+
+def _is_profile(port: Port) -> bool:
+    return "qos" in port.short
+
+
+def _kept_problem(node: Node, spec: NodeSpec, port: Port, actual: str) -> Problem:
+    expected = shown(port.default)
+    message = f"{port.name} is {actual}, expected its default {expected}"
+    hint = f"select {titled(spec)} and reset {port.short} in the Property panel"
+    section = dict(spec.keep).get(port.name, "G6" if _is_profile(port) else spec.handout)
+    return Problem(node.path, message, port.name, expected, actual, section, hint=hint)
 
 
 def _changed(subject: GraphSubject) -> Iterator[tuple[Node, NodeSpec, Port, Value | None]]:
@@ -72,6 +92,31 @@ def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
             section = dict(spec.keep).get(port.name, spec.handout)
             expected, actual = shown(port.default), shown(value)
             yield Problem(node.path, message, port.name, expected, actual, section)
+    for node, spec, name, prims in _aimed(subject):
+        message = f"{name} names {listed(prims)}, the handout leaves it empty"
+        yield Problem(node.path, message, name, listed(()), listed(prims), spec.handout)
+
+
+def _aimed(
+    subject: GraphSubject,
+) -> Iterator[tuple[Node, NodeSpec, str, tuple[str, ...]]]:
+    """Yield the relationships that the handout leaves empty and that name prims of the student.
+
+    A node that does by itself what a missing node should do for it is told as the missing node.
+    """
+    own = subject.lab.catalog.graph.ignored_below
+    for role, spec in subject.spec.nodes.items():
+        node = subject.roles.node_of[role]
+        fed = (subject.roles.node_of[each.source.role] for each in subject.spec.wires_into(role))
+        if node is None or None in fed:
+            continue
+        asked = {target.port for target in spec.targets}
+        for port in spec.type.ports.values():
+            if not port.is_target or port.name in asked:
+                continue
+            prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
+            if prims:
+                yield node, spec, port.name, prims
 
 
 @rule("P06", "namespace", scope="graph")
