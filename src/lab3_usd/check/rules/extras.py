@@ -37,19 +37,35 @@ def _is_script(subject: GraphSubject, node: Node) -> bool:
 
 
 def _repeats(subject: GraphSubject, node: Node) -> bool:
-    """Whether an extra node publishes or takes a topic that some role of the lab has already."""
-    if node.type is None or not node.type.role:
-        return False
-    topics = {resolved_topic(str(node.value(port))) for port in node.type.topics[:1]}
+    """Whether an extra node publishes or takes a topic of the lab that another node has as well."""
+    topics = _topics(node)
     if subject.checkpoint.frames:
         topics -= set(subject.lab.policy.tree_topics)  # the rules of frames judge what it sends
-    return any(topics & asked for asked in _asked_topics(subject, node.type.role))
+    others = (each for each in subject.live.values() if each is not node and _like(each, node))
+    topics &= {topic for each in others for topic in _topics(each)}
+    return any(topics & asked for asked in _asked_topics(subject, node))
 
 
-def _asked_topics(subject: GraphSubject, role: str) -> Iterator[set[str]]:
+def _topics(node: Node) -> set[str]:
+    """Return the topic that a node publishes or takes first of all."""
+    if node.type is None or not node.type.role:
+        return set()
+    return {resolved_topic(str(node.value(port))) for port in node.type.topics[:1]}
+
+
+def _like(one: Node, other: Node) -> bool:
+    """Whether both nodes send, or both take."""
+    if one.type is None or other.type is None or not one.type.role:
+        return False
+    return (one.type.role in _PUBLISHES) == (other.type.role in _PUBLISHES)
+
+
+def _asked_topics(subject: GraphSubject, like: Node) -> Iterator[set[str]]:
     for spec in subject.lab.graphs.values():
         for node in spec.nodes.values():
-            if (node.type.role in _PUBLISHES) == (role in _PUBLISHES) and node.type.role:
+            if like.type is None or not node.type.role:
+                continue
+            if (node.type.role in _PUBLISHES) == (like.type.role in _PUBLISHES):
                 yield {
                     resolved_topic(str(setting.value))
                     for setting in node.settings
