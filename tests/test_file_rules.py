@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from pxr import Sdf, Usd, UsdGeom
 from scene_changes import (
@@ -18,6 +20,8 @@ from scene_changes import (
     without_api,
 )
 from scene_stages import built, findings_of, model_of, told
+
+from lab3_usd.check.registry import rules_of
 
 
 def behind_a_missing_robot(checkpoint: str) -> Usd.Stage:
@@ -161,3 +165,20 @@ def test_a_class_is_not_in_the_scene() -> None:
     stage.CreateClassPrim("/Prototypes")
     stage.DefinePrim("/Prototypes/Lidar", "OmniLidar")
     assert told(stage, "05") == []
+
+
+def test_an_asset_is_told_as_the_file_names_it(tmp_path: Path) -> None:
+    path = tmp_path / "work" / "stage.usda"
+    path.parent.mkdir()
+    stage = built("01")
+    refer("/Environment/Walls", "../assets/walls.usd")(stage)
+    stage.GetRootLayer().subLayerPaths.append("./edits.usda")
+    stage.GetRootLayer().Export(str(path))
+    found = findings_of(Usd.Stage.Open(str(path)), "01")
+    assert [each.actual for each in found] == ["../assets/walls.usd", "./edits.usda"]
+
+
+def test_an_unreadable_file_is_told_with_its_reason() -> None:
+    found = rules_of("file", "F")
+    problems = [list(each.check("is empty")) for each in found if each.id == "F01"]
+    assert [(each.prim, each.message) for each in problems[0]] == [("/", "is empty")]

@@ -25,7 +25,10 @@ from scene_changes import (
     turn,
     without_api,
 )
-from scene_stages import built, findings_of, told
+from scene_stages import built, findings_of, model_of, told
+
+from lab3_usd.check.sensor_place import sensor_homes
+from lab3_usd.spec.loader import load_lab
 
 API = "OmniSensorGenericLidarCoreAPI"
 ELSEWHERE = "/World/Example_Rotary_2D"
@@ -170,3 +173,9 @@ def test_a_rate_that_is_no_number_is_a_fault(kind: str, value: object) -> None:
     clear(LIDAR, TICK)(stage)
     stage.GetPrimAtPath(LIDAR).CreateAttribute(TICK, getattr(Sdf.ValueTypeNames, kind)).Set(value)
     assert told(stage, "03") == [("L05", LIDAR, TICK)]
+
+
+def test_sensors_that_stand_elsewhere_are_mapped_to_where_they_are() -> None:
+    stage = built("05")
+    move_prim(LIDAR, ELSEWHERE)(stage)
+    assert sensor_homes(load_lab(), model_of(stage)) == {LIDAR: ELSEWHERE}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,7 @@ from scene_changes import (
     move_prim,
     negated,
     put,
+    refer,
     remove,
     rotated,
     several,
@@ -386,3 +388,125 @@ def test_numbers_that_are_none_are_faults(path: str, value: float) -> None:
     stage = built("05")
     put(path, TRANSLATE, Gf.Vec3d(value, 0, 0))(stage)
     assert (path, TRANSLATE) in [each[1:] for each in told(stage, "05")]
+
+
+@pytest.mark.parametrize("change", [remove, deactivate])
+def test_a_robot_without_any_joint_is_one_fault(change: Callable[[str], Change]) -> None:
+    stage = built("02")
+    change(JOINTS)(stage)
+    assert told(stage, "02") == [("S07", JOINTS, None)]
+
+
+def test_a_robot_without_any_joint_meets_nothing_that_joints_do() -> None:
+    lab, stage = load_lab(), built("02")
+    for joint in stage.GetPrimAtPath(JOINTS).GetChildren():
+        deactivate(str(joint.GetPath()))(stage)
+    found = findings_of(stage, "02")
+    lost = [item.id for item in scene_items(lab, lab.checkpoints["02"]) if not is_met(item, found)]
+    assert [each.rule for each in found] == ["S07"]
+    assert {"Scene/damping/wheel_left_joint", "Scene/joined/base_scan"} <= set(lost)
+    assert "Scene/mass/base_link" not in lost
+
+
+def test_a_wheel_may_hang_on_a_body_that_the_handout_does_not_name() -> None:
+    stage = built("02")
+    define(f"{ROBOT}/axle/bar", "Xform")(stage)
+    with_api(f"{ROBOT}/axle", "PhysicsRigidBodyAPI")(stage)
+    for name in WHEELS:
+        aim(f"{JOINTS}/{name}", "physics:body0", f"{ROBOT}/axle/bar")(stage)
+    assert told(stage, "02") == []
+
+
+def test_a_wheel_may_not_hang_on_the_robot_root() -> None:
+    stage = built("02")
+    aim(f"{JOINTS}/wheel_left_joint", "physics:body0", ROBOT)(stage)
+    assert told(stage, "02") == [("S08", f"{JOINTS}/wheel_left_joint", "physics:body0")]
+
+
+def test_an_axis_that_no_joint_has_is_left_to_usd() -> None:
+    stage = built("02")
+    put(f"{JOINTS}/wheel_left_joint", "physics:axis", "diagonal")(stage)
+    assert told(stage, "02") == []
+
+
+def test_links_below_another_prim_are_named_with_the_place_they_are_at() -> None:
+    stage = built("00")
+    define(f"{ROBOT}/Geometry", "Xform")(stage)
+    move_prim(f"{ROBOT}/base_scan", f"{ROBOT}/Geometry/base_scan")(stage)
+    (found,) = findings_of(stage, "00")
+    assert (found.rule, found.prim) == ("S01", f"{ROBOT}/base_scan")
+    assert found.related == (f"{ROBOT}/Geometry/base_scan",)
+
+
+def test_what_is_below_a_deactivated_prim_says_so() -> None:
+    stage = built("02")
+    define(f"{ROBOT}/extra", "Scope")(stage)
+    move_prim(f"{JOINTS}/wheel_left_joint", f"{ROBOT}/extra/wheel_left_joint")(stage)
+    deactivate(JOINTS)(stage)
+    messages = [each.message for each in findings_of(stage, "02") if each.rule == "S07"]
+    assert messages == [f"wheel_right_joint is missing: {JOINTS} is deactivated"]
+
+
+def test_what_a_joint_does_not_say_may_be_in_a_missing_asset() -> None:
+    stage = built("02")
+    joint = f"{JOINTS}/wheel_left_joint"
+    refer(ROBOT, "robot.usd")(stage)
+    clear(joint, drive("damping"))(stage)
+    clear(f"{JOINTS}/wheel_right_joint", "physics:localRot0")(stage)
+    aim(joint, "physics:body0")(stage)
+    assert told(stage, "02") == [("F02", ROBOT, None)]
+
+
+def test_a_missing_drive_may_be_in_a_missing_asset() -> None:
+    stage = built("02")
+    refer(ROBOT, "robot.usd")(stage)
+    without_api(f"{JOINTS}/wheel_left_joint", "PhysicsDriveAPI:angular")(stage)
+    assert told(stage, "02") == [("F02", ROBOT, None)]
+
+
+def test_a_joint_that_sits_far_out_is_named_with_the_body_it_hangs_on() -> None:
+    stage = built("02")
+    put(f"{JOINTS}/wheel_right_joint", "physics:localPos0", Gf.Vec3f(0, -0.2, 0.023))(stage)
+    (found,) = findings_of(stage, "02")
+    assert (found.prim, found.actual) == (f"{JOINTS}/wheel_right_joint", "0.28 m")
+
+
+def test_a_mass_without_its_schema_counts_for_nothing() -> None:
+    stage = built("02")
+    without_api(f"{ROBOT}/base_link", "PhysicsMassAPI")(stage)
+    assert told(stage, "02") == [("S04", f"{ROBOT}/base_link", "physics:mass")]
+
+
+def test_a_mass_may_be_in_a_missing_asset() -> None:
+    stage = built("02")
+    refer(f"{ROBOT}/base_link", "link.usd")(stage)
+    clear(f"{ROBOT}/base_link", "physics:mass")(stage)
+    assert told(stage, "02") == [("F02", f"{ROBOT}/base_link", None)]
+
+
+def test_a_wheel_without_an_angular_drive_is_named_at_its_damping() -> None:
+    stage = built("02")
+    joint = f"{JOINTS}/wheel_left_joint"
+    without_api(joint, "PhysicsDriveAPI:angular")(stage)
+    with_api(joint, "PhysicsDriveAPI:linear")(stage)
+    assert told(stage, "02") == [("S10", joint, drive("damping"))]
+
+
+@pytest.mark.parametrize("value", [float("nan"), -1.0])
+def test_a_damping_that_is_not_above_zero_is_a_fault(value: float) -> None:
+    stage = built("02")
+    joint = f"{JOINTS}/wheel_left_joint"
+    put(joint, drive("damping"), value)(stage)
+    assert told(stage, "02") == [("S10", joint, drive("damping"))]
+
+
+def test_lights_and_ground_below_one_deactivated_prim_are_one_fault() -> None:
+    stage = built("00")
+    deactivate("/Environment")(stage)
+    assert told(stage, "00") == [("S13", "/Environment", None)]
+
+
+def test_a_deactivated_world_is_not_also_said_to_lack_its_camera() -> None:
+    stage = built("00")
+    deactivate("/World")(stage)
+    assert told(stage, "00") == [("S01", "/World", None)]

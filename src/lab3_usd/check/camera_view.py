@@ -30,10 +30,8 @@ def camera_misfits(subject: StageSubject, place: Place) -> list[Misfit | View]:
     A camera below another parent is judged by the transform that fits best.
     """
     prim = place.prim
-    if prim is None:
-        return []
-    judged = [_judge(subject, prim, matrix) for matrix in frames_of(subject.stage, place)]
-    return min(judged, key=len)
+    judged = [_judge(subject, prim, matrix) for matrix in frames_of(subject.stage, place) if prim]
+    return min(judged, key=len, default=[])
 
 
 def _judge(subject: StageSubject, prim: Prim, matrix: Matrix) -> list[Misfit | View]:

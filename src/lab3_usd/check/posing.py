@@ -109,11 +109,6 @@ def pose_property(prim: Prim, kind: Kind) -> str:
     return OPERATIONS[kind][0]
 
 
-def is_pose_property(name: str | None, kind: Kind) -> bool:
-    """Whether a property sets this part of a pose."""
-    return name is not None and name.startswith(OPERATIONS[kind])
-
-
 def vector(numbers: Sequence[float]) -> Vector:
     """Return three numbers of the scene file as a vector."""
     x, y, z = numbers

@@ -107,7 +107,7 @@ def _link_items(
             path,
             None,
             link["handout"],
-            ("S12",),
+            ("S12", "S07"),
         )
 
 

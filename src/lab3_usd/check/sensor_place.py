@@ -103,6 +103,22 @@ def is_named(name: str, names: Mapping[str, Any] | list[str]) -> bool:
     return name in names or re.sub(r"_\d+$", "", name) in names
 
 
+def lidars(subject: StageSubject, right: str = "") -> Iterator[Prim]:
+    """Yield everything that is a lidar by type or by a name of the vendor's, topmost only.
+
+    Left out is the lidar that is right, with what it hangs below.
+    """
+    names = subject.lab.scene["forbidden"]["lidar"]["names"]
+    typed = {prim.path for prim in candidates(subject.lab, subject.stage, "lidar")}
+    told = ""
+    for path, prim in sorted(subject.stage.prims.items()):
+        is_lidar = path in typed or (prim.present and is_named(prim.name, names))
+        is_right = bool(right) and is_at_or_below(right, path)
+        if is_lidar and not is_right and not (told and is_at_or_below(path, told)):
+            told = path
+            yield prim
+
+
 def missing_problem(subject: StageSubject, place: Place, handout: str) -> Iterator[Problem]:
     """Yield that the sensor is not in the scene; its missing link is told by another rule."""
     stage, parent = subject.stage, place.path.rpartition("/")[0]

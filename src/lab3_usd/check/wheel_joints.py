@@ -9,12 +9,7 @@ from typing import Any
 from lab3_usd.check.absence import is_at_or_below, is_hidden
 from lab3_usd.check.model import Prim, StageModel
 from lab3_usd.check.physics import BODIES, BODY_API, REVOLUTE, below, bodies, is_joint, joints
-from lab3_usd.check.poses import Vector, decompose, directed, moved, relative, scaled, spun
 from lab3_usd.check.subject import StageSubject
-from lab3_usd.spec.catalog import Value
-
-_AXES: dict[Any, Vector] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
-AXIS = "physics:axis"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,13 +75,24 @@ def could_hide_joints(subject: StageSubject) -> bool:
     )
 
 
+def has_no_joints(subject: StageSubject) -> bool:
+    """Whether the robot is there, and not one joint ties any of its links."""
+    root: str = subject.lab.scene["robot"]["path"]
+    if subject.stage.prim(root) is None or could_hide_joints(subject):
+        return False
+    return not any(
+        is_at_or_below(body, root) for joint in joints(subject.stage) for body in bodies(joint)
+    )
+
+
 def wheel_side(joint: WheelJoint) -> int | None:
     """Return which of the two bodies is the wheel, None where neither or both are."""
-    sides = [joint.prim is not None and is_at_or_below(body, joint.link) for body in _ends(joint)]
+    sides = [joint.prim is not None and is_at_or_below(body, joint.link) for body in ends_of(joint)]
     return sides.index(True) if sides.count(True) == 1 else None
 
 
-def _ends(joint: WheelJoint) -> tuple[str, str]:
+def ends_of(joint: WheelJoint) -> tuple[str, str]:
+    """Return the two prims that a joint connects; '' stands for the world."""
     return ("", "") if joint.prim is None else bodies(joint.prim)
 
 
@@ -94,62 +100,6 @@ def base_side(joint: WheelJoint) -> int | None:
     """Return which of the two bodies is not the wheel."""
     side = wheel_side(joint)
     return None if side is None else 1 - side
-
-
-def axle(joint: WheelJoint, subject: StageSubject) -> Vector | None:
-    """Return the direction about which a positive velocity turns the wheel, in the robot's frame.
-
-    The base's side of the joint is asked: how far the wheel has turned does not matter then.
-    None where a body is missing.
-    """
-    side = base_side(joint)
-    frame = None if side is None else _base_frame(joint, side, subject)
-    if side is None or frame is None or joint.prim is None:
-        return None
-    attributes = joint.prim.attributes
-    along = _AXES.get(attributes.get(AXIS, "X"))
-    if along is None:
-        return None
-    local = spun(along, _quaternion(attributes.get(f"physics:localRot{side}")))
-    # A joint turns its second body against its first.
-    sign = 1.0 if side == 0 else -1.0
-    return scaled(directed(local, decompose(frame).rotation), sign)
-
-
-def anchor(joint: WheelJoint, subject: StageSubject) -> Vector | None:
-    """Return where the joint sits, in the robot's frame and in metres; None without a base."""
-    side = base_side(joint)
-    frame = None if side is None else _base_frame(joint, side, subject)
-    if frame is None or joint.prim is None:
-        return None
-    local = joint.prim.attributes.get(f"physics:localPos{side}")
-    point = moved(_vector(local), frame)
-    return scaled(point, subject.stage.meters_per_unit)
-
-
-def _base_frame(joint: WheelJoint, side: int, subject: StageSubject) -> tuple[float, ...] | None:
-    body = subject.stage.prim(_ends(joint)[side])
-    root = subject.stage.prim(subject.lab.scene["robot"]["path"])
-    if body is None or root is None or body.world is None or root.world is None:
-        return None
-    return relative(body.world, root.world)
-
-
-def _numbers(value: Value | None) -> list[float]:
-    items = value if isinstance(value, tuple) else ()
-    return [float(item) for item in items if isinstance(item, (int, float))]
-
-
-def _vector(value: Value | None) -> Vector:
-    found = _numbers(value)
-    return (found[0], found[1], found[2]) if len(found) == len(_AXES) else (0.0, 0.0, 0.0)
-
-
-def _quaternion(value: Value | None) -> tuple[float, float, float, float]:
-    found = _numbers(value)
-    if len(found) != 4:  # noqa: PLR2004 - x, y, z, w
-        return (0.0, 0.0, 0.0, 1.0)
-    return (found[0], found[1], found[2], found[3])
 
 
 def wrong_ends(joint: WheelJoint, subject: StageSubject) -> Iterator[tuple[str, str]]:
@@ -160,7 +110,7 @@ def wrong_ends(joint: WheelJoint, subject: StageSubject) -> Iterator[tuple[str, 
     """
     robot = subject.lab.scene["robot"]
     plain = [f"{robot['path']}/{name}" for name in _plain_links(robot)]
-    ends, side = _ends(joint), wheel_side(joint)
+    ends, side = ends_of(joint), wheel_side(joint)
     if side is None:
         has_base = any(is_at_or_below(ends[1], link) for link in plain)
         wheel_end = 0 if has_base else 1
@@ -187,3 +137,17 @@ def _is_body(path: str, subject: StageSubject) -> bool:
             return True
         path = path.rpartition("/")[0]
     return False
+
+
+def turning_joints(subject: StageSubject) -> list[WheelJoint]:
+    """Return the wheel joints that can turn; the others are S07's."""
+    return [
+        joint
+        for joint in wheel_joints(subject)
+        if joint.live is not None and subject.stage.prim(joint.link) is not None
+    ]
+
+
+def tied_joints(subject: StageSubject) -> list[WheelJoint]:
+    """Return the wheel joints that connect what they should; the others are S08's."""
+    return [joint for joint in turning_joints(subject) if not any(wrong_ends(joint, subject))]

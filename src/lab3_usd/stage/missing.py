@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable
 from typing import Literal
 
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from lab3_usd.check.model import Unresolved
 
 _ASSET = re.compile(r"@(.*?)@")
 # A file that was found but lacks the prim asked for hides nothing: what it holds is judged.
 _MISSING = ("ErrorInvalidAssetPath", "ErrorMutedAssetPath", "ErrorInvalidSublayerPath")
-_SHORTENED_ADDRESS = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]+:)/(?!/)")
 
 
 def find_unresolved(stage: Usd.Stage) -> list[Unresolved]:
@@ -27,8 +27,7 @@ def find_unresolved(stage: Usd.Stage) -> list[Unresolved]:
         kind = _kind(type(error).__name__, text)
         prim = "/" if kind == "sublayer" else str(error.rootSite.path.GetPrimPath())
         layer = assets[1] if len(assets) > 1 else ""
-        # usd-core tidies the address as if it were a path: `https://` becomes `https:/`.
-        found.add((prim, _SHORTENED_ADDRESS.sub(r"\1//", assets[0]), kind, layer))
+        found.add((prim, _as_written(assets[0], layer), kind, layer))
     return [Unresolved(*each) for each in sorted(found)]
 
 
@@ -36,6 +35,15 @@ def _kind(error: str, text: str) -> Literal["reference", "payload", "sublayer"]:
     if error == "ErrorInvalidSublayerPath":
         return "sublayer"
     return "payload" if "@ for payload" in text else "reference"
+
+
+def _as_written(asset: str, layer_path: str) -> str:
+    """Return the asset as the layer names it; usd-core tells it as a path of this computer."""
+    layer = Sdf.Layer.Find(layer_path)
+    for written in layer.GetCompositionAssetDependencies() if layer else ():
+        if asset in {written, os.path.normpath(written), layer.ComputeAbsolutePath(written)}:
+            return str(written)
+    return asset
 
 
 def is_in_scene(prim: Usd.Prim, hidden: Iterable[str]) -> bool:

@@ -7,15 +7,15 @@ from typing import Any
 
 from lab3_usd.check.absence import is_hidden
 from lab3_usd.check.camera_view import View, camera_misfits
-from lab3_usd.check.finding import Problem, Severity
+from lab3_usd.check.finding import Problem
 from lab3_usd.check.met import same_value
 from lab3_usd.check.model import Prim
 from lab3_usd.check.posing import Misfit
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rules import early  # noqa: F401 - registers its rules
 from lab3_usd.check.say import shown
 from lab3_usd.check.sensor_place import (
     Place,
-    candidates,
     find_sensor,
     misplaced_problem,
     missing_problem,
@@ -210,26 +210,3 @@ def camera_aperture(subject: StageSubject) -> Iterator[Problem]:
             yield Problem(
                 prim.path, message, name, shown(default), shown(actual), "E5", place.related
             )
-
-
-@rule("C09", "early-camera", scope="stage", severity="warning")
-def early_camera(subject: StageSubject) -> Iterator[Problem]:
-    """The robot carries a camera before the handout asks for one.
-
-    Why: the file was perhaps saved late, after work on Part E had begun. In checkpoint 00 the
-    robot may have no camera at all (section 2, A2).
-
-    Fix: save each checkpoint before going on to the next part.
-
-    Example: `/turtlebot3_burger/base_footprint/Camera_1` in checkpoint 03.
-    """
-    if SENSOR in subject.checkpoint.sensors:
-        return
-    severity: Severity | None = None if subject.checkpoint.graphs else "error"
-    # A camera in the place of the lidar is a wrong lidar.
-    others = [subject.lab.scene[sensor]["path"] for sensor in subject.checkpoint.sensors]
-    for prim in candidates(subject.lab, subject.stage, SENSOR):
-        if prim.path in others:
-            continue
-        message = f"{prim.path} belongs to a later checkpoint; was this saved late?"
-        yield Problem(prim.path, message, actual=prim.type, handout="A2", severity=severity)

@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from lab3_usd.check.absence import is_at_or_below, is_hidden
-from lab3_usd.check.finding import Problem, Severity
+from lab3_usd.check.absence import is_hidden
+from lab3_usd.check.finding import Problem
 from lab3_usd.check.met import same_value
-from lab3_usd.check.model import Prim
 from lab3_usd.check.posing import Misfit, misfits, sensor_tolerance
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rules import early  # noqa: F401 - registers its rules
 from lab3_usd.check.say import shown
 from lab3_usd.check.sensor_place import (
     Place,
-    candidates,
     find_sensor,
     frames_of,
-    is_named,
+    lidars,
     misplaced_problem,
     missing_problem,
     stranger_problem,
@@ -183,41 +182,6 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
     if place is None or place.prim is None:
         return
     handout = subject.lab.scene["forbidden"][SENSOR]["handout"]
-    for prim in _lidars(subject, place.prim.path):
+    for prim in lidars(subject, place.prim.path):
         message = f"{prim.path} is a second lidar beside {place.prim.path}"
         yield Problem(prim.path, message, actual=prim.type, handout=handout, related=(place.path,))
-
-
-@rule("L08", "early-lidar", scope="stage", severity="warning")
-def early_lidar(subject: StageSubject) -> Iterator[Problem]:
-    """The stage holds a lidar before the handout asks for one.
-
-    Why: the file was perhaps saved late, after work on Part D had begun. In checkpoint 00 no lidar
-    may be there at all (A2).
-
-    Fix: save each checkpoint before going on to the next part.
-
-    Example: `/turtlebot3_burger/base_scan/Lidar2D` in checkpoint 02.
-    """
-    if SENSOR in subject.checkpoint.sensors:
-        return
-    severity: Severity | None = None if subject.checkpoint.graphs else "error"
-    for prim in _lidars(subject):
-        message = f"{prim.path} belongs to a later checkpoint; was this saved late?"
-        yield Problem(prim.path, message, actual=prim.type, handout="A2", severity=severity)
-
-
-def _lidars(subject: StageSubject, right: str = "") -> Iterator[Prim]:
-    """Yield everything that is a lidar by type or by a name of the vendor's, topmost only.
-
-    Left out is the lidar that is right, with what it hangs below.
-    """
-    names = subject.lab.scene["forbidden"][SENSOR]["names"]
-    typed = {prim.path for prim in candidates(subject.lab, subject.stage, SENSOR)}
-    told = ""
-    for path, prim in sorted(subject.stage.prims.items()):
-        is_lidar = path in typed or (prim.present and is_named(prim.name, names))
-        is_right = bool(right) and is_at_or_below(right, path)
-        if is_lidar and not is_right and not (told and is_at_or_below(path, told)):
-            told = path
-            yield prim

@@ -1,4 +1,4 @@
-"""Rules about what the starter brings: its prims, units, the robot's pose, nothing too early."""
+"""Rules about what the starter brings: its prims, units, the robot's pose."""
 
 from __future__ import annotations
 
@@ -9,8 +9,15 @@ from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.poses import IDENTITY, decompose, relative
 from lab3_usd.check.posing import is_near, misfits, pose_property, root_tolerance, text, vector
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules import joints, resting, robot, world  # noqa: F401 - registers their rules
-from lab3_usd.check.sensor_place import is_named
+from lab3_usd.check.rules import (  # noqa: F401 - registers their rules
+    articulation,
+    drives,
+    early,
+    joints,
+    resting,
+    robot,
+    world,
+)
 from lab3_usd.check.subject import StageSubject
 
 FIRST = "00"
@@ -37,7 +44,17 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     for path, handout in wanted.items():
         if stage.prim(path) is None and not is_hidden(stage, path):
             why = why_absent(stage, path)
-            yield Problem(path, f"{path} {why}", expected=path, actual=why, handout=handout)
+            others = _namesakes(subject, path)
+            hint = f"; a prim of that name is at {others[0]}" if others else ""
+            yield Problem(path, f"{path} {why}{hint}", None, path, why, handout, others)
+
+
+def _namesakes(subject: StageSubject, path: str) -> tuple[str, ...]:
+    """Return the prims below the robot that have the name of a missing link."""
+    root, name = subject.lab.scene["robot"]["path"], path.rpartition("/")[2]
+    prims = (prim for prim in subject.stage.prims.values() if prim.name == name and prim.present)
+    has_type = (prim.path for prim in prims if prim.type == "Xform")
+    return tuple(sorted(found for found in has_type if is_at_or_below(found, root)))
 
 
 @rule("S02", "stage-units", scope="stage")
@@ -131,40 +148,3 @@ def scan_offset(subject: StageSubject) -> Iterator[Problem]:
             message = f"{name} sits at {is_} on the robot, expected {should}"
             where = pose_property(prim, "translate")
             yield Problem(prim.path, message, where, should, is_, link["handout"])
-
-
-@rule("S18", "starter-not-empty", scope="stage")
-def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
-    """Checkpoint 00 holds what only later parts of the lab add.
-
-    Why: the first checkpoint shows the supplied scene. Leftovers of a finished lab publish beside
-    the student's own graphs: two clocks, two odometries, two parents of one frame.
-
-    Fix: open the supplied file and save it as checkpoint 00 before adding anything; delete what is
-    named here.
-
-    Example: `/World/ActionGraph` in `Lab3_00_student_start.usda`.
-    """
-    if subject.checkpoint.id != FIRST:
-        return
-    spec = subject.lab.scene["forbidden"]["starter"]
-    form = subject.lab.catalog.graph
-    told = [graph.path for graph in subject.lab.graphs.values()]
-    told = [path for path in told if (prim := subject.stage.prim(path)) and prim.type == form.type]
-    for path, kind in sorted(_prims_and_nodes(subject)):
-        is_sensor = any(kind == subject.lab.scene[name]["type"] for name in ("lidar", "camera"))
-        is_wrong = is_named(path.rpartition("/")[2], spec["names"]) or kind == form.type
-        is_wrong = is_wrong or (path in spec["paths"] and not is_sensor)
-        if is_wrong and not any(is_at_or_below(path, top) for top in told):
-            told.append(path)
-            message = f"{path} is not part of the supplied scene; was this saved late?"
-            yield Problem(path, message, actual=kind, handout=spec["handout"])
-
-
-def _prims_and_nodes(subject: StageSubject) -> Iterator[tuple[str, str]]:
-    """Yield path and type of everything in the scene, nodes of graphs included."""
-    for prim in subject.stage.prims.values():
-        if prim.present:
-            yield prim.path, prim.type
-    for node in subject.stage.nodes():
-        yield node.path, ""

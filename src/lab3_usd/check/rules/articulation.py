@@ -1,0 +1,106 @@
+"""Rules about what makes one robot of the links: the articulation root and the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.absence import is_at_or_below, is_hidden
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.model import Prim
+from lab3_usd.check.physics import (
+    ARTICULATION_API,
+    ARTICULATION_ENABLED,
+    below,
+    bodies,
+    is_switched_off,
+    joints,
+)
+from lab3_usd.check.registry import rule
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.check.wheel_joints import could_hide_joints, has_no_joints
+
+
+@rule("S11", "articulation", scope="stage")
+def articulation(subject: StageSubject) -> Iterator[Problem]:
+    """The robot has no articulation root, two of them, or one on the wrong prim.
+
+    Why: the controller and the odometry graph name the articulation at `base_footprint`; without
+    it Isaac Sim says that the prim is no articulation, and nothing moves.
+
+    Fix: select the prim, choose Add > Physics > Articulation Root; remove one that stands elsewhere
+    with the cross beside it in the Property panel.
+
+    Example: `PhysicsArticulationRootAPI` removed from `/turtlebot3_burger/base_footprint`.
+    """
+    spec = subject.lab.scene["robot"]
+    target, handout = spec["articulation"]["target"], spec["articulation"]["handout"]
+    root = subject.stage.prim(spec["path"])
+    base = subject.stage.prim(target)
+    if root is None or base is None:
+        return
+    found = [prim for prim in below(subject.stage, root.path) if _is_articulated(prim)]
+    right = [prim for prim in (base, root) if prim in found]
+    for prim in found:
+        if prim not in right[:1]:
+            what = f"a second articulation root, beside {right[0].path}" if right else "misplaced"
+            message = f"the articulation root on {prim.name} is {what}"
+            related = (target,) if prim.path != target else ()
+            yield Problem(prim.path, message, None, target, prim.path, handout, related)
+            if not right:
+                return
+    if not found and not is_hidden(subject.stage, target):
+        is_off = is_switched_off(base, ARTICULATION_ENABLED)
+        why = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
+        message = f"the articulation root {why}, expected on {target}"
+        yield Problem(target, message, None, ARTICULATION_API, handout=handout)
+
+
+def _is_articulated(prim: Prim) -> bool:
+    is_on = not is_switched_off(prim, ARTICULATION_ENABLED)
+    return prim.present and ARTICULATION_API in prim.apis and is_on
+
+
+@rule("S12", "loose-link", scope="stage")
+def loose_link(subject: StageSubject) -> Iterator[Problem]:
+    """A link of the robot is not tied to the others by joints.
+
+    Why: the robot separates at Play: the link stays behind or rolls away. Wheels are the business
+    of their own rules, and of several links that come off together the first is named.
+
+    Fix: undo the deletion of the joint, or start again from the supplied file; the handout says
+    not to recreate the robot's physics.
+
+    Example: `/turtlebot3_burger/joints/scan_joint` deleted: `base_scan` falls down.
+    """
+    robot = subject.lab.scene["robot"]
+    wheels = robot["wheels"]["joints"].values()
+    links = [f"{robot['path']}/{name}" for name in robot["links"]]
+    present = [path for path in links if subject.stage.prim(path) is not None]
+    base = f"{robot['path']}/{robot['base_frame']}"
+    if could_hide_joints(subject) or has_no_joints(subject) or base not in present:
+        return
+    groups = _groups(subject, present)
+    told = [groups[base]]
+    for name in robot["links"]:
+        path = f"{robot['path']}/{name}"
+        if path in present and name not in wheels and groups[path] not in told:
+            told.append(groups[path])
+            message = f"no joint ties {name} to {robot['base_frame']}"
+            yield Problem(path, message, None, base, None, robot["links"][name]["handout"])
+
+
+def _groups(subject: StageSubject, links: list[str]) -> dict[str, str]:
+    """Map each link and body to one name for all that joints tie together."""
+    group = {link: link for link in links}
+    for joint in joints(subject.stage):
+        ends = [_link_of(body, links) for body in bodies(joint) if body]
+        names = {group.setdefault(end, end) for end in ends}
+        if len(names) > 1:
+            first = min(names)
+            group = {body: first if name in names else name for body, name in group.items()}
+    return group
+
+
+def _link_of(body: str, links: list[str]) -> str:
+    """Return the link that a joint's target moves with."""
+    return next((link for link in links if is_at_or_below(body, link)), body)
