@@ -1,0 +1,55 @@
+"""What a stage changed of its starter, as plain data: what the rules about the starter look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from lab3_usd.spec.submission_spec import StarterRules
+
+# What a difference is about, the gravest first.
+Kind = Literal["type", "schema", "physics", "place", "look"]
+KINDS: tuple[Kind, ...] = ("type", "schema", "physics", "place", "look")
+Site = tuple[str, str | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One thing that is not as the starter has it; `property` is empty for types and schemas."""
+
+    kind: Kind
+    property: str
+    was: str
+    now: str
+    physics: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One prim of the starter that is not as it was.
+
+    `absent` says why the prim is not in the stage, empty where it is: then `count` prims went
+    with it, and `physics` tells whether any of them collides, moves or joins. `related` are the
+    prims that its relationships name, `body` the rigid body it belongs to, '' for none.
+    """
+
+    prim: str
+    type: str
+    differences: tuple[Difference, ...] = ()
+    absent: str = ""
+    count: int = 1
+    physics: bool = False
+    related: tuple[str, ...] = ()
+    body: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class StarterSubject:
+    """A stage beside the starter it was made from.
+
+    `blamed` holds the sites where other rules have found an error already.
+    """
+
+    rules: StarterRules
+    changes: tuple[Change, ...]
+    blamed: frozenset[Site] = frozenset()

@@ -1,0 +1,40 @@
+"""Runs the rules of one family over one subject, and keeps what they found and what failed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from lab3_usd.check.checker import finding_of
+from lab3_usd.check.finding import Crash, Finding
+from lab3_usd.check.registry import Scope, rules_of
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What rules found, and which of them failed themselves."""
+
+    findings: tuple[Finding, ...] = ()
+    crashes: tuple[Crash, ...] = ()
+
+
+def run_family(scope: Scope, family: str, subject: Any) -> Judged:  # noqa: ANN401 - the scope decides
+    """Run every rule of a family; one that fails itself is a crash, never a pass."""
+    found: list[Finding] = []
+    crashes: list[Crash] = []
+    for each in rules_of(scope, family):
+        try:
+            found.extend(finding_of(each, problem) for problem in each.check(subject))
+        except Exception as error:  # noqa: BLE001, PERF203 - whatever a rule raises is its crash
+            crashes.append(Crash(each.id, f"{type(error).__name__}: {error}"))
+    return Judged(tuple(found), tuple(crashes))
+
+
+def join(judged: Iterable[Judged]) -> Judged:
+    """Return everything that several runs found, in their order."""
+    runs = list(judged)
+    return Judged(
+        tuple(finding for each in runs for finding in each.findings),
+        tuple(crash for each in runs for crash in each.crashes),
+    )

@@ -1,0 +1,133 @@
+"""Judges a stage against its starter: what changed, and what the starter excuses."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from lab3_usd.check.changes import Site
+from lab3_usd.check.checker import judge, ordered
+from lab3_usd.check.finding import Finding, Requirement, StageResult
+from lab3_usd.check.judged import Judged, run_family
+from lab3_usd.check.requirements import score
+from lab3_usd.check.scene_item import is_met
+from lab3_usd.check.scene_items import scene_items
+from lab3_usd.spec.spec import Lab
+
+_FAMILY = "U"
+_EXCUSED = "S"  # the family of the scene, which the starter brings
+_Fault = tuple[str, str, str | None, str | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Starter:
+    """An open starter, and what the rules of the scene say of it: no student's fault."""
+
+    path: Path
+    stage: Any
+    faults: frozenset[_Fault] = frozenset()
+
+
+def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
+    """Open a starter to compare stages with; the faults of one that is not trusted excuse nothing.
+
+    Raises:
+        StageError: the file cannot be opened.
+    """
+    from lab3_usd.stage.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.reader import read_model  # noqa: PLC0415
+
+    stage = open_stage(path)
+    if not trusted:
+        return Starter(path, stage)
+    first = next(iter(lab.checkpoints.values()))
+    judged = judge(lab, first, read_model(stage, lab, str(path)))
+    return Starter(path, stage, frozenset(_fault(each) for each in judged.findings))
+
+
+def _fault(finding: Finding) -> _Fault:
+    return finding.rule, finding.prim, finding.property, finding.actual
+
+
+def starter_findings(
+    stage_path: Path, starter_path: Path, checkpoint: str, lab: Lab, blamed_sites: Iterable[Site]
+) -> tuple[Finding, ...]:
+    """Return what a stage changed of its starter, except at sites where an error is known already.
+
+    Raises:
+        StageError: one of the files cannot be opened.
+    """
+    starter = open_starter(starter_path, lab, trusted=False)
+    judged = _compared(stage_path, starter, checkpoint, lab, frozenset(blamed_sites))
+    if judged.crashes:
+        message = f"rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
+        raise RuntimeError(message)
+    return judged.findings
+
+
+def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageResult:
+    """Return the result of a stage together with what it changed of the starter.
+
+    A fault of the scene that the starter has as well, value for value, is not the student's: its
+    findings go, and the requirements that failed by it are met.
+    """
+    if result.verdict == "unreadable":
+        return result
+    kept = tuple(each for each in result.findings if not _is_excused(each, starter))
+    blamed = frozenset((each.prim, each.property) for each in kept if each.severity != "note")
+    judged = _compared(Path(result.path), starter, result.checkpoint, lab, blamed)
+    requirements = result.requirements
+    if len(kept) != len(result.findings):
+        requirements = tuple(_again(result, kept, lab))
+    findings = ordered((*kept, *judged.findings))
+    crashes = (*result.crashes, *judged.crashes)
+    is_bad = crashes or any(each.severity == "error" for each in findings)
+    return replace(
+        result,
+        verdict="fail" if is_bad else "pass",
+        score=score(requirements),
+        findings=findings,
+        requirements=requirements,
+        crashes=crashes,
+    )
+
+
+def _is_excused(finding: Finding, starter: Starter) -> bool:
+    return finding.rule.startswith(_EXCUSED) and _fault(finding) in starter.faults
+
+
+def _again(result: StageResult, kept: Collection[Finding], lab: Lab) -> Iterator[Requirement]:
+    """Judge the requirements of the scene again, by the findings that were kept."""
+    items = {item.id: item for item in scene_items(lab, lab.checkpoints[result.checkpoint])}
+    for each in result.requirements:
+        item = items.get(each.id)
+        yield each if item is None else replace(each, met=is_met(item, kept))
+
+
+def _compared(
+    path: Path, starter: Starter, checkpoint: str, lab: Lab, blamed: frozenset[Site]
+) -> Judged:
+    from lab3_usd.stage.compare import compare_starter  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.opening import open_stage  # noqa: PLC0415
+
+    stage = open_stage(path)
+    subject = replace(compare_starter(starter.stage, stage, lab, checkpoint), blamed=blamed)
+    judged = run_family("starter", _FAMILY, subject)
+    return replace(judged, findings=tuple(_with_lines(judged.findings, path, stage)))
+
+
+def _with_lines(
+    findings: tuple[Finding, ...],
+    path: Path,
+    stage: Any,  # noqa: ANN401 - pxr has no types
+) -> Iterator[Finding]:
+    if not findings:
+        return
+    from lab3_usd.stage.lines import locate  # noqa: PLC0415 - only when there is something to place
+
+    places = locate(stage, str(path), [(each.prim, each.property) for each in findings])
+    for each in findings:
+        place = places[each.prim, each.property]
+        yield replace(each, layer=place.layer or None, line=place.line, column=place.column)

@@ -1,0 +1,96 @@
+"""Compares a stage with the starter it was made from, as composed, and returns plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from pxr import Usd, UsdGeom
+
+from lab3_usd.check.changes import Change, StarterSubject
+from lab3_usd.check.model import Unresolved
+from lab3_usd.spec.spec import Lab
+from lab3_usd.spec.submission_spec import StarterRules, load_submission
+from lab3_usd.stage.compare_gone import Pair, gone_changes, is_there
+from lab3_usd.stage.compare_terms import Terms, classifier
+from lab3_usd.stage.missing import find_unresolved
+from lab3_usd.stage.opening import open_stage
+
+
+def compare_starter(
+    starter: Path | Usd.Stage, stage: Path | Usd.Stage, lab: Lab, checkpoint: str
+) -> StarterSubject:
+    """Compare everything that the lab does not add, both stages composed with their payloads.
+
+    After the first checkpoint the places of rigid bodies are left aside: a stage may have been
+    saved after a run. What an asset that cannot be found would hold is not compared.
+
+    Raises:
+        StageError: one of the files cannot be opened.
+    """
+    rules = load_submission(lab.folder).starter
+    before = open_stage(starter) if isinstance(starter, Path) else starter
+    after = open_stage(stage) if isinstance(stage, Path) else stage
+    terms = _terms(rules, lab, after, bodies_rest=checkpoint == next(iter(lab.checkpoints)))
+    pair = Pair(before, after, terms, tuple(_hidden(before, after)))
+    return StarterSubject(rules, tuple(_changes(pair)))
+
+
+def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:
+    robot, tolerance = lab.scene["robot"], lab.scene["tolerance"]
+    length = tolerance["sensor_position"] / UsdGeom.GetStageMetersPerUnit(stage)
+    return Terms(
+        rules=rules,
+        classes=classifier(rules),
+        number=tolerance["number"],
+        mass=tolerance["mass"],
+        limits=(length, tolerance["sensor_angle"], tolerance["scale"]),
+        root=robot["path"],
+        articulated=(robot["path"], robot["articulation"]["target"]),
+        bodies_rest=bodies_rest,
+    )
+
+
+def _hidden(starter: Usd.Stage, stage: Usd.Stage) -> Iterator[str]:
+    """Yield the prims at which the stage lacks an asset that the starter has."""
+    known = {_signature(missing) for missing in find_unresolved(starter)}
+    for missing in find_unresolved(stage):
+        if _signature(missing) not in known:
+            yield missing.prim
+
+
+def _signature(missing: Unresolved) -> tuple[str, str]:
+    return missing.prim, missing.asset.rpartition("/")[2]
+
+
+def _changes(pair: Pair) -> Iterator[Change]:
+    gone: list[Usd.Prim] = []
+    prims = iter(Usd.PrimRange(pair.starter.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+    for prim in prims:
+        if prim.IsPseudoRoot():
+            continue
+        path = prim.GetPath()
+        if path.pathElementCount == 1 and _is_ignored(str(path), pair.terms.rules):
+            prims.PruneChildren()
+            continue
+        twin = pair.stage.GetPrimAtPath(path)
+        if pair.hidden and _is_hidden(str(path), twin, pair.hidden):
+            prims.PruneChildren()
+        elif is_there(twin):
+            yield from pair.changes(prim, twin)
+        else:
+            prims.PruneChildren()
+            gone.append(prim)
+    yield from gone_changes(gone, pair)
+
+
+def _is_ignored(path: str, rules: StarterRules) -> bool:
+    return any(fnmatchcase(path, pattern) for pattern in rules.ignored_prims)
+
+
+def _is_hidden(path: str, twin: Usd.Prim, hidden: tuple[str, ...]) -> bool:
+    """Whether a missing asset could hold the prim; what was deactivated is absent all the same."""
+    if twin and not twin.IsActive():
+        return False
+    return any(path == top or path.startswith(f"{top.rstrip('/')}/") for top in hidden)

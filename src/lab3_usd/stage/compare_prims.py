@@ -1,0 +1,190 @@
+"""What differs between one prim of a starter and the same prim of a stage made from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from pxr import Gf, Sdf, Usd, UsdGeom
+
+from lab3_usd.check.changes import Difference
+from lab3_usd.stage.compare_terms import (
+    Class,
+    Terms,
+    applied,
+    collides,
+    is_light_or_camera,
+    matters,
+    pattern,
+)
+from lab3_usd.stage.compare_values import same_place, same_value, show
+
+
+def differences(
+    prim: Usd.Prim, twin: Usd.Prim, terms: Terms, *, same_parent: bool = True
+) -> list[Difference]:
+    """Return everything in which `twin` is not as `prim`, what was added left aside.
+
+    With `same_parent` False the two stand at different paths, and are compared in the world.
+    """
+    found = [*_type(prim, twin, terms), *_schemas(prim, twin, terms)]
+    is_posed = not same_parent
+    for name in _unequal(prim, twin):
+        kind = terms.classes(name)
+        if kind == "pose":
+            is_posed = True
+        elif kind != "never":
+            found.extend(_property(prim, twin, name, kind, terms))
+    if is_posed and _is_placed(prim, terms):
+        found.extend(_place(prim, twin, terms, same_parent=same_parent))
+    return found
+
+
+def _unequal(prim: Usd.Prim, twin: Usd.Prim) -> Iterator[str]:
+    """Yield the properties that are not the same to the bit; most are, so this must be quick."""
+    names, others = prim.GetAuthoredPropertyNames(), twin.GetAuthoredPropertyNames()
+    ours, theirs = prim.GetAuthoredAttributes(), twin.GetAuthoredAttributes()
+    if names == others and len(ours) == len(theirs):
+        pairs = zip(ours, theirs, strict=True)
+        yield from (one.GetName() for one, other in pairs if one.Get() != other.Get())
+        for one in prim.GetAuthoredRelationships():
+            other = twin.GetRelationship(one.GetName())
+            if not other or one.GetTargets() != other.GetTargets():
+                yield one.GetName()
+        return
+    for name in names:
+        one, other = prim.GetAttribute(name), twin.GetAttribute(name)
+        if not one or not other or one.Get() != other.Get():
+            yield name
+    # Switching a collision off writes what the starter left at its default.
+    yield from (name for name in others if name not in names and _has_default(prim, name))
+
+
+def _has_default(prim: Usd.Prim, name: str) -> bool:
+    attribute = prim.GetAttribute(name)
+    return bool(attribute) and attribute.Get() is not None
+
+
+def _type(prim: Usd.Prim, twin: Usd.Prim, terms: Terms) -> Iterator[Difference]:
+    was, now = str(prim.GetTypeName()), str(twin.GetTypeName())
+    if was != now and was:
+        yield Difference("type", "", was, now or "no type", physics=matters(prim, terms.rules))
+
+
+def _schemas(prim: Usd.Prim, twin: Usd.Prim, terms: Terms) -> Iterator[Difference]:
+    was, now = prim.GetPrimTypeInfo(), twin.GetPrimTypeInfo()
+    if was == now:
+        return
+    was, now = was.GetAppliedAPISchemas(), now.GetAppliedAPISchemas()
+    for name in was:
+        if name in now or terms.classes(name) == "never" or _is_elsewhere(name, prim, twin, terms):
+            continue
+        physics = name.startswith(terms.rules.physics_names)
+        yield Difference("schema", "", str(name), "removed", physics=physics)
+
+
+def _is_elsewhere(api: str, prim: Usd.Prim, twin: Usd.Prim, terms: Terms) -> bool:
+    """Whether the schema went with the articulation root to the other prim that may carry it."""
+    path, (root_api, *_) = str(prim.GetPath()), terms.rules.articulation
+    if api not in terms.rules.articulation or path not in terms.articulated:
+        return False
+    others = [twin.GetStage().GetPrimAtPath(each) for each in terms.articulated if each != path]
+    return any(other and root_api in applied(other) for other in others)
+
+
+def _property(
+    prim: Usd.Prim, twin: Usd.Prim, name: str, kind: Class, terms: Terms
+) -> Iterator[Difference]:
+    attribute = prim.GetAttribute(name)
+    if not attribute:
+        yield from _targets(prim, twin, name, kind)
+        return
+    other = twin.GetAttribute(name)
+    was, now = attribute.Get(), other.Get() if other else None
+    if was is None or was == now:
+        return
+    tolerance = terms.mass if name in terms.rules.masses else terms.number
+    if same_value(was, now, tolerance) or _is_excused(prim, twin, name, kind, terms):
+        return
+    physics = kind == "physics" or (kind == "shape" and collides(prim, terms.rules))
+    shown = show(now) if now is not None else "not set"
+    yield Difference("physics" if physics else "look", name, show(was), shown, physics=physics)
+
+
+def _is_excused(prim: Usd.Prim, twin: Usd.Prim, name: str, kind: Class, terms: Terms) -> bool:
+    """Whether a difference counts for nothing: looks of a shape, or an articulation elsewhere."""
+    if kind == "look":
+        return not is_light_or_camera(prim)
+    is_of_articulation = pattern(terms.rules.articulation_properties).match(name)
+    root_api = terms.rules.articulation[0]
+    return is_of_articulation is not None and _is_elsewhere(root_api, prim, twin, terms)
+
+
+def _targets(prim: Usd.Prim, twin: Usd.Prim, name: str, kind: Class) -> Iterator[Difference]:
+    relationship = prim.GetRelationship(name)
+    if not relationship or not relationship.HasAuthoredTargets():
+        return
+    other = twin.GetRelationship(name)
+    was = relationship.GetTargets()
+    now = other.GetTargets() if other else []
+    if was == now or (kind == "look" and not is_light_or_camera(prim)):
+        return
+    if sorted(_found(was, now, twin.GetStage())) != sorted(map(str, now)):
+        physics = kind == "physics"
+        before, after = (", ".join(map(str, paths)) or "no prim" for paths in (was, now))
+        yield Difference("physics" if physics else "look", name, before, after, physics)
+
+
+def _found(was: list[Sdf.Path], now: list[Sdf.Path], stage: Usd.Stage) -> list[str]:
+    """Return the old targets as the stage names them: what moved elsewhere goes by its name."""
+    moved = {path.name: str(path) for path in now}
+    return [
+        moved.get(path.name, str(path)) if not stage.GetPrimAtPath(path) else str(path)
+        for path in was
+    ]
+
+
+def _same_pose_value(prim: Usd.Prim, twin: Usd.Prim, name: str) -> bool:
+    one, other = prim.GetAttribute(name), twin.GetAttribute(name)
+    return bool(one) and bool(other) and one.Get() == other.Get()
+
+
+def _is_placed(prim: Usd.Prim, terms: Terms) -> bool:
+    """Whether the place of the prim is compared: not that of the robot, nor of what a run moves."""
+    if str(prim.GetPath()) == terms.root:
+        return False
+    return terms.bodies_rest or terms.rules.body not in applied(prim)
+
+
+def _place(
+    prim: Usd.Prim, twin: Usd.Prim, terms: Terms, *, same_parent: bool
+) -> Iterator[Difference]:
+    was, now = (_matrix(each, local=same_parent) for each in (prim, twin))
+    what = same_place(was, now, terms.limits)
+    if not what:
+        return
+    names = [n for n in twin.GetAuthoredPropertyNames() if terms.classes(n) == "pose"]
+    changed = [name for name in names if not _same_pose_value(prim, twin, name)]
+    before, after = (_shown(what, matrix) for matrix in (was, now))
+    physics = matters(prim, terms.rules) and not is_light_or_camera(prim)
+    yield Difference("place", next(iter(changed), ""), before, after, physics)
+
+
+def _matrix(prim: Usd.Prim, *, local: bool) -> Gf.Matrix4d:
+    xformable = UsdGeom.Xformable(prim)
+    if local and not xformable.GetResetXformStack():
+        return xformable.GetLocalTransformation()
+    return UsdGeom.XformCache().GetLocalToWorldTransform(prim)
+
+
+def _shown(what: str, matrix: Gf.Matrix4d) -> str:
+    if what == "moved":
+        return "at " + _text(matrix.ExtractTranslation())
+    if what == "scaled":
+        return "scale " + _text([matrix.GetRow3(row).GetLength() for row in range(3)])
+    turn = matrix.GetOrthonormalized().ExtractRotation()
+    axes = (Gf.Vec3d.ZAxis(), Gf.Vec3d.YAxis(), Gf.Vec3d.XAxis())
+    return f"turned {_text(reversed(list(turn.Decompose(*axes))))} degrees"
+
+
+def _text(numbers: Iterable[float]) -> str:
+    return "(" + ", ".join(f"{round(number, 6) + 0.0:.6g}" for number in numbers) + ")"
