@@ -1,0 +1,150 @@
+"""Rules about the files of a submission: which are there, and what they are called (4.4, 6.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.registry import rule
+from lab3_usd.check.rules import handed_in
+from lab3_usd.check.submitted import StageFile, SubmissionSubject
+
+__all__ = ["handed_in"]
+
+
+@rule("X01", "missing-stage", scope="submission")
+def missing_stage(subject: SubmissionSubject) -> Iterator[Problem]:
+    """The stage of a checkpoint is not in the submission.
+
+    Why: each part of the lab is judged by the stage that was saved at its end; the later ones do
+    not show that the earlier ones worked.
+
+    Fix: save the stage under the name of the handout into the folder work. Where it was forgotten,
+    open the next one, delete what its part added, and save it under the missing name.
+
+    Example: `work` holds `Lab3_02_ros_drive.usda` and `Lab3_04_camera.usda`, but no
+    `Lab3_03_lidar.usda`.
+    """
+    handout, ending = subject.spec.stages.handout, subject.spec.stages.endings[0]
+    unusable = {entry.name.partition(".")[0] for entry in subject.listing.entries if entry.why_not}
+    for number, checkpoint in subject.lab.checkpoints.items():
+        if number in subject.listing.stages or checkpoint.file in unusable:
+            continue
+        name = f"{checkpoint.file}{ending}"
+        folder = subject.listing.home
+        path = f"{folder}/{name}" if folder else name
+        yield Problem(
+            path, f"the stage of checkpoint {number} is missing", None, name, None, handout
+        )
+
+
+@rule("X02", "misnamed-stage", scope="submission")
+def misnamed_stage(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A stage has another name than the handout lists.
+
+    Why: whoever collects the files by their names does not find it; capital letters count on
+    Linux.
+
+    Fix: rename the file to the name given here.
+
+    Example: `Lab3_3_lidar.usda` instead of `Lab3_03_lidar.usda`.
+    """
+    for stage, name in _stages(subject, "misnamed"):
+        message = f"seems to be the stage of checkpoint {stage.checkpoint}, which is called {name}"
+        yield _named(stage, message, name, subject.spec.stages.handout)
+
+
+@rule("X03", "misplaced-stage", scope="submission", severity="warning")
+def misplaced_stage(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A stage has its right name, but does not lie in the folder work.
+
+    Why: the handout asks for one folder of stages (6.1); relative paths to textures and
+    references break when a stage lies elsewhere.
+
+    Fix: open the stage and save it into the folder work, so that its relative paths follow.
+
+    Example: `Lab3_03_lidar.usda` beside the folder `work`.
+    """
+    for stage, name in _stages(subject, "misplaced"):
+        place = subject.listing.home or "the submission itself"
+        message = f"stage of checkpoint {stage.checkpoint} lies elsewhere, expected in {place}"
+        yield _named(stage, message, name, subject.spec.stages.handout)
+
+
+@rule("X04", "no-usd-ending", scope="submission")
+def no_usd_ending(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A stage ends in `.uda`, which is no ending of USD.
+
+    Why: neither Isaac Sim nor USD opens it. The handout warns that `.usda` is likely meant (4.4).
+
+    Fix: rename the file to end in `.usda`, and open it once in Isaac Sim to see that it is whole.
+
+    Example: `Lab3_01_ros_clock.uda`.
+    """
+    for stage, name in _stages(subject, "slip"):
+        ending = stage.path.rpartition(".")[2]
+        message = f"'.{ending}' is no ending of USD; '{subject.spec.stages.endings[0]}' is meant"
+        yield _named(stage, message, name, "4.4")
+
+
+@rule("X05", "stage-in-two-forms", scope="submission", severity="warning")
+def stage_in_two_forms(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A checkpoint was handed in as text and as binary stage.
+
+    Why: nobody knows which of the two is the work; only the first is judged.
+
+    Fix: delete the older of the two.
+
+    Example: `Lab3_03_lidar.usda` and `Lab3_03_lidar.usd`.
+    """
+    for stage in subject.listing.stages.values():
+        for other in stage.others:
+            message = f"a second file for checkpoint {stage.checkpoint}; {stage.path} is judged"
+            yield Problem(
+                other, message, handout=subject.spec.stages.handout, related=(stage.path,)
+            )
+
+
+@rule("X11", "file-not-opened", scope="submission")
+def file_not_opened(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A file is a link out of the submission, a pipe or device, or cannot be read.
+
+    Why: such files are never opened: a link shows another file on every computer, and reading a
+    pipe waits for ever.
+
+    Fix: put the file itself into the submission, readable for everybody.
+
+    Example: `maps/turtlebot3_map.pgm` is a link to `/home/ana/turtlebot3_map.pgm`.
+    """
+    handout = subject.spec.folders.handout
+    for entry in subject.listing.entries:
+        if entry.why_not:
+            yield Problem(entry.path, f"was not opened: {entry.why_not}", handout=handout)
+
+
+@rule("X12", "too-many-files", scope="submission", severity="warning")
+def too_many_files(subject: SubmissionSubject) -> Iterator[Problem]:
+    """The folder holds more files than a submission can have.
+
+    Why: only the first thousands were looked at; what else belongs to the submission was not seen.
+
+    Fix: hand in the folder of the lab alone, without installations, caches or build folders.
+
+    Example: a whole home folder.
+    """
+    if not subject.listing.whole:
+        count = len(subject.listing.entries)
+        yield Problem(".", f"only the first {count} files were looked at", actual=str(count))
+
+
+def _stages(subject: SubmissionSubject, how: str) -> Iterator[tuple[StageFile, str]]:
+    """Yield the stages that are named in one way, with the name each should have."""
+    ending = subject.spec.stages.endings[0]
+    for number, stage in subject.listing.stages.items():
+        if stage.how == how:
+            yield stage, f"{subject.lab.checkpoints[number].file}{ending}"
+
+
+def _named(stage: StageFile, message: str, name: str, handout: str) -> Problem:
+    actual = stage.path.rpartition("/")[2]
+    return Problem(stage.path, message, None, name, actual, handout)
