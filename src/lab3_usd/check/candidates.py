@@ -4,25 +4,52 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 
 from lab3_usd.check.model import GraphModel, StageModel
-from lab3_usd.spec.spec import GraphSpec, Lab
+from lab3_usd.spec.spec import GraphSpec, Target
 
 LEAST_SHARE = 0.5  # of a spec's nodes that a graph must hold to be recognised by its content
 
 
-def find_graphs(lab: Lab, stage: StageModel) -> dict[str, GraphModel | None]:
+def relocated(spec: GraphSpec, homes: Mapping[str, str]) -> GraphSpec:
+    """Return the spec as it reads where a sensor stands elsewhere than the handout asks.
+
+    `homes` maps the path of such a sensor to where it really is: a rule of its own says so, and
+    the graph and the targets that went along are no further mistakes.
+    """
+    if not homes:
+        return spec
+    nodes = {
+        role: replace(node, targets=tuple(_retargeted(target, homes) for target in node.targets))
+        for role, node in spec.nodes.items()
+    }
+    return replace(spec, path=_moved(spec.path, homes), nodes=nodes)
+
+
+def _retargeted(target: Target, homes: Mapping[str, str]) -> Target:
+    return replace(target, prims=tuple(_moved(prim, homes) for prim in target.prims))
+
+
+def _moved(path: str, homes: Mapping[str, str]) -> str:
+    for expected, home in homes.items():
+        if path == expected or path.startswith(f"{expected}/"):
+            return home + path[len(expected) :]
+    return path
+
+
+def find_graphs(specs: Mapping[str, GraphSpec], stage: StageModel) -> dict[str, GraphModel | None]:
     """Return the graph of the stage for each graph of the spec, None where there is none.
 
     A live graph at the right path is taken as it is. Other specs are given the remaining graph
     whose node types fit best, as long as it holds half of what the spec asks for.
     """
     by_path = {graph.path: graph for graph in stage.graphs if graph.active}
-    found = {name: by_path.get(spec.path) for name, spec in lab.graphs.items()}
+    found = {name: by_path.get(spec.path) for name, spec in specs.items()}
     taken = {graph.path for graph in found.values() if graph is not None}
     free = [graph for graph in by_path.values() if graph.path not in taken]
     offers = sorted(
-        (-_share(lab.graphs[name], graph), order, graph.path, name)
+        (-_share(specs[name], graph), order, graph.path, name)
         for order, (name, graph_found) in enumerate(found.items())
         if graph_found is None
         for graph in free
@@ -55,9 +82,3 @@ def _says_something(spec: GraphSpec, kind: str) -> bool:
     has_input = any(wire.target.role in roles for wire in spec.wires)
     has_role = any(spec.nodes[role].type.role for role in roles)
     return has_input and has_role
-
-
-def is_at_home(spec: GraphSpec, graphs: Mapping[str, GraphModel | None]) -> bool:
-    """Whether the graph found for `spec` stands at its path."""
-    graph = graphs.get(spec.name)
-    return graph is not None and graph.path == spec.path

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lab3_usd.check.candidates import find_graphs
+from lab3_usd.check.candidates import find_graphs, relocated
 from lab3_usd.check.diagnosis import diagnose
 from lab3_usd.check.finding import (
     Crash,
@@ -28,6 +28,7 @@ from lab3_usd.check.requirements import (
     scene_requirements,
     score,
 )
+from lab3_usd.check.sensor_place import sensor_homes
 from lab3_usd.check.subject import GraphSubject, Roles, StageSubject
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.spec.loader import load_lab
@@ -150,9 +151,11 @@ def finding_of(found: Rule, problem: Problem) -> Finding:
 def _graph_subjects(
     lab: Lab, checkpoint: Checkpoint, stage: StageModel, live: Mapping[str, Node]
 ) -> Iterator[GraphSubject]:
-    graphs = find_graphs(lab, stage)
+    homes = sensor_homes(lab, stage)
+    specs = {name: relocated(spec, homes) for name, spec in lab.graphs.items()}
+    graphs = find_graphs(specs, stage)
     for name in checkpoint.graphs:
-        spec = lab.graphs[name]
+        spec = specs[name]
         roles: Roles = match(spec, graphs[name])
         yield GraphSubject(
             lab=lab,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from lab3_usd.check.candidates import find_graphs
+from lab3_usd.check.candidates import find_graphs, relocated
 from lab3_usd.check.finding import Finding
 from lab3_usd.check.frames import published_edges
 from lab3_usd.check.matcher import match
 from lab3_usd.check.model import StageModel
+from lab3_usd.check.sensor_place import sensor_homes
 from lab3_usd.report.frames_picture import frames_picture
 from lab3_usd.report.picture_model import Picture
 from lab3_usd.report.pictures import graph_picture
@@ -28,11 +29,13 @@ def stage_pictures(
     The tree is left out where neither the checkpoint asks for one nor the stage publishes any.
     Without a checkpoint every graph is drawn as it is.
     """
-    graphs = {} if checkpoint is None else find_graphs(lab, stage)
+    homes = sensor_homes(lab, stage)
+    specs = {name: relocated(spec, homes) for name, spec in lab.graphs.items()}
+    graphs = {} if checkpoint is None else find_graphs(specs, stage)
     asked = () if checkpoint is None else checkpoint.graphs
     for name, graph in graphs.items():
         if name in asked or graph is not None:
-            spec = lab.graphs[name]
+            spec = specs[name]
             yield graph_picture(spec, match(spec, graph), graph, findings, every_port=every_port)
     known = {graph.path for graph in graphs.values() if graph is not None}
     for graph in stage.graphs:
