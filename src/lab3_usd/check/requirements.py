@@ -9,6 +9,7 @@ from lab3_usd.check.frames import published_edges
 from lab3_usd.check.met import setting_met, setting_value, source_path, target_met
 from lab3_usd.check.model import Node
 from lab3_usd.check.say import shown, titled
+from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_items import scene_items
 from lab3_usd.check.subject import GraphSubject, StageSubject
 from lab3_usd.spec.spec import NodeSpec, Setting, Target, Wire
@@ -79,9 +80,9 @@ def _fed(subject: GraphSubject, wire: Wire, source: Node, target: Node) -> bool:
 
 def scene_requirements(subject: StageSubject, findings: Iterable[Finding]) -> Iterator[Requirement]:
     """Yield every scene item and frame; one is met when no error names its site."""
-    sites = {(each.prim, each.property) for each in findings if each.severity == "error"}
+    told = [each for each in findings if each.severity == "error"]
     for item in scene_items(subject.lab, subject.checkpoint):
-        met = (item.prim, item.property) not in sites and (item.prim, None) not in sites
+        met = is_met(item, told)
         yield Requirement(item.id, item.group, "scene", item.title, met, item.handout)
 
 
