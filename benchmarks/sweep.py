@@ -12,35 +12,47 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from pxr import Sdf, Usd
-from tests.scene_sabotage import scene_faults
+from sabotage import Fault, graph_faults
+from scene_sabotage import scene_sabotage
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.finding import Finding
 from lab3_usd.spec.loader import load_lab
+from lab3_usd.spec.spec import Checkpoint
 from lab3_usd.stage.builder import build_checkpoint
 from lab3_usd.stage.reader import read_model
-from tests.sabotage import Fault, graph_faults
+
+# Parts B and F press Play and then save: what lies below the robot has moved by then.
+ONLY_IN_THE_STARTER = ("in the starter", "lidar link moved")
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What the rules said of one fault."""
+    """What the rules said of one fault: errors and warnings.
+
+    A robot that stands elsewhere is a warning from checkpoint 06 on.
+    """
 
     fault: Fault
-    errors: tuple[Finding, ...]
+    told: tuple[Finding, ...]
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """The errors among them."""
+        return tuple(each for each in self.told if each.severity == "error")
 
     @property
     def found(self) -> bool:
         """Whether anything was said at all."""
-        return bool(self.errors)
+        return bool(self.told)
 
     @property
     def at_place(self) -> bool:
         """Whether one of the findings names a site of the fault."""
-        return any(each.prim in self.fault.sites for each in self.errors)
+        return any(each.prim in self.fault.sites for each in self.told)
 
 
 def sweep(checkpoint: str, every: int = 1, start: int = 0) -> Iterator[Outcome]:
@@ -50,7 +62,7 @@ def sweep(checkpoint: str, every: int = 1, start: int = 0) -> Iterator[Outcome]:
     with tempfile.TemporaryDirectory() as folder:
         clean = build_checkpoint(None, checkpoint, Path(folder) / f"{asked.file}.usda")
         layer = Sdf.Layer.FindOrOpen(str(clean))
-        faults = [*graph_faults(lab, asked), *scene_faults(lab, asked)]
+        faults = [*graph_faults(lab, asked), *scene_faults(asked)]
         for fault in faults[start::every]:
             copy = Sdf.Layer.CreateAnonymous(".usda")
             copy.TransferContent(layer)
@@ -59,8 +71,16 @@ def sweep(checkpoint: str, every: int = 1, start: int = 0) -> Iterator[Outcome]:
             judged = judge(lab, asked, read_model(stage, lab, clean.name))
             if judged.crashes:
                 raise RuntimeError(judged.crashes)
-            errors = tuple(each for each in judged.findings if each.severity == "error")
-            yield Outcome(fault, errors)
+            told = tuple(each for each in judged.findings if each.severity != "note")
+            yield Outcome(fault, told)
+
+
+def scene_faults(asked: Checkpoint) -> Iterator[Fault]:
+    """Yield the faults of the scene items that this checkpoint or an earlier one asks for."""
+    for each in scene_sabotage():
+        only_there = each.checkpoint == "00" and each.name.endswith(ONLY_IN_THE_STARTER)
+        if each.checkpoint <= asked.id and not (only_there and asked.id != "00"):
+            yield Fault(each.name, "scene", each.apply, (each.site[0],))
 
 
 def table(outcomes: Sequence[Outcome]) -> str:
