@@ -7,35 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
 from lab3_usd.check.connections import closes_cycle, is_live, types_fit
 from lab3_usd.check.met import source_path
 from lab3_usd.check.model import Node
 from lab3_usd.check.subject import Roles
+from lab3_usd.check.wire_fault import Kind, WireFault
 from lab3_usd.spec.spec import GraphSpec, Wire
-
-Kind = Literal[
-    "missing", "moved", "wrong", "bypass", "foreign", "forbidden", "dead", "swapped",
-    "second", "leftover", "unasked", "cycle", "incompatible",
-]  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class WireFault:
-    """One faulty wire at the input where it ends.
-
-    `expected` and `actual` are property paths; `wire` the wire of the spec that is not met, None
-    where nothing is asked for; `elsewhere` a second input that belongs to the same mistake.
-    """
-
-    kind: Kind
-    node: Node
-    port: str
-    expected: str | None = None
-    actual: str | None = None
-    wire: Wire | None = None
-    elsewhere: str | None = None
 
 
 @dataclass(slots=True)

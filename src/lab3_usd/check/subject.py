@@ -10,7 +10,7 @@ from lab3_usd.check.model import GraphModel, Node, StageModel
 from lab3_usd.spec.spec import Checkpoint, GraphSpec, Lab
 
 if TYPE_CHECKING:
-    from lab3_usd.check.diagnosis import WireFault
+    from lab3_usd.check.wire_fault import WireFault
 
 
 @dataclass(frozen=True, slots=True)

@@ -171,7 +171,7 @@ def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: open the stage in Isaac Sim 6.0.1 and save it again.
 
-    Example: `omni.isaac.ros2_bridge` names for `isaacsim.ros2.bridge` types.
+    Example: a ROS2 Context whose type begins with `omni.isaac`.
     """
     graph = subject.roles.graph
     catalog = subject.lab.catalog

@@ -80,7 +80,8 @@ def _frames_forbidden(subject: GraphSubject, found: Found) -> bool:
     tf = found.spec.type.tf
     if tf is None or found.setting.port not in tf.names:
         return False
-    return found.node.value(tf.names[1]) == subject.lab.frames.forbidden_edge[1]
+    child = setting_value(subject.live, found.node, tf.names[1])
+    return child == subject.lab.frames.forbidden_edge[1]
 
 
 def _swapped(subject: GraphSubject) -> dict[tuple[str, str], str]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.diagnosis import WireFault
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.settings import settings_of
 from lab3_usd.check.say import short_source, title_of
 from lab3_usd.check.subject import GraphSubject
+from lab3_usd.check.wire_fault import WireFault
 
 
 def _faults(subject: GraphSubject, *kinds: str) -> Iterator[WireFault]:
