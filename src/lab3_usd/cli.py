@@ -104,7 +104,11 @@ def _described(error: Exception) -> str:
     """Name an exception and the line of ours that raised it."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
-    return f"{type(error).__name__}: {error}{place}"
+    try:
+        text = str(error)
+    except UnicodeError:  # what usd-core says of bytes that are no text
+        text = "its message is not text"
+    return f"{type(error).__name__}: {text}{place}"
 
 
 def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:

@@ -66,9 +66,9 @@ class CheckpointFile(pytest.File):
             item = RequirementItem.from_parent(self, name=requirement.id)
             item.requirement, item.result = requirement, result
             yield item
-        item = NoFaultsItem.from_parent(self, name="no faults")
-        item.result = result
-        yield item
+        whole = NoFaultsItem.from_parent(self, name="no faults")
+        whole.result = result
+        yield whole
 
 
 class RequirementItem(pytest.Item):
