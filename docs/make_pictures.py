@@ -1,0 +1,70 @@
+"""Makes the pictures of the documentation with the program itself.
+
+Run `python docs/make_pictures.py` after the drawing has changed; a test compares the SVG files.
+"""
+
+from __future__ import annotations
+
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import zlib
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent
+PICTURES = DOCS / "pictures"
+DRAWN = {  # what `lab3 draw` names a picture, and its name here
+    "ROS_Drive.svg": "drive.svg",
+    "TF.svg": "tf.svg",
+    "Lab3_02_ros_drive-ROS_Drive.svg": "faults.svg",
+}
+MAP_ZOOM = 3
+
+
+def make_pictures(target: Path) -> None:
+    """Write every picture into the folder `target`."""
+    target.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        _lab3("build", "--out", folder, "--only", "02")
+        wrong = folder / "mine" / "Lab3_02_ros_drive.usda"
+        _run(DOCS / "examples" / "mistakes.py", folder / wrong.name, wrong)
+        for drawn in (wrong, "ROS_Drive", "TF"):
+            _lab3("draw", drawn, "--out", folder)
+        for drawn, kept in DRAWN.items():
+            shutil.copyfile(folder / drawn, target / kept)
+        _lab3("starter", "--out", folder / "starter.usda")
+        _lab3("map", folder / "starter.usda", "--out", folder)
+        image = (folder / "turtlebot3_map.pgm").read_bytes()
+        (target / "map.png").write_bytes(png_of_pgm(image, MAP_ZOOM))
+
+
+def _lab3(*arguments: str | Path) -> None:
+    _run("-m", "lab3_usd", *arguments)
+
+
+def _run(*arguments: str | Path) -> None:
+    subprocess.run([sys.executable, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+
+
+def png_of_pgm(image: bytes, zoom: int) -> bytes:
+    """Return a binary PGM image as PNG, each of its pixels `zoom` wide and high."""
+    _, size, _, pixels = image.split(b"\n", 3)
+    width, height = map(int, size.split())
+    rows = [pixels[start : start + width] for start in range(0, width * height, width)]
+    wide = (b"".join(bytes([grey]) * zoom for grey in row) for row in rows)
+    lines = b"".join((b"\0" + row) * zoom for row in wide)
+    header = struct.pack(">IIBBBBB", width * zoom, height * zoom, 8, 0, 0, 0, 0)
+    chunks = {b"IHDR": header, b"IDAT": zlib.compress(lines, 9), b"IEND": b""}
+    return b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(*chunk) for chunk in chunks.items())
+
+
+def _chunk(name: bytes, data: bytes) -> bytes:
+    check = struct.pack(">I", zlib.crc32(name + data))
+    return struct.pack(">I", len(data)) + name + data + check
+
+
+if __name__ == "__main__":
+    make_pictures(PICTURES)

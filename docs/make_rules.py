@@ -1,0 +1,99 @@
+"""Writes `rules.md`, the reference of all rules, from the docstrings of the rules.
+
+Run `python docs/make_rules.py` after a rule has changed; a test compares page and docstrings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from pathlib import Path
+
+from lab3_usd.check.registry import FAMILIES, Rule, all_rules
+
+PAGE = Path(__file__).with_name("rules.md")
+SECTIONS = {"Why": "Why it matters", "Fix": "How to repair it", "Example": "Example"}
+FAMILY_TITLES = {
+    "files": "can the stage be read at all",
+    "graphs": "is each Action Graph there, at its path, of the right kind",
+    "nodes": "the nodes of a graph",
+    "settings": "values of inputs",
+    "targets": "relationships to prims",
+    "wires": "connections between ports",
+    "scene": "robot, physics and world",
+    "lidar": "the lidar prim",
+    "camera": "the camera prim",
+    "frames": "the TF tree that the stage publishes",
+    "topics": "topics and their QoS",
+    "starter": "what was changed of the supplied scene (with `--starter`)",
+    "maps": "map files (with `--maps`, or in a submission)",
+    "navigation": "parameter files of Nav2 in a submission",
+    "evidence": "saved output of the running system in a submission",
+    "submission": "the folder as a whole",
+}
+INTRODUCTION = """\
+# Rules
+
+<!-- Written by docs/make_rules.py from the docstrings of the rules: change those, not this. -->
+
+Every finding names its rule. `lab3 rules` lists them, `lab3 rule W01` prints what stands here.
+`lab3 check --select W,P01` reports some of them only, `--ignore P09` leaves some out.
+
+- An **error** is something the handout asks for and the stage does not have.
+- A **warning** is odd, and often harmless.
+- A **note** is good to know and never counts.
+
+A finding may be milder or harsher than its rule usually is; its own severity counts. Ids are never
+used again for something else.
+"""
+
+
+def page() -> str:
+    """Return the whole page."""
+    return "\n".join([INTRODUCTION, *_contents(), *_manuals()])
+
+
+def _families() -> Iterator[tuple[str, list[Rule]]]:
+    rules = sorted(
+        all_rules().values(), key=lambda rule: (list(FAMILIES).index(rule.id[0]), rule.id)
+    )
+    for letter, members in groupby(rules, key=lambda rule: rule.id[0]):
+        yield letter, list(members)
+
+
+def _contents() -> Iterator[str]:
+    yield "| | Family | Rules |"
+    yield "|---|---|---|"
+    for letter, members in _families():
+        name = FAMILIES[letter]
+        links = " ".join(f"[{rule.id}](#{anchor(rule)})" for rule in members)
+        yield f"| {letter} | **{name}**: {FAMILY_TITLES[name]} | {links} |"
+    yield ""
+
+
+def anchor(rule: Rule) -> str:
+    """Return the anchor that Markdown viewers give to the heading of a rule."""
+    return f"{rule.id}-{rule.name}".lower()
+
+
+def _manuals() -> Iterator[str]:
+    for letter, members in _families():
+        yield f"## {letter}: {FAMILIES[letter]}\n"
+        for rule in members:
+            yield from _manual(rule)
+
+
+def _manual(rule: Rule) -> Iterator[str]:
+    yield f"### {rule.id} {rule.name}\n"
+    opening = " ".join(rule.manual.split("\n\n")[0].split())
+    yield f"*{rule.severity}* · {opening}\n"
+    for name, title in SECTIONS.items():
+        yield f"**{title}.** {_sentence(rule.section(name))}\n"
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8", newline="\n")
