@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from lab3_usd.check.absence import is_at_or_below, is_hidden
@@ -42,6 +43,7 @@ class WheelJoint:
         return prim if prim is not None and prim.present and prim.type == REVOLUTE else None
 
 
+@lru_cache(maxsize=1)  # every rule of one stage asks for the same
 def wheel_joints(subject: StageSubject) -> list[WheelJoint]:
     """Return the wheel joints in the order of the scene file."""
     robot = subject.lab.scene["robot"]

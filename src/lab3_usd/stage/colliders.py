@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import product
 from typing import Any
 
 from pxr import Gf, Usd, UsdGeom
 
-from lab3_usd.check.model import Collider
+from lab3_usd.check.model import Collider, Prim
 from lab3_usd.stage.places import Places
 
 _Corner = tuple[float, float, float]
 _Box = tuple[_Corner, _Corner]
 
 
-def find_colliders(prims: Iterable[Usd.Prim], places: Places) -> Iterator[Collider]:
+RIGID_BODY = "PhysicsRigidBodyAPI"
+
+
+def find_colliders(
+    prims: Iterable[Usd.Prim], read: Mapping[str, Prim], places: Places
+) -> Iterator[Collider]:
     """Yield the world box of each collision prim that has a shape of its own or shapes below.
 
-    Planes have no box. The bodies are the nearest ancestors that are rigid bodies, '' for none.
+    `read` holds the prims of the stage that were read, by path. Planes have no box. The bodies are the nearest ancestors that are rigid bodies, '' for none.
     Cylinders, spheres and capsules are taken as round, so that a wheel turned about its axle
     stands as high as one that is not.
     """
@@ -27,20 +32,24 @@ def find_colliders(prims: Iterable[Usd.Prim], places: Places) -> Iterator[Collid
         boxes = [box for shape in _shapes(prim) for box in [_world_box(shape, places)] if box]
         if boxes:
             low, high = _union(boxes)
-            body = _body_above(prim)
-            yield Collider(str(prim.GetPath()), body, _scaled(low, metres), _scaled(high, metres))
+            path = str(prim.GetPath())
+            body = _body_above(path, read)
+            yield Collider(path, body, _scaled(low, metres), _scaled(high, metres))
 
 
 def _shapes(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+    if not prim.GetAllChildrenNames() and not prim.IsInstance():
+        return iter((prim,) if prim.IsA(UsdGeom.Gprim) else ())
     predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
     return (each for each in Usd.PrimRange(prim, predicate) if each.IsA(UsdGeom.Gprim))
 
 
-def _body_above(prim: Usd.Prim) -> str:
-    while prim and not prim.IsPseudoRoot():
-        if "PhysicsRigidBodyAPI" in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
-            return str(prim.GetPath())
-        prim = prim.GetParent()
+def _body_above(path: str, read: Mapping[str, Prim]) -> str:
+    while path:
+        prim = read.get(path)
+        if prim is not None and RIGID_BODY in prim.apis:
+            return path
+        path = path.rpartition("/")[0]
     return ""
 
 

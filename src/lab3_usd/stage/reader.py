@@ -12,7 +12,7 @@ from pxr import Usd, UsdGeom
 from lab3_usd.check.model import Absent, GraphModel, Node, Prim, StageModel
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import Lab
-from lab3_usd.stage.colliders import find_colliders
+from lab3_usd.stage.colliders import RIGID_BODY, find_colliders
 from lab3_usd.stage.missing import find_unresolved, is_in_scene
 from lab3_usd.stage.opening import open_stage
 from lab3_usd.stage.places import Places
@@ -24,7 +24,7 @@ _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
     r"horizontalAperture|verticalAperture|kind|node|xformOpOrder)(:|$)"
 )
-# Prims without applied schemas whose place matters all the same; of the others nobody asks.
+# Prims whose place matters even if they are no rigid bodies; of the others nobody asks.
 _PLACED = ("Xform", "Camera", "Plane", "OmniLidar", "")
 _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"
@@ -58,7 +58,7 @@ def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
         orphans=tuple(found.orphans),
         absent=tuple(found.absent),
         unresolved=unresolved,
-        colliders=tuple(find_colliders(found.collision_prims, places)),
+        colliders=tuple(find_colliders(found.collision_prims, found.prims, places)),
     )
 
 
@@ -198,7 +198,8 @@ def _prim(prim: Usd.Prim, path: str, kind: str, places: Places, found: _Found) -
     if isinstance(namespace, str) and namespace:
         found.namespaces[path] = namespace
     apis = tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
-    local, world = places.of(prim, path) if apis or kind in _PLACED else (None, None)
+    is_placed = kind in _PLACED or RIGID_BODY in apis
+    local, world = places.of(prim, path) if is_placed else (None, None)
     return Prim(
         path=path,
         type=kind,
