@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,9 @@ from pxr import Usd
 from lab3_usd import build_checkpoint, check_stage
 
 pytest_plugins = ["pytester"]
-PLUGIN = ("-p", "lab3_usd.pytest_plugin")
+# Where the package is installed, pytest loads the plugin by itself, and refuses to do so twice.
+INSTALLED = "lab3" in {each.name for each in entry_points(group="pytest11")}
+PLUGIN = () if INSTALLED else ("-p", "lab3_usd.pytest_plugin")
 
 
 @pytest.fixture
@@ -38,9 +41,7 @@ def test_an_unmet_requirement_fails_and_says_why(pytester: pytest.Pytester, cloc
     result.stdout.fnmatch_lines(["*P01*inputs:topicName is '/other', expected '/clock'*"])
 
 
-def test_a_folder_gives_the_tests_of_all_its_stages(
-    pytester: pytest.Pytester, clock: Path
-) -> None:
+def test_a_folder_gives_the_tests_of_all_its_stages(pytester: pytest.Pytester, clock: Path) -> None:
     build_checkpoint(None, "00", clock.parent / "Lab3_00_student_start.usda")
     (clock.parent / "notes.usda").write_text("#usda 1.0\n")
     result = run(pytester, "--lab3", str(clock.parent), "--collect-only", "-q")
