@@ -23,9 +23,9 @@ def find_colliders(
 ) -> Iterator[Collider]:
     """Yield the world box of each collision prim that has a shape of its own or shapes below.
 
-    `read` holds the prims of the stage that were read, by path. Planes have no box. The bodies are the nearest ancestors that are rigid bodies, '' for none.
-    Cylinders, spheres and capsules are taken as round, so that a wheel turned about its axle
-    stands as high as one that is not.
+    `read` holds the prims of the stage that were read, by path. Planes have no box. The bodies
+    are the nearest ancestors that are rigid bodies, '' for none. Cylinders, spheres and capsules
+    are taken as round, so that a wheel turned about its axle stands as high as one that is not.
     """
     for prim in prims:
         metres = UsdGeom.GetStageMetersPerUnit(prim.GetStage())
