@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -88,3 +89,11 @@ def wired(node: Node, port: str, *sources: str) -> Node:
 def valued(node: Node, port: str, value: str | float) -> Node:
     state = replace(node.ports[port], value=value)
     return replace(node, ports={**node.ports, port: state})
+
+
+def numbered(graph: GraphModel, seed: int) -> tuple[GraphModel, dict[str, str]]:
+    """The graph with names that say nothing, and the names by what they were."""
+    numbers = list(range(len(graph.nodes)))
+    random.Random(seed).shuffle(numbers)  # noqa: S311 - the same on every run
+    new = {node.name: f"n{number:03}" for node, number in zip(graph.nodes, numbers, strict=True)}
+    return renamed(graph, new), new

@@ -20,6 +20,7 @@ from plain_graphs import (
     graph_of,
     judged_model,
     node_of,
+    numbered,
     renamed,
     shuffled,
     valued,
@@ -43,14 +44,6 @@ def roles(graph: GraphModel) -> Roles:
 
 def names(found: Roles) -> dict[str, str | None]:
     return {role: node and node.name for role, node in found.node_of.items()}
-
-
-def numbered(graph: GraphModel, seed: int) -> tuple[GraphModel, dict[str, str]]:
-    """The graph with names that say nothing, and the names by what they were."""
-    numbers = list(range(len(graph.nodes)))
-    random.Random(seed).shuffle(numbers)  # noqa: S311 - the same on every run
-    new = {node.name: f"n{number:03}" for node, number in zip(graph.nodes, numbers, strict=True)}
-    return renamed(graph, new), new
 
 
 @pytest.mark.parametrize("name", GRAPHS)
