@@ -1,0 +1,289 @@
+"""Likely mistakes in wires, each with the message that explains it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from breaking import broken, judged, place
+
+from lab3_usd.check.checker import ordered
+from lab3_usd.check.finding import Finding
+
+DRIVE = "/turtlebot3_burger/ROS_Drive"
+
+
+def told(*steps: dict[str, Any]) -> tuple[Finding, ...]:
+    """Errors and warnings of checkpoint 05 after these steps."""
+    judgement = judged(broken("05", list(steps)), "05")
+    assert not judgement.crashes
+    return ordered(each for each in judgement.findings if each.severity != "note")
+
+
+def the_only(*steps: dict[str, Any]) -> Finding:
+    findings = told(*steps)
+    assert [(each.rule, each.prim) for each in findings[1:]] == []
+    return findings[0]
+
+
+def assert_words(finding: Finding, *words: str) -> None:
+    """The message says what is there, what should be, and what explains it."""
+    assert [word for word in words if word not in finding.message] == []
+
+
+LEFT = "ROS_Drive/constant_left_joint"
+RIGHT = "ROS_Drive/constant_right_joint"
+CONTROLLER = "ROS_Drive/differential_controller"
+
+
+def test_swapped_wheel_tokens() -> None:
+    finding = the_only({"swap": [f"{LEFT}.inputs:value", f"{RIGHT}.inputs:value"]})
+    assert (finding.rule, finding.prim) == ("P07", place(LEFT))
+    assert (finding.actual, finding.expected) == ("'wheel_right_joint'", "'wheel_left_joint'")
+    assert finding.related == (f"{place(RIGHT)}.inputs:value",)
+    assert_words(finding, "constant_right_joint holds the value that belongs here")
+
+
+def test_reversed_inputs_of_the_array() -> None:
+    array = "ROS_Drive/make_array"
+    finding = the_only({"swap": [f"{array}.inputs:input0", f"{array}.inputs:input1"]})
+    assert (finding.rule, finding.prim, finding.property) == ("W06", place(array), "inputs:input0")
+    assert finding.related == (f"{place(array)}.inputs:input1",)
+    assert_words(finding, "the wrong way round")
+
+
+def test_tokens_and_inputs_both_reversed_are_right_again() -> None:
+    array = "ROS_Drive/make_array"
+    steps = (
+        {"swap": [f"{LEFT}.inputs:value", f"{RIGHT}.inputs:value"]},
+        {"swap": [f"{array}.inputs:input0", f"{array}.inputs:input1"]},
+    )
+    assert told(*steps) == ()
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_another_axis_instead_of_z(axis: str) -> None:
+    source = f"ROS_Drive/break_angular_velocity.outputs:{axis}"
+    finding = the_only({"connect": [f"{CONTROLLER}.inputs:angularVelocity", source]})
+    assert (finding.rule, finding.prim) == ("W02", place(CONTROLLER))
+    assert finding.property == "inputs:angularVelocity"
+    assert_words(
+        finding, f"break_angular_velocity.outputs:{axis}", "break_angular_velocity.outputs:z"
+    )
+    assert finding.handout == "C7"
+
+
+def test_linear_for_angular_velocity() -> None:
+    finding = the_only(
+        {"swap": [f"{CONTROLLER}.inputs:linearVelocity", f"{CONTROLLER}.inputs:angularVelocity"]}
+    )
+    assert finding.rule == "W06"
+    assert_words(finding, "the wrong way round")
+
+
+@pytest.mark.parametrize("is_left_hanging", [False, True])
+def test_a_vector_wired_past_the_scale_node(is_left_hanging: bool) -> None:  # noqa: FBT001
+    steps: list[dict[str, Any]] = [
+        {
+            "connect": [
+                "ROS_Drive/break_linear_velocity.inputs:tuple",
+                "ROS_Drive/ros2_subscribe_twist.outputs:linearVelocity",
+            ]
+        }
+    ]
+    if is_left_hanging:
+        steps.append({"disconnect": "ROS_Drive/scale_linear_velocity.inputs:value"})
+    finding = the_only(*steps)
+    assert (finding.rule, finding.prim) == ("W02", f"{DRIVE}/break_linear_velocity")
+    assert_words(finding, "goes past scale_linear_velocity")
+
+
+def test_odometry_published_past_its_computation() -> None:
+    finding = the_only(
+        {
+            "connect": [
+                "ROS_OdomTF/ros2_publish_odometry.inputs:execIn",
+                "ROS_OdomTF/on_playback_tick.outputs:tick",
+            ]
+        }
+    )
+    assert_words(finding, "goes past isaac_compute_odometry")
+
+
+EXEC_OUT = ["ROS_Drive/differential_controller.inputs:execIn"]
+EXEC_OUT += ["ROS_Drive/ros2_subscribe_twist.outputs:execOut"]
+
+
+@pytest.mark.parametrize("how", ["connect", "add source"])
+def test_the_subscriber_drives_the_controller_alone_and_beside_the_tick(how: str) -> None:
+    finding = the_only({how: EXEC_OUT})
+    assert (finding.rule, finding.prim) == ("W10", place(CONTROLLER))
+    assert_words(finding, "the handout forbids", "on_playback_tick.outputs:tick")
+    assert finding.handout == "C8"
+
+
+def test_the_forbidden_wire_is_found_among_wrong_ones() -> None:
+    other = "ROS_Drive/on_playback_tick.outputs:time"
+    finding = the_only({"connect": [EXEC_OUT[0], other, EXEC_OUT[1]]})
+    assert finding.rule == "W10"
+
+
+@pytest.mark.parametrize(("how", "rule"), [("connect", "W07"), ("add source", "W04")])
+def test_a_context_of_another_graph_is_told_by_its_whole_path(how: str, rule: str) -> None:
+    finding = the_only(
+        {how: ["ROS_Drive/ros2_subscribe_twist.inputs:context", _CONTEXT_OF_CLOCK]},
+    )
+    assert finding.rule == rule
+    assert_words(finding, "/World/ROS_Clock/ros2_context.outputs:context")
+
+
+_CONTEXT_OF_CLOCK = "ROS_Clock/ros2_context.outputs:context"
+
+
+def test_a_context_of_another_graph_for_one_that_is_missing() -> None:
+    finding = the_only(
+        {"connect": ["ROS_Drive/ros2_subscribe_twist.inputs:context", _CONTEXT_OF_CLOCK]},
+        {"remove": "ROS_Drive/ros2_context"},
+    )
+    assert (finding.rule, finding.prim) == ("N01", DRIVE)
+
+
+def test_make_array_that_is_not_make_array() -> None:
+    finding = the_only({"set": ["ROS_Drive/make_array.node:type", "omni.graph.nodes.MakeArray"]})
+    assert (finding.rule, finding.prim) == ("N03", f"{DRIVE}/make_array")
+    assert_words(finding, "omni.graph.nodes.MakeArray", "the name looks alike")
+    assert finding.expected == "omni.graph.nodes.ConstructArray"
+
+
+def test_a_constant_wired_from_the_output_that_the_handout_names() -> None:
+    finding = the_only(
+        {"connect": ["ROS_Drive/make_array.inputs:input0", f"{LEFT}.outputs:value"]},
+    )
+    assert finding.rule == "W03"
+    assert_words(finding, "outputs:value, which does not exist", "constant_left_joint.inputs:value")
+
+
+def test_on_tick_instead_of_on_playback_tick() -> None:
+    finding = the_only(
+        {"set": ["ROS_Camera/on_playback_tick.node:type", "omni.graph.action.OnTick"]}
+    )
+    assert (finding.rule, finding.property) == ("N03", "node:type")
+    assert_words(finding, "omni.graph.action.OnTick", "On Playback Tick")
+
+
+def test_a_graph_at_the_wrong_path_is_known_by_its_content() -> None:
+    finding = the_only({"move": ["ROS_Clock", "/World/ActionGraph"]})
+    assert (finding.rule, finding.prim) == ("G02", "/World/ActionGraph")
+    assert finding.expected == "/World/ROS_Clock"
+
+
+@pytest.mark.parametrize(
+    ("step", "reason"),
+    [
+        ({"deactivate": "ROS_Clock/ros2_context"}, "deactivated"),
+        ({"over": "ROS_Clock/ros2_context"}, "an over without a def"),
+        ({"move": ["ROS_Clock/ros2_context", "/World/ros2_context"]}, "outside every graph"),
+    ],
+)
+def test_why_a_node_is_absent_is_said(step: dict[str, Any], reason: str) -> None:
+    finding = the_only(step)
+    assert (finding.rule, finding.prim) == ("N01", "/World/ROS_Clock")
+    assert_words(finding, "ROS2 Context", reason)
+    assert len(finding.related) == 1
+
+
+@pytest.mark.parametrize("step", ["deactivate", "over"])
+def test_why_a_graph_is_absent_is_said(step: str) -> None:
+    finding = the_only({step: "ROS_Clock"})
+    assert (finding.rule, finding.prim) == ("G01", "/World/ROS_Clock")
+    assert_words(finding, "deactivated or only an over")
+
+
+def test_a_wire_that_went_into_another_input() -> None:
+    node = "ROS_OdomTF/ros2_publish_raw_transform_tree"
+    finding = the_only(
+        {"disconnect": f"{node}.inputs:timeStamp"},
+        {
+            "connect": [
+                f"{node}.inputs:queueSize",
+                "ROS_OdomTF/isaac_read_simulation_time.outputs:simulationTime",
+            ]
+        },
+    )
+    assert (finding.rule, finding.property) == ("W01", "inputs:timeStamp")
+    assert_words(finding, "that wire goes into ros2_publish_raw_transform_tree.inputs:queueSize")
+
+
+def test_literals_in_the_array_are_two_missing_nodes() -> None:
+    array = "ROS_Drive/make_array"
+    findings = told(
+        {"remove": LEFT},
+        {"remove": RIGHT},
+        {"declare": [f"{array}.inputs:input0", "token", "wheel_left_joint"]},
+        {"declare": [f"{array}.inputs:input1", "token", "wheel_right_joint"]},
+    )
+    assert [(each.rule, each.prim) for each in findings] == [("N01", DRIVE), ("N01", DRIVE)]
+
+
+def test_a_missing_node_silences_its_wires_though_not_others() -> None:
+    findings = told(
+        {"remove": "ROS_OdomTF/isaac_compute_odometry"},
+        {"disconnect": "ROS_OdomTF/ros2_publish_odometry.inputs:timeStamp"},
+    )
+    assert [each.rule for each in findings] == ["N01", "W01"]
+
+
+def test_two_mistakes_are_two_findings() -> None:
+    findings = told(
+        {"disconnect": "ROS_Clock/ros2_publish_clock.inputs:timeStamp"},
+        {"swap": [f"{LEFT}.inputs:value", f"{RIGHT}.inputs:value"]},
+    )
+    assert [each.rule for each in findings] == ["W01", "P07"]
+
+
+def test_two_mistakes_at_one_node_are_two_findings() -> None:
+    findings = told(
+        {"disconnect": f"{CONTROLLER}.inputs:execIn"},
+        {"set": [f"{CONTROLLER}.inputs:wheelRadius", 0.033]},
+    )
+    assert [(each.rule, each.property) for each in findings] == [
+        ("W01", "inputs:execIn"),
+        ("P01", "inputs:wheelRadius"),
+    ]
+
+
+def test_of_two_dead_sources_the_input_is_named_once() -> None:
+    port = "ROS_Clock/ros2_publish_clock.inputs:timeStamp"
+    finding = the_only({"connect": [port, "ROS_Clock/a.outputs:x", "ROS_Clock/b.outputs:x"]})
+    assert finding.rule == "W03"
+
+
+def test_two_nodes_that_trigger_each_other() -> None:
+    findings = told(
+        {
+            "connect": [
+                "ROS_OdomTF/isaac_compute_odometry.inputs:execIn",
+                "ROS_OdomTF/isaac_compute_transform_tree.outputs:execOut",
+            ]
+        },
+        {
+            "connect": [
+                "ROS_OdomTF/isaac_compute_transform_tree.inputs:execIn",
+                "ROS_OdomTF/isaac_compute_odometry.outputs:execOut",
+            ]
+        },
+    )
+    assert [each.rule for each in findings] == ["W02", "W02"]
+
+
+def test_every_finding_says_what_to_do() -> None:
+    findings = told(
+        {"remove": "ROS_Clock"},
+        {"remove": "ROS_Drive/ros2_context"},
+        {"connect": EXEC_OUT},
+        {"disconnect": "ROS_OdomTF/ros2_publish_odometry.inputs:timeStamp"},
+        {"targets": ["ROS_Drive/articulation_controller.inputs:targetPrim"]},
+        {"clear": "ROS_Camera/ros2_context.inputs:useDomainIDEnvVar"},
+    )
+    assert len(findings) == 6
+    assert [each.rule for each in findings if not each.hint or not each.handout] == []
