@@ -41,7 +41,7 @@ def as_table(report: TopicReport) -> Iterator[str]:
     if not report.endpoints:
         yield "no topics are published or subscribed"
         return
-    rows = [[name.upper() for name in COLUMNS], *(list(_row(e, report)) for e in report.endpoints)]
+    rows = [[name.upper() for name in COLUMNS], *(list(cells(e, report)) for e in report.endpoints)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(COLUMNS))]
     for row in rows:
         yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
@@ -53,7 +53,7 @@ def as_csv(report: TopicReport) -> str:
     writer = csv.writer(table)
     writer.writerow(COLUMNS)
     for endpoint in report.endpoints:
-        writer.writerow([safe_cell(cell) for cell in _row(endpoint, report)])
+        writer.writerow([safe_cell(cell) for cell in cells(endpoint, report)])
     return table.getvalue()
 
 
@@ -63,7 +63,8 @@ def as_json(report: TopicReport) -> str:
     return json.dumps(data, indent=2)
 
 
-def _row(endpoint: Endpoint, report: TopicReport) -> Iterator[str]:
+def cells(endpoint: Endpoint, report: TopicReport) -> Iterator[str]:
+    """Yield what each of `COLUMNS` says of an endpoint."""
     yield visible(endpoint.topic or f"{endpoint.written!r} (no valid name)")
     yield visible(endpoint.type or NOTHING)
     yield endpoint.direction

@@ -1,0 +1,127 @@
+"""The findings of a block as the page shows them: merged over its stages, by handout section."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from lab3_usd.check.finding import SEVERITIES, Finding
+from lab3_usd.report.excerpt import read_excerpts
+from lab3_usd.report.frame import code_frame
+from lab3_usd.report.html_blocks import short_path
+from lab3_usd.report.html_model import (
+    Block,
+    Card,
+    Chapter,
+    Excerpts,
+    Fault,
+    Line,
+    Link,
+    Section,
+    Spot,
+)
+from lab3_usd.spec.spec import Lab
+
+FRAME_WIDTH = 96
+MOST_FRAMES = 120  # in one block: a page stays small whatever a stage holds
+_SECTION = re.compile(r"(?:([A-Z])(?=\d|$))?(\d+)?(?:\.(\d+))?")
+_Key = tuple[int, str, int, int, str]
+
+
+def faults(block: Block) -> list[Fault]:
+    """Return the different faults of a block, in the order of the handout's sections."""
+    found: dict[Finding, list[tuple[int, Spot]]] = {}
+    first: dict[Finding, Finding] = {}
+    for index, label, finding in _findings(block):
+        key = replace(finding, layer=None, line=None, column=None)
+        first.setdefault(key, finding)
+        spots = found.setdefault(key, [])
+        spots.append((index, Spot(label, _place(finding, block))))
+    order = sorted(found, key=_order)
+    return [_fault(f"{block.id}-f{n}", first[key], found[key]) for n, key in enumerate(order, 1)]
+
+
+def _fault(name: str, finding: Finding, seen: Sequence[tuple[int, Spot]]) -> Fault:
+    stages = tuple(dict.fromkeys(index for index, _ in seen if index >= 0))
+    spots = tuple(dict.fromkeys(spot for _, spot in seen if spot.place))
+    return Fault(name, finding, stages, spots)
+
+
+def _findings(block: Block) -> Iterator[tuple[int, str, Finding]]:
+    for stage in block.stages:
+        for finding in stage.result.findings:
+            yield stage.index, stage.label, finding
+    if block.submission is not None:
+        for finding in block.submission.findings:
+            yield -1, "", finding
+
+
+def _place(finding: Finding, block: Block) -> str:
+    if not finding.layer:
+        return ""
+    numbers = [finding.line, finding.column if finding.line else None]
+    place = short_path(finding.layer, block.path)
+    return ":".join([place, *(str(number) for number in numbers if number is not None)])
+
+
+def _order(finding: Finding) -> tuple[_Key, int]:
+    return section_key(finding.handout), SEVERITIES.index(finding.severity)
+
+
+def section_key(name: str | None) -> _Key:
+    """Return what sorts sections as the handout has them: 4.4, Parts A to J, 6.1, 8.11, none."""
+    found = _SECTION.match(name or "")
+    letter, number, below = found.groups() if found else (None, None, None)
+    before_the_parts = 5
+    if letter:
+        place = 1
+    elif number:
+        place = 0 if int(number) <= before_the_parts else 2
+    else:
+        place = 3
+    return place, letter or "", int(number or 0), int(below or 0), name or ""
+
+
+def cards(
+    block: Block, found: Iterable[Fault], links: Mapping[str, tuple[Link, ...]]
+) -> Iterator[Card]:
+    """Yield a card for each fault, with the lines of its file where those can be read."""
+    all_faults = list(found)
+    excerpts = read_excerpts(fault.finding for fault in all_faults[:MOST_FRAMES])
+    for fault in all_faults:
+        frame = tuple(_frame(fault.finding, excerpts))
+        yield Card(fault, block.span(fault.stages), frame, links.get(fault.id, ()))
+
+
+def _frame(finding: Finding, excerpts: Excerpts) -> Iterator[Line]:
+    if not finding.layer or not finding.line:
+        return
+    excerpt = excerpts.get((finding.layer, finding.line))
+    if excerpt is None:
+        return
+    for row in code_frame(excerpt, finding.line, finding.column, FRAME_WIDTH):
+        gutter, bar, text = row.partition(" |")
+        yield Line(gutter + bar, text, is_hit=row.startswith(">"))
+
+
+def chapters(found: Sequence[Card], lab: Lab) -> tuple[Chapter, ...]:
+    """Group cards, which are in order already, by section and those by part of the handout."""
+    titles: dict[str, str] = {}
+    for each in lab.checkpoints.values():
+        titles.setdefault(each.part, each.title)
+    sections: dict[str, list[Card]] = {}
+    for card in found:
+        sections.setdefault(card.fault.finding.handout or "", []).append(card)
+    parts: dict[str, list[Section]] = {}
+    for name, inside in sections.items():
+        parts.setdefault(_chapter(name, titles), []).append(Section(name, tuple(inside)))
+    return tuple(Chapter(title, tuple(inside)) for title, inside in parts.items())
+
+
+def _chapter(section: str, titles: Mapping[str, str]) -> str:
+    _, letter, number, _, _ = section_key(section)
+    if letter:
+        title = titles.get(letter, "")
+        return f"Part {letter}: {title}" if title else f"Part {letter}"
+    return f"Section {number}" if number else "Beside the handout"

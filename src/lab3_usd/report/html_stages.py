@@ -1,0 +1,54 @@
+"""The stages of a report read again, for what a finding does not hold: graphs, frames, topics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from lab3_usd.check.finding import StageResult
+from lab3_usd.check.frames import published_edges, unknown_publishers
+from lab3_usd.check.model import StageModel
+from lab3_usd.check.topics import endpoints
+from lab3_usd.errors import Lab3Error
+from lab3_usd.report.picture_model import Picture
+from lab3_usd.report.stage_pictures import stage_pictures
+from lab3_usd.report.topic_table import TopicReport, cells
+from lab3_usd.report.tree import TreeReport, as_text
+from lab3_usd.spec.spec import Lab
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What one stage holds: its pictures, its TF tree as text, its topics as cells of a table."""
+
+    pictures: tuple[Picture, ...] = ()
+    tree: tuple[str, ...] = ()
+    topics: tuple[tuple[str, ...], ...] = ()
+
+
+def look(result: StageResult, lab: Lab) -> Seen | None:
+    """Return what the stage of a result holds, None where it cannot be read."""
+    model = _read(result, lab)
+    if model is None:
+        return None
+    checkpoint = lab.checkpoints.get(result.checkpoint)
+    edges = published_edges(model, lab)
+    reserved = {lab.frames.localization_edge[1]: lab.frames.localization_by}
+    tree = TreeReport(result.path, edges, unknown_publishers(model, lab), reserved)
+    topics = TopicReport(result.path, endpoints(model, lab), edges)
+    return Seen(
+        pictures=tuple(stage_pictures(lab, checkpoint, model, result.findings)),
+        tree=tuple(as_text(tree)),
+        topics=tuple(tuple(cells(each, topics)) for each in topics.endpoints),
+    )
+
+
+def _read(result: StageResult, lab: Lab) -> StageModel | None:
+    if result.verdict == "unreadable":
+        return None
+    from lab3_usd.stage.reader import read_stage  # noqa: PLC0415 - pxr, only for pages
+
+    try:
+        return read_stage(Path(result.path), lab)
+    except (Lab3Error, OSError, ValueError):
+        return None

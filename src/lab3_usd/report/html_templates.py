@@ -1,0 +1,96 @@
+"""The templates of the HTML page, and what keeps them safe: escapes, and the page's own policy."""
+
+from __future__ import annotations
+
+import re
+from base64 import b64encode
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup, escape
+
+from lab3_usd.report.escape import visible
+from lab3_usd.report.svg_style import PALETTES, stylesheet
+
+FOLDER = Path(__file__).resolve().parent / "templates"
+_BREAK = re.compile(r"[/.:_](?=\w)")
+_CODE = re.compile(r"`([^`]+)`")
+
+
+def fill(template: str, **values: object) -> str:
+    """Return a template with its values, and the page's style, script and policy."""
+    style = _style()
+    script = (FOLDER / "report.js").read_text(encoding="utf-8")
+    return (
+        _environment()
+        .get_template(template)
+        .render(
+            style=_as_it_is(style),
+            script=_as_it_is(script),
+            policy=_policy(style, script),
+            **values,
+        )
+    )
+
+
+@lru_cache(maxsize=1)
+def _environment() -> jinja2.Environment:
+    """Return the templates: every value is escaped, for HTML and where it does not print."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(FOLDER, encoding="utf-8"),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_finalized,
+    )
+    environment.filters.update(picture=_as_it_is, path=_path, prose=_prose)
+    return environment
+
+
+def _finalized(value: object) -> object:
+    is_plain = isinstance(value, str) and not isinstance(value, Markup)
+    return visible(str(value)) if is_plain else value
+
+
+def _as_it_is(text: str) -> Markup:
+    """Return markup of our own: files of this package, and pictures that escape themselves."""
+    return Markup(text)  # noqa: S704 - see above
+
+
+def _path(text: str) -> Markup:
+    """Return a path that may be broken between its names."""
+    return _as_it_is(_BREAK.sub(r"\g<0><wbr>", _escaped(text)))
+
+
+def _prose(text: str) -> Markup:
+    """Return a sentence, what stands between backticks as code."""
+    return _as_it_is(_CODE.sub(r"<code>\1</code>", _escaped(text)))
+
+
+def _escaped(text: str) -> str:
+    return str(escape(visible(text)))
+
+
+def _style() -> str:
+    """Return the page's style; the colours come from the palettes of the pictures."""
+    light, dark = (
+        "".join(f"--{name.replace('_', '-')}:{value};" for name, value in PALETTES[theme].items())
+        for theme in ("light", "dark")
+    )
+    colours = f":root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}\n"
+    return colours + (FOLDER / "report.css").read_text(encoding="utf-8") + stylesheet()
+
+
+def _policy(style: str, script: str) -> str:
+    """Return the content security policy: nothing from anywhere, our style and script as they are.
+
+    The picture in the browser's tab is data in the page itself.
+    """
+    parts = ["default-src 'none'", "img-src data:", "base-uri 'none'", "form-action 'none'"]
+    for kind, text in (("style", style), ("script", script)):
+        digest = b64encode(sha256(text.encode()).digest()).decode()
+        parts.append(f"{kind}-src 'sha256-{digest}'")
+    return "; ".join(parts)
