@@ -1,0 +1,285 @@
+"""One stage is judged at one checkpoint: what is read, what counts, and what a crash means."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from breaking import STEPS, broken, correct_stage, judged, place, the_lab
+from pxr import Usd
+
+from lab3_usd.check import checker
+from lab3_usd.check.checker import (
+    check_stage,
+    checkpoint_of,
+    finding_of,
+    ordered,
+)
+from lab3_usd.check.finding import Finding, Problem
+from lab3_usd.check.registry import Rule, all_rules, rules_of
+from lab3_usd.check.subject import GraphSubject
+from lab3_usd.errors import UsageError
+from lab3_usd.stage.builder import build_checkpoint
+
+
+def saved(stage: Usd.Stage, path: Path) -> Path:
+    stage.GetRootLayer().Export(str(path))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("Lab3_03_lidar.usda", "03"),
+        ("Lab3_00_student_start.usd", "00"),
+        ("Lab3_08.usdc", "08"),
+        ("Lab3_031.usda", None),
+        ("Lab3_09_more.usda", None),
+        ("my_Lab3_03_lidar.usda", None),
+        ("stage.usda", None),
+    ],
+)
+def test_a_file_name_says_which_checkpoint_it_is(name: str, number: str | None) -> None:
+    assert checkpoint_of(name, the_lab()) == number
+
+
+def test_the_checkpoint_given_rules_over_the_file_name(tmp_path: Path) -> None:
+    path = build_checkpoint(None, "02", tmp_path / "Lab3_01_ros_clock.usda")
+    assert check_stage(path, "02").checkpoint == "02"
+    result = check_stage(path)
+    assert result.checkpoint == "01"
+    assert [each.rule for each in result.findings if each.severity != "note"] == ["G04"]
+
+
+def test_a_file_without_a_number_needs_a_checkpoint(tmp_path: Path) -> None:
+    path = build_checkpoint(None, "01", tmp_path / "stage.usda")
+    with pytest.raises(UsageError, match="--checkpoint"):
+        check_stage(path)
+
+
+def test_a_checkpoint_that_does_not_exist_is_wrong_use(tmp_path: Path) -> None:
+    path = build_checkpoint(None, "01", tmp_path / "stage.usda")
+    with pytest.raises(UsageError, match="'11'"):
+        check_stage(path, "11")
+
+
+@pytest.mark.parametrize("checkpoint", ["00", "01", "02", "03", "04", "05", "06", "07", "08"])
+@pytest.mark.parametrize("ending", [".usda", ".usd"])
+def test_what_is_built_passes_with_every_requirement_met(
+    tmp_path: Path, checkpoint: str, ending: str
+) -> None:
+    result = check_stage(
+        build_checkpoint(None, checkpoint, tmp_path / f"stage{ending}"), checkpoint
+    )
+    assert result.verdict == "pass"
+    assert [each for each in result.findings if each.severity != "note"] == []
+    assert [each.id for each in result.requirements if not each.met] == []
+    assert result.score.earned == result.score.possible == len(result.requirements)
+
+
+def test_a_file_that_cannot_be_read_is_a_result(tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_01_ros_clock.usda"
+    path.write_text("#usda 1.0\ndef Xform {")
+    result = check_stage(path)
+    assert (result.verdict, result.score.possible) == ("unreadable", 0.0)
+    assert [(each.rule, each.severity, each.prim) for each in result.findings] == [
+        ("F01", "error", "/")
+    ]
+
+
+def test_a_warning_alone_lets_a_stage_pass(tmp_path: Path) -> None:
+    steps = [{"copy": ["ROS_Clock/ros2_context", "ROS_Clock/ros2_context_01"]}]
+    result = check_stage(saved(broken("01", steps), tmp_path / "Lab3_01.usda"))
+    assert [each.severity for each in result.findings] == ["warning"]
+    assert result.verdict == "pass"
+
+
+def test_an_error_fails_a_stage_and_lowers_its_score(tmp_path: Path) -> None:
+    steps = [{"disconnect": "ROS_Clock/ros2_publish_clock.inputs:timeStamp"}]
+    result = check_stage(saved(broken("01", steps), tmp_path / "Lab3_01.usda"))
+    assert result.verdict == "fail"
+    unmet = [each.id for each in result.requirements if not each.met]
+    assert unmet == ["ROS_Clock/wire/ros2_publish_clock.timeStamp"]
+    assert result.score.earned == result.score.possible - 1
+
+
+@pytest.mark.parametrize(
+    ("step", "unmet"),
+    [
+        (
+            {"remove": "ROS_Clock/isaac_read_simulation_time"},
+            {
+                "ROS_Clock/node/isaac_read_simulation_time",
+                "ROS_Clock/setting/isaac_read_simulation_time.resetOnStop",
+                "ROS_Clock/wire/ros2_publish_clock.timeStamp",
+            },
+        ),
+        (
+            {"clear": "ROS_Clock/ros2_context.inputs:useDomainIDEnvVar"},
+            {"ROS_Clock/setting/ros2_context.useDomainIDEnvVar"},
+        ),
+        (
+            {"targets": ["ROS_Drive/articulation_controller.inputs:targetPrim"]},
+            {"ROS_Drive/target/articulation_controller.targetPrim"},
+        ),
+        (
+            {"copy": ["ROS_Clock/ros2_context", "ROS_Clock/again"]},
+            set(),
+        ),
+    ],
+)
+def test_the_score_counts_what_a_fault_costs(step: dict[str, object], unmet: set[str]) -> None:
+    requirements = judged(broken("02", [step]), "02").requirements
+    assert {each.id for each in requirements if not each.met} == unmet
+
+
+def test_a_stand_in_meets_the_requirement_of_its_wire() -> None:
+    steps: list[dict[str, object]] = [
+        {"copy": ["ROS_Clock/ros2_context", "ROS_Clock/again"]},
+        {
+            "connect": [
+                "ROS_Clock/ros2_publish_clock.inputs:context",
+                "ROS_Clock/again.outputs:context",
+            ]
+        },
+    ]
+    assert all(each.met for each in judged(broken("01", steps), "01").requirements)
+
+
+def test_requirements_are_named_once_and_the_same_in_every_stage() -> None:
+    whole = [each.id for each in judged(correct_stage("05"), "05").requirements]
+    assert len(set(whole)) == len(whole)
+    bare = [each.id for each in judged(correct_stage("00"), "05").requirements]
+    assert bare == whole
+
+
+def test_a_text_stage_says_the_line_of_the_fault(tmp_path: Path) -> None:
+    steps = [{"set": ["ROS_Clock/ros2_publish_clock.inputs:topicName", "/time"]}]
+    path = saved(broken("01", steps), tmp_path / "Lab3_01.usda")
+    (finding,) = check_stage(path).findings
+    assert finding.layer == str(path)
+    assert finding.line is not None
+    assert 'inputs:topicName = "/time"' in path.read_text().splitlines()[finding.line - 1]
+
+
+def test_a_binary_stage_says_no_line(tmp_path: Path) -> None:
+    steps = [{"set": ["ROS_Clock/ros2_publish_clock.inputs:topicName", "/time"]}]
+    (finding,) = check_stage(saved(broken("01", steps), tmp_path / "Lab3_01.usd")).findings
+    assert (finding.line, finding.column) == (None, None)
+
+
+# A rule that fails itself.
+
+
+def _raises(subject: GraphSubject) -> Iterator[Problem]:
+    yield Problem(subject.spec.path, "said before the crash")
+    message = "no such thing"
+    raise KeyError(message)
+
+
+def test_a_rule_that_crashes_is_never_a_pass(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    crashing = Rule("W99", "crashing", "warning", "graph", _raises)
+    usual = rules_of
+
+    def with_crash(scope: str, *families: str) -> list[Rule]:
+        found = usual(scope, *families)  # type: ignore[arg-type]
+        return [crashing, *found] if scope == "graph" else found
+
+    monkeypatch.setattr(checker, "rules_of", with_crash)
+    path = saved(correct_stage("01"), tmp_path / "Lab3_01.usda")
+    result = check_stage(path)
+    assert [(each.rule, each.error) for each in result.crashes] == [
+        ("W99", "KeyError: 'no such thing'")
+    ]
+    assert result.verdict == "fail"
+
+
+# Findings.
+
+
+def test_a_problem_takes_severity_and_hint_from_its_rule() -> None:
+    found = all_rules()["N02"]
+    finding = finding_of(found, Problem("/World/a", "what is wrong"))
+    assert (finding.rule, finding.name, finding.severity) == ("N02", "extra-node", "warning")
+    assert finding.hint == found.section("Fix")
+    own = Problem("/World/a", "what is wrong", severity="error", hint="do this")
+    finding = finding_of(found, own)
+    assert (finding.severity, finding.hint) == ("error", "do this")
+
+
+def test_a_problem_without_a_prim_is_at_the_root() -> None:
+    assert finding_of(all_rules()["N01"], Problem("", "what is wrong")).prim == "/"
+
+
+def test_findings_are_sorted_by_place_and_rule() -> None:
+    first = Finding("W01", "a", "error", "/a", "x", "inputs:a")
+    places = [
+        replace(first, prim="/b"),
+        replace(first, property="inputs:b"),
+        replace(first, rule="W02"),
+        first,
+        replace(first, property=None),
+        replace(first, message="y"),
+    ]
+    assert list(ordered(places)) == [places[4], first, places[5], places[2], places[1], places[0]]
+    assert ordered(places) == ordered(places[::-1])
+
+
+WRONG = [
+    {"remove": "ROS_Clock/ros2_context"},
+    {"disconnect": "ROS_Drive/make_array.inputs:input0"},
+    {"targets": ["ROS_OdomTF/isaac_compute_transform_tree.inputs:targetPrims"]},
+    {"copy": ["ROS_Camera/ros2_camera_helper", "ROS_Camera/again"]},
+]
+SCRIPT = (
+    "import sys; from lab3_usd.check.checker import check_stage; print(check_stage(sys.argv[1]))"
+)
+
+
+def test_no_hash_seed_changes_a_result(tmp_path: Path, repository: Path) -> None:
+    path = saved(broken("05", WRONG), tmp_path / "Lab3_05.usda")
+    results = {
+        subprocess.run(
+            [sys.executable, "-c", SCRIPT, str(path)],
+            env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(repository / "src")},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed in ("0", "1", "4711")
+    }
+    assert len(results) == 1
+    assert b"N07" in results.pop()
+
+
+def test_checking_changes_no_file(tmp_path: Path) -> None:
+    path = saved(broken("05", WRONG), tmp_path / "Lab3_05.usda")
+    before = path.read_bytes()
+    check_stage(path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_steps_of_case_files_change_the_stage() -> None:
+    """A step that did nothing would make a clearing case worthless."""
+    assert place("ROS_Clock/a") == "/World/ROS_Clock/a"
+    for name, arguments in {
+        "set": ["ROS_Clock/ros2_context.inputs:domain_id", 3],
+        "clear": ["ROS_Clock/ros2_context.inputs:domain_id"],
+        "connect": ["ROS_Clock/ros2_context.inputs:domain_id", "ROS_Clock/x.outputs:y"],
+        "disconnect": ["ROS_Clock/ros2_publish_clock.inputs:context"],
+        "remove": ["ROS_Clock"],
+        "over": ["ROS_Clock"],
+        "deactivate": ["ROS_Clock"],
+        "move": ["ROS_Clock", "/World/Other"],
+    }.items():
+        stage = correct_stage("01")
+        before = stage.GetRootLayer().ExportToString()
+        STEPS[name](stage, *arguments)
+        assert stage.GetRootLayer().ExportToString() != before
