@@ -1,6 +1,7 @@
 """Makes the pictures of the documentation with the program itself.
 
 Run `python docs/make_pictures.py` after the drawing has changed; a test compares the SVG files.
+The picture of the HTML report is taken with chromium, and stays as it is where there is none.
 """
 
 from __future__ import annotations
@@ -21,6 +22,14 @@ DRAWN = {  # what `lab3 draw` names a picture, and its name here
     "Lab3_02_ros_drive-ROS_Drive.svg": "faults.svg",
 }
 MAP_ZOOM = 3
+WINDOW = "960,860"
+BROWSER = (
+    "chromium",
+    "--headless=new",
+    "--no-sandbox",
+    "--hide-scrollbars",
+    f"--window-size={WINDOW}",
+)
 
 
 def make_pictures(target: Path) -> None:
@@ -28,17 +37,37 @@ def make_pictures(target: Path) -> None:
     target.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        _lab3("build", "--out", folder, "--only", "02")
-        wrong = folder / "mine" / "Lab3_02_ros_drive.usda"
-        _run(DOCS / "examples" / "mistakes.py", folder / wrong.name, wrong)
+        wrong = _submission(folder / "ana") / "work" / "Lab3_02_ros_drive.usda"
         for drawn in (wrong, "ROS_Drive", "TF"):
             _lab3("draw", drawn, "--out", folder)
         for drawn, kept in DRAWN.items():
             shutil.copyfile(folder / drawn, target / kept)
-        _lab3("starter", "--out", folder / "starter.usda")
-        _lab3("map", folder / "starter.usda", "--out", folder)
-        image = (folder / "turtlebot3_map.pgm").read_bytes()
+        image = (folder / "ana" / "maps" / "turtlebot3_map.pgm").read_bytes()
         (target / "map.png").write_bytes(png_of_pgm(image, MAP_ZOOM))
+
+
+def make_report_picture(target: Path) -> None:
+    """Write the picture of the HTML report into the folder `target`."""
+    with tempfile.TemporaryDirectory() as name:
+        page = Path(name) / "report.html"
+        submission = _submission(Path(name) / "ana")
+        _lab3("check", submission, "--format", "html", "--output", page, "--exit-zero")
+        picture = target / "report.png"
+        subprocess.run([*BROWSER, f"--screenshot={picture}", page.as_uri()], check=True)
+
+
+def _submission(folder: Path) -> Path:
+    """Make a submission that has everything of the stages right but the drive graph."""
+    starter = folder / "assets" / "student_handout_turtlebot3_ros2_scene.usda"
+    _lab3("starter", "--out", starter)
+    _lab3("map", starter, "--out", folder / "maps")
+    _lab3("build", "--out", folder / "work")
+    right = folder / "right"
+    _lab3("build", "--out", right, "--only", "02")
+    name = "Lab3_02_ros_drive.usda"
+    _run(DOCS / "examples" / "mistakes.py", right / name, folder / "work" / name)
+    shutil.rmtree(right)
+    return folder
 
 
 def _lab3(*arguments: str | Path) -> None:
@@ -68,3 +97,5 @@ def _chunk(name: bytes, data: bytes) -> bytes:
 
 if __name__ == "__main__":
     make_pictures(PICTURES)
+    if shutil.which(BROWSER[0]):
+        make_report_picture(PICTURES)

@@ -30,6 +30,7 @@ FAMILY_TITLES = {
     "navigation": "parameter files of Nav2 in a submission",
     "evidence": "saved output of the running system in a submission",
     "submission": "the folder as a whole",
+    "fence": "what a grader leaves unopened",
 }
 INTRODUCTION = """\
 # Rules
@@ -67,7 +68,7 @@ def _contents() -> Iterator[str]:
     for letter, members in _families():
         name = FAMILIES[letter]
         links = " ".join(f"[{rule.id}](#{anchor(rule)})" for rule in members)
-        yield f"| {letter} | **{name}**: {FAMILY_TITLES[name]} | {links} |"
+        yield f"| {letter} | **{name}**: {FAMILY_TITLES.get(name, name)} | {links} |"
     yield ""
 
 
@@ -92,7 +93,8 @@ def _manual(rule: Rule) -> Iterator[str]:
 
 
 def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
+    is_word = text.split(" ", 1)[0].isalpha()  # `tf2` and `map_server` stay as they are
+    return text[:1].upper() + text[1:] if is_word else text
 
 
 if __name__ == "__main__":

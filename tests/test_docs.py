@@ -1,0 +1,315 @@
+"""The documentation is true: its commands run, its code runs, its links lead somewhere."""
+
+from __future__ import annotations
+
+import os
+import re
+import runpy
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import entry_points, version
+from pathlib import Path
+
+import click
+import pytest
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+
+from lab3_usd import cli
+from lab3_usd.check.registry import all_rules
+from lab3_usd.report.formats import FORMATS
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted([*ROOT.glob("*.md"), *DOCS.glob("*.md"), ROOT / "schema" / "README.md"])
+BEFORE = re.compile(r"<!-- before:\s+(.+?)\s*-->", re.DOTALL)
+RULE = re.compile(r"`([A-Z]\d\d)`|\b([A-Z]\d\d) [a-z]+-[a-z-]+\b")
+
+
+def name_of(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def tokens(page: Path) -> list[Token]:
+    return MarkdownIt("commonmark").enable("table").parse(page.read_text(encoding="utf-8"))
+
+
+def inline(page: Path, kind: str) -> Iterator[Token]:
+    for token in tokens(page):
+        yield from (child for child in token.children or () if child.type == kind)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block: its language, what else its first line says, and its text."""
+
+    language: str
+    extra: str
+    text: str
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    for token in tokens(page):
+        if token.type == "fence":
+            language, _, extra = token.info.partition(" ")
+            yield Block(language, extra.strip(), token.content)
+        elif token.type == "html_block":
+            yield from (Block("before", "", hidden) for hidden in BEFORE.findall(token.content))
+
+
+# ---- what a page shows is run, in a copy of what the program needs, one block after the other
+
+
+@dataclass(frozen=True)
+class Sandbox:
+    """A folder where a page's commands run; `environment` makes them those of this checkout.
+
+    As in a terminal, `cd` holds for the commands that follow.
+    """
+
+    folder: Path
+    environment: dict[str, str]
+
+    def bash(self, command: str) -> str:
+        """Return what a command prints, errors as well, as a terminal shows it."""
+        place = self.folder.parent / "cwd"
+        done = subprocess.run(
+            ["bash", "-c", f"{command}\npwd > {shlex.quote(str(place))}"],  # noqa: S607
+            cwd=place.read_text().strip() if place.exists() else self.folder,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+            timeout=300,
+        )
+        return done.stdout
+
+
+@pytest.fixture
+def sandbox(tmp_path: Path) -> Sandbox:
+    folder = tmp_path / "lab3-usd"
+    without = shutil.ignore_patterns("__pycache__")
+    for name in ("docs", "graphs", "maps", "schema", "src"):
+        shutil.copytree(ROOT / name, folder / name, ignore=without)
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    installed = "lab3" in {each.name for each in entry_points(group="pytest11")}
+    plugin = "" if installed else "-p lab3_usd.pytest_plugin "
+    shims = {"lab3": "-m lab3_usd ", "python": "", "pytest": f"-m pytest {plugin}"}
+    for name, arguments in shims.items():
+        (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {arguments}"$@"\n')
+        (programs / name).chmod(0o755)
+    dropped = ("COLUMNS", "PYTEST_ADDOPTS", "PYTEST_CURRENT_TEST", "NO_COLOR")
+    environment = {key: value for key, value in os.environ.items() if key not in dropped}
+    environment |= {
+        "HOME": str(tmp_path),
+        "PATH": f"{programs}{os.pathsep}{environment['PATH']}",
+        "PYTHONPATH": str(folder / "src"),
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "" if installed else "1",
+    }
+    return Sandbox(folder, environment)
+
+
+def sessions(text: str) -> Iterator[tuple[str, list[str]]]:
+    """Yield each command of a console block with the lines that it prints."""
+    command, printed = "", list[str]()
+    for line in text.splitlines():
+        if line.startswith("$ "):
+            if command:
+                yield command, printed
+            command, printed = line[2:], []
+        elif command.endswith("\\") and not printed:
+            command = command[:-1] + line.removeprefix("> ").strip()
+        else:
+            printed.append(line)
+    if command:
+        yield command, printed
+
+
+def matches(shown: list[str], printed: str) -> bool:
+    """Say whether a page shows what was printed; a line `...` stands for any lines."""
+    pattern = "".join(
+        r"(?:.*\n)*?" if line.strip() == "..." else re.escape(line.rstrip()) + r"\n"
+        for line in shown
+    )
+    lines = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
+    return re.fullmatch(pattern, lines) is not None
+
+
+def run_blocks(page: Path, sandbox: Sandbox) -> None:
+    """Run what a page shows; a `text` block after Python is what that prints."""
+    printed = None
+    for block in blocks(page):
+        if block.language == "text" and printed is not None:
+            assert matches(block.text.splitlines(), printed), printed
+        printed = None
+        if block.language == "before":
+            answer = sandbox.bash(f"( set -e; {block.text} ) && echo done")
+            assert answer.endswith("done\n"), answer
+        elif block.language == "console":
+            for command, shown in sessions(block.text):
+                answer = sandbox.bash(command)
+                assert matches(shown, answer), f"$ {command}\n{answer}"
+        elif block.language == "python":
+            printed = sandbox.bash(f"python -W error -c {shlex.quote(block.text)}")
+            assert "Traceback" not in printed, printed
+        elif block.extra:  # a file, or with a plus what is added to its end
+            target = sandbox.folder / block.extra.lstrip("+")
+            before = target.read_text() if block.extra.startswith("+") else ""
+            target.write_text(before + block.text)
+
+
+def is_run(page: Path) -> bool:
+    return any(block.language in {"console", "python"} for block in blocks(page))
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if is_run(page)], ids=name_of)
+def test_what_a_page_shows_is_what_happens(page: Path, sandbox: Sandbox) -> None:
+    run_blocks(page, sandbox)
+
+
+def test_a_page_that_shows_something_else_fails(tmp_path: Path, sandbox: Sandbox) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```console\n$ echo one; echo two; echo three\none\n...\nfour\n```\n")
+    with pytest.raises(AssertionError):
+        run_blocks(page, sandbox)
+
+
+# ---- commands that are named and not run
+
+
+def named_commands(page: Path) -> list[str]:
+    """Return every `lab3 ...` of a page that stands in a line or a span of its own."""
+    spans = [token.content for token in inline(page, "code_inline")]
+    lines = [
+        line
+        for block in blocks(page)
+        if block.language in {"sh", "yaml"}
+        for line in re.sub(r"\\\n *", "", block.text).splitlines()
+    ]
+    return [text.strip() for text in (*spans, *lines) if text.strip().startswith("lab3 ")]
+
+
+def options_of(command: click.Command) -> set[str]:
+    taken = {name for each in command.params for name in (*each.opts, *each.secondary_opts)}
+    return taken | {"-h", "--help"}
+
+
+def unknown_parts(text: str) -> list[str]:
+    """Return the words of a command line that the program does not know."""
+    line = text.partition(" #")[0].partition(" > ")[0]
+    _, *words = shlex.split(line.replace("...", ""))
+    if not words or words[0] in {"COMMAND", "--help", "--version"}:
+        return []
+    if words[0] not in cli.COMMANDS:
+        return [words[0]]
+    command = import_module(f"lab3_usd.commands.{words[0]}").command
+    given = {word.partition("=")[0] for word in words[1:] if word.startswith("-") and word != "--"}
+    return sorted(given - options_of(command))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_command_that_a_page_names_exists(page: Path) -> None:
+    unknown = {text: unknown_parts(text) for text in named_commands(page)}
+    assert {text: words for text, words in unknown.items() if words} == {}
+
+
+def test_the_readme_lists_every_command() -> None:
+    named = {text.split()[1] for text in named_commands(ROOT / "README.md") if len(text) > 5}
+    assert set(cli.COMMANDS) <= named
+
+
+def test_the_page_about_formats_names_every_format() -> None:
+    spans = {token.content for token in inline(DOCS / "formats.md", "code_inline")}
+    assert set(FORMATS) <= spans
+
+
+# ---- links, anchors, rules
+
+
+def slug(heading: str) -> str:
+    """Return the anchor that GitHub gives to a heading."""
+    kept = re.sub(r"[^\w\- ]", "", heading.lower())
+    return kept.replace(" ", "-")
+
+
+def anchors(page: Path) -> set[str]:
+    found = tokens(page)
+    return {
+        slug("".join(child.content for child in found[place + 1].children or ()))
+        for place, token in enumerate(found)
+        if token.type == "heading_open"
+    }
+
+
+def links(page: Path) -> list[str]:
+    named = [str(token.attrs["href"]) for token in inline(page, "link_open")]
+    return named + [str(token.attrs["src"]) for token in inline(page, "image")]
+
+
+def leads_nowhere(page: Path, link: str) -> bool:
+    if link.startswith("https://"):
+        return False
+    path, _, anchor = link.partition("#")
+    target = (page.parent / path).resolve() if path else page
+    if not target.exists() or ROOT not in (target, *target.parents):
+        return True
+    return bool(anchor) and anchor not in anchors(target)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    assert [link for link in links(page) if leads_nowhere(page, link)] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_picture_says_what_it_shows(page: Path) -> None:
+    assert [token.attrs["src"] for token in inline(page, "image") if not token.content] == []
+
+
+def test_every_page_is_linked_from_the_readme() -> None:
+    readme = ROOT / "README.md"
+    reached = {(readme.parent / link.partition("#")[0]).resolve() for link in links(readme)}
+    assert [name_of(page) for page in PAGES if page not in {readme, *reached}] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_rule_that_a_page_names_exists(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    named = {first or second for first, second in RULE.findall(text)}
+    assert named - set(all_rules()) == set()
+
+
+# ---- what scripts make
+
+
+def test_the_reference_of_rules_is_up_to_date() -> None:
+    made = runpy.run_path(str(DOCS / "make_rules.py"))["page"]()
+    assert made == (DOCS / "rules.md").read_text(encoding="utf-8"), "python docs/make_rules.py"
+
+
+def test_every_family_of_rules_is_introduced() -> None:
+    script = runpy.run_path(str(DOCS / "make_rules.py"))
+    assert set(script["FAMILY_TITLES"]) == set(script["FAMILIES"].values())
+
+
+def test_the_pictures_are_up_to_date(tmp_path: Path) -> None:
+    runpy.run_path(str(DOCS / "make_pictures.py"))["make_pictures"](tmp_path)
+    kept = {path.name: path.read_bytes() for path in (DOCS / "pictures").glob("*.svg")}
+    made = {path.name: path.read_bytes() for path in tmp_path.glob("*.svg")}
+    assert made == kept, "python docs/make_pictures.py"
+
+
+def test_the_pictures_are_small() -> None:
+    sizes = {path.name: path.stat().st_size for path in (DOCS / "pictures").iterdir()}
+    assert {name: size for name, size in sizes.items() if size > 100_000} == {}
+
+
+def test_the_changelog_tells_of_this_version() -> None:
+    assert f"## [{version('lab3-usd')}]" in (ROOT / "CHANGELOG.md").read_text()
