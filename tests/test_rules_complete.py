@@ -1,0 +1,117 @@
+"""Every rule has a manual, a test that triggers it, and a case that it leaves alone.
+
+A rule about graphs has its case file `cases/<ID>.yaml`. Any other rule is triggered where a test
+module names it in a string of its own (`"M04"`) or with a site (`"M04 maps/turtlebot3_map.yaml"`),
+or where a fault of the scene makes it speak. It must leave a complete, correct submission alone, or
+else one that lacks what a note is about: starter and maps.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import shutil
+from functools import cache
+from pathlib import Path
+
+import pytest
+import yaml
+from breaking import correct_stage, judged
+from scene_sabotage import scene_sabotage
+from submissions import STARTER, checked, said, write_submission
+
+from lab3_usd.check.registry import FAMILIES, Rule, all_rules
+
+TESTS = Path(__file__).resolve().parent
+CASES = TESTS / "cases"
+GRAPH_FAMILIES = "GNPRW"
+RULES = list(all_rules().values())
+IN_CASES = [rule for rule in RULES if rule.id[0] in GRAPH_FAMILIES]
+ELSEWHERE = [rule for rule in RULES if rule.id[0] not in GRAPH_FAMILIES]
+_NAMED = re.compile(r"^([A-Z]\d\d)(?: |$)")
+
+
+def by_id(rule: Rule) -> str:
+    return rule.id
+
+
+@pytest.mark.parametrize("rule", RULES, ids=by_id)
+def test_a_rule_has_a_manual(rule: Rule) -> None:
+    first, *sections = rule.manual.split("\n\n")
+    assert first.endswith(".")
+    assert [each.partition(":")[0] for each in sections] == ["Why", "Fix", "Example"]
+    assert all(rule.section(title) for title in ("Why", "Fix", "Example"))
+
+
+@pytest.mark.parametrize("rule", RULES, ids=by_id)
+def test_a_rule_has_an_id_of_its_family_and_a_name(rule: Rule) -> None:
+    assert re.fullmatch(r"[A-Z]\d\d", rule.id)
+    assert rule.id[0] in FAMILIES
+    assert re.fullmatch(r"[a-z]+(-[a-z]+)*", rule.name)
+
+
+def test_no_two_rules_have_one_name() -> None:
+    names = [rule.name for rule in RULES]
+    assert [name for name in names if names.count(name) > 1] == []
+
+
+@pytest.mark.parametrize("rule", IN_CASES, ids=by_id)
+def test_a_rule_about_graphs_has_a_case_that_triggers_it_and_one_that_does_not(
+    rule: Rule,
+) -> None:
+    case = yaml.safe_load((CASES / f"{rule.id}.yaml").read_text())
+    triggers = [*case["expect"], *case.get("notes", [])]
+    assert rule.id in {line.split()[0] for line in triggers}
+    assert case["break"]
+    assert case["clear"]
+
+
+def test_every_case_file_is_of_a_rule() -> None:
+    assert sorted(path.stem for path in CASES.glob("*.yaml")) == [rule.id for rule in IN_CASES]
+
+
+@cache
+def named_in_tests() -> frozenset[str]:
+    """The rules that test modules name in their strings."""
+    found = set()
+    for path in TESTS.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            text = node.value if isinstance(node, ast.Constant) else None
+            match = _NAMED.match(text) if isinstance(text, str) else None
+            found |= {match[1]} if match else set()
+    return frozenset(found)
+
+
+@cache
+def spoken_of_scenes() -> frozenset[str]:
+    """The rules that speak of some fault of the scene."""
+    found = set()
+    for fault in scene_sabotage():
+        stage = correct_stage(fault.checkpoint)
+        fault.apply(stage)
+        found |= {each.rule for each in judged(stage, fault.checkpoint).findings}
+    return frozenset(found)
+
+
+@pytest.mark.parametrize("rule", ELSEWHERE, ids=by_id)
+def test_some_test_triggers_a_rule(rule: Rule) -> None:
+    assert rule.id in named_in_tests() or rule.id in spoken_of_scenes()
+
+
+@pytest.fixture(scope="module")
+def said_of_correct_ones(tmp_path_factory: pytest.TempPathFactory) -> list[set[str]]:
+    """The rules that speak of a correct submission, and of one where there is nothing to note."""
+    folders = [tmp_path_factory.mktemp(name) / "submission" for name in ("whole", "bare")]
+    for folder in folders:
+        write_submission(folder)
+    (folders[1] / STARTER).unlink()
+    shutil.rmtree(folders[1] / "maps")
+    severities = ("error", "warning", "note")
+    return [{each.split()[0] for each in said(checked(folder), *severities)} for folder in folders]
+
+
+@pytest.mark.parametrize("rule", ELSEWHERE, ids=by_id)
+def test_a_correct_submission_leaves_a_rule_silent(
+    rule: Rule, said_of_correct_ones: list[set[str]]
+) -> None:
+    assert any(rule.id not in spoken for spoken in said_of_correct_ones)
