@@ -1,0 +1,157 @@
+"""A complete, correct submission, made from the builders, the maps, and what the commands print."""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+from pxr import Sdf, Usd
+from ros_outputs import good_outputs
+
+from lab3_usd.check.folder import FolderResult, FolderSettings, check_folder
+from lab3_usd.data import data_folder
+from lab3_usd.lab.nav2 import nav2_files
+from lab3_usd.spec.load_ros import load_ros
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.spec.submission_spec import load_submission
+from lab3_usd.stage.builder import BuildOptions, build_files, plan_files
+from lab3_usd.stage.starter import build_starter
+
+LAB = load_lab()
+ROS = load_ros()
+SPEC = load_submission()
+STARTER = f"assets/{SPEC.stages.starter}.usda"
+ROBOT = LAB.scene["robot"]["path"]
+# A pixel: what counts is that there is a picture.
+PICTURE = b"\x89PNG\r\n\x1a\n"
+# Notes that a submission without a fault has: how map and walls agree, and stamps after Stop.
+ALWAYS = {"M09", "P09"}
+
+Fault = Callable[[Path], None]
+
+
+def stage_name(number: str, ending: str = ".usda") -> str:
+    return f"work/{LAB.checkpoints[number].file}{ending}"
+
+
+def diagnostics() -> dict[str, str]:
+    """Return what every diagnostic command prints, by the name of its file."""
+    outputs = good_outputs()
+    files = {}
+    for command in ROS.commands:
+        fitting = [text for words, text in outputs.items() if command.line.startswith(words)]
+        files[command.file] = fitting[-1]
+    return files
+
+
+def write_submission(folder: Path) -> Path:
+    """Write the whole submission, and return its folder."""
+    shutil.copytree(_template(), folder, dirs_exist_ok=True)
+    return folder
+
+
+@cache
+def _template() -> Path:
+    folder = Path(mkdtemp(prefix="submission"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    for name in ("assets", "work", "maps", "logs", "results", "images", "config"):
+        (folder / name).mkdir()
+    build_starter(folder / STARTER)
+    plan = plan_files(LAB, folder / "work", list(LAB.checkpoints), "usda")
+    build_files(LAB, folder / STARTER, plan, BuildOptions())
+    for path in data_folder("maps").iterdir():
+        shutil.copy(path, folder / "maps")
+    for name, text in diagnostics().items():
+        (folder / "results" / name).write_text(text)
+    for name, text in nav2_files(LAB, ROS).items():
+        (folder / "config" / name).write_text(text)
+    for number in range(11):
+        (folder / "images" / f"{number:02}.png").write_bytes(PICTURE)
+    (folder / "report.pdf").write_bytes(b"%PDF-1.7\n")
+    (folder / "video.txt").write_text("https://youtu.be/dQw4w9WgXcQ\n")
+    return folder
+
+
+def checked(folder: Path, **settings: object) -> FolderResult:
+    return check_folder(folder, FolderSettings(**settings))  # type: ignore[arg-type]
+
+
+def said(result: FolderResult, *severities: str) -> list[str]:
+    """Return rule and site of the findings; those of a stage begin with its checkpoint."""
+    found = [
+        (each.severity, f"{each.rule} {stage.checkpoint}:{each.prim}")
+        for stage in result.results
+        for each in stage.findings
+    ]
+    found += [(each.severity, f"{each.rule} {each.prim}") for each in result.submission.findings]
+    return sorted(site for severity, site in found if severity in severities)
+
+
+def faults(result: FolderResult) -> list[str]:
+    """Return rule and site of everything that is a fault."""
+    assert not any(each.crashes for each in (*result.results, result.submission))
+    return said(result, "error", "warning")
+
+
+def notes(result: FolderResult) -> list[str]:
+    """Return rule and site of the notes that not every submission has."""
+    return [each for each in said(result, "note") if each.split()[0] not in ALWAYS]
+
+
+def edit_stage(path: Path, change: Callable[[Usd.Stage], object]) -> None:
+    """Change a stage file through the USD API."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(Sdf.Layer.FindOrOpen(str(path)))
+    change(Usd.Stage.Open(layer))
+    layer.Export(str(path))
+
+
+def edit(number: str, change: Callable[[Usd.Stage], object]) -> Fault:
+    """Return the fault that changes the stage of one checkpoint."""
+    return lambda folder: edit_stage(folder / stage_name(number), change)
+
+
+def rewrite(name: str, old: str, new: str) -> Fault:
+    """Return the fault that replaces the first such text in a file that is no stage."""
+
+    def change(folder: Path) -> None:
+        text = (folder / name).read_text()
+        assert old in text, f"{name} holds no {old!r}"
+        (folder / name).write_text(text.replace(old, new, 1))
+
+    return change
+
+
+def put(name: str, text: str) -> Fault:
+    return lambda folder: void((folder / name).write_text(text))
+
+
+def delete(name: str) -> Fault:
+    def change(folder: Path) -> None:
+        path = folder / name
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+
+    return change
+
+
+def rename(old: str, new: str) -> Fault:
+    def change(folder: Path) -> None:
+        (folder / new).parent.mkdir(parents=True, exist_ok=True)
+        (folder / old).rename(folder / new)
+
+    return change
+
+
+def copy(old: str, new: str) -> Fault:
+    return lambda folder: void(shutil.copy(folder / old, folder / new))
+
+
+def void(_: object) -> None:
+    """Drop what a call returns."""

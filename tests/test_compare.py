@@ -1,0 +1,580 @@
+"""What counts as a change of the starter, and what never does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+
+from lab3_usd.check.changes import Change, Difference
+from lab3_usd.errors import StageError
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.compare import compare_starter
+from lab3_usd.stage.compare_values import same_value
+from lab3_usd.stage.starter import starter_layer
+
+LAB = load_lab()
+ROBOT = LAB.scene["robot"]["path"]
+BASE = f"{ROBOT}/base_link"
+JOINT = f"{ROBOT}/joints/wheel_left_joint"
+WALL = "/Environment/Walls/East"
+SCENE = "/physicsScene"
+Edit = Callable[[Usd.Stage], object]
+
+
+def stage_of(layer: Sdf.Layer) -> Usd.Stage:
+    copy = Sdf.Layer.CreateAnonymous(".usda")
+    copy.TransferContent(layer)
+    return Usd.Stage.Open(copy)
+
+
+@pytest.fixture(scope="module")
+def starter() -> Usd.Stage:
+    return stage_of(starter_layer(LAB.folder))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Sdf.Layer:
+    path = build_checkpoint(None, "08", tmp_path_factory.mktemp("built") / "Lab3.usda")
+    return Sdf.Layer.FindOrOpen(str(path))
+
+
+@pytest.fixture
+def stage(finished: Sdf.Layer) -> Usd.Stage:
+    """The finished lab, to be changed."""
+    return stage_of(finished)
+
+
+def compared(starter: Usd.Stage, stage: Usd.Stage, checkpoint: str = "08") -> tuple[Change, ...]:
+    return compare_starter(starter, stage, LAB, checkpoint).changes
+
+
+def only(changes: tuple[Change, ...]) -> Change:
+    (change,) = changes
+    return change
+
+
+def difference(changes: tuple[Change, ...]) -> Difference:
+    (found,) = only(changes).differences
+    return found
+
+
+def put(prim: str, name: str, value: object) -> Edit:
+    return lambda stage: stage.GetPrimAtPath(prim).GetAttribute(name).Set(value)
+
+
+def move(old: str, new: str) -> Edit:
+    def change(stage: Usd.Stage) -> None:
+        layer = stage.GetRootLayer()
+        batch = Sdf.BatchNamespaceEdit()
+        batch.Add(old, new)
+        assert layer.Apply(batch)
+        assert stage.GetPrimAtPath(new)
+
+    return change
+
+
+# -- what the lab adds, what a run changes, and what may be written otherwise
+
+
+def test_a_finished_lab_has_its_starter_unchanged(starter: Usd.Stage, stage: Usd.Stage) -> None:
+    for checkpoint in LAB.checkpoints:
+        assert compared(starter, stage, checkpoint) == ()
+
+
+def in_numbers(stage: Usd.Stage) -> None:
+    """Write the wall's rotation as three angles, and the base's as a matrix."""
+    xform = UsdGeom.Xformable(stage.GetPrimAtPath("/Environment/Furniture/CrateA"))
+    matrix = xform.GetLocalTransformation()
+    xform.ClearXformOpOrder()
+    xform.AddTransformOp().Set(matrix)
+
+
+def articulate_root(stage: Usd.Stage) -> None:
+    base, root = (stage.GetPrimAtPath(path) for path in (f"{ROBOT}/base_footprint", ROBOT))
+    for api in ("PhysicsArticulationRootAPI", "PhysxArticulationAPI"):
+        base.RemoveAppliedSchema(api)
+    base.RemoveProperty("physxArticulation:enabledSelfCollisions")
+    root.AddAppliedSchema("PhysicsArticulationRootAPI")
+
+
+def run_physics(stage: Usd.Stage) -> None:
+    """Leave what a stage saved after a run has."""
+    body = UsdPhysics.RigidBodyAPI(stage.GetPrimAtPath(BASE))
+    body.CreateVelocityAttr(Gf.Vec3f(0.1, 0, 0))
+    body.CreateAngularVelocityAttr(Gf.Vec3f(0, 0, 1))
+    stage.GetPrimAtPath(BASE).GetAttribute("xformOp:translate").Set(Gf.Vec3d(0.4, 0.1, 0.012))
+    joint = stage.GetPrimAtPath(JOINT)
+    joint.AddAppliedSchema("PhysicsJointStateAPI:angular")
+    joint.CreateAttribute("state:angular:physics:position", Sdf.ValueTypeNames.Float).Set(17.0)
+    stage.DefinePrim("/Render/Product", "RenderProduct")
+
+
+def add_things(stage: Usd.Stage) -> None:
+    prim = stage.GetPrimAtPath(BASE)
+    prim.AddAppliedSchema("PhysxRigidBodyAPI")
+    prim.CreateAttribute("physxRigidBody:linearDamping", Sdf.ValueTypeNames.Float).Set(0.3)
+    prim.CreateAttribute("userProperties:note", Sdf.ValueTypeNames.String).Set("mine")
+    stage.DefinePrim("/World/Cone", "Cone")
+
+
+SAME: dict[str, Edit] = {
+    "noise of single precision": put(SCENE, "physics:gravityMagnitude", 9.81 * (1 + 5e-7)),
+    "a mass that is near": put(BASE, "physics:mass", 0.825735 * 1.0009),
+    "a wall by a hair": put(WALL, "xformOp:translate", Gf.Vec3d(2.42509, 0.75, 0.25)),
+    "a rotation as a matrix": in_numbers,
+    "the negative of a rotation": put(JOINT, "physics:localRot1", Gf.Quatf(-1, 0, 0, 0)),
+    "the articulation on the root": articulate_root,
+    "what a run leaves": run_physics,
+    "properties, schemas and prims added": add_things,
+    "environment below the world": move("/Environment", "/World/Environment"),
+    "environment renamed": move("/Environment", "/Env"),
+    "physics scene below the world": move(SCENE, "/World/physicsScene"),
+    "physics scene renamed": move(SCENE, "/PhysicsScene_01"),
+    "a light elsewhere": move("/Environment/Lights/Sun", "/World/Sun"),
+    "colours": put(WALL, "primvars:displayColor", Vt.Vec3fArray([(1, 0, 0)])),
+    "where the robot stands": put(ROBOT, "xformOp:translate", Gf.Vec3d(0, 0, 0)),
+    "the viewport's focus": put("/World/ObservationCamera", "focusDistance", 12.0),
+}
+
+
+@pytest.mark.parametrize("edit", SAME.values(), ids=SAME)
+def test_no_change_is(starter: Usd.Stage, stage: Usd.Stage, edit: Edit) -> None:
+    edit(stage)
+    assert compared(starter, stage) == ()
+
+
+def test_shapes_that_links_refer_to_may_lie_anywhere(starter: Usd.Stage, stage: Usd.Stage) -> None:
+    editor = Usd.NamespaceEditor(stage)
+    editor.MovePrimAtPath(f"{ROBOT}/colliders", "/World/colliders")
+    assert editor.ApplyEdits()
+    assert stage.GetPrimAtPath(f"{BASE}/collisions/body")
+    assert compared(starter, stage) == ()
+
+
+# -- what is a change
+
+
+def test_a_vanished_subtree_is_one_change(starter: Usd.Stage, stage: Usd.Stage) -> None:
+    stage.RemovePrim("/Environment/Walls")
+    change = only(compared(starter, stage))
+    assert (change.prim, change.absent, change.count) == ("/Environment/Walls", "missing", 9)
+    assert change.physics
+
+
+@pytest.mark.parametrize(
+    ("edit", "absent"),
+    [
+        (lambda prim: prim.SetActive(False), "deactivated"),  # noqa: FBT003 - pxr takes no keyword
+        (lambda prim: prim.SetSpecifier(Sdf.SpecifierOver), "only an over without a def"),
+    ],
+)
+def test_the_reason_why_a_prim_is_absent_is_told(
+    starter: Usd.Stage, stage: Usd.Stage, edit: Callable[[Usd.Prim], object], absent: str
+) -> None:
+    edit(stage.GetPrimAtPath(WALL))
+    assert only(compared(starter, stage)).absent == absent
+
+
+def test_what_is_only_seen_is_no_physics(starter: Usd.Stage, stage: Usd.Stage) -> None:
+    stage.RemovePrim(f"{ROBOT}/visuals/base_link/plate_top")
+    change = only(compared(starter, stage))
+    assert (change.prim, change.physics) == (f"{BASE}/visuals/plate_top", False)
+
+
+def test_a_camera_of_the_robot_does_not_stand_for_the_worlds(
+    starter: Usd.Stage, stage: Usd.Stage
+) -> None:
+    stage.RemovePrim("/World/ObservationCamera")
+    assert only(compared(starter, stage)).prim == "/World/ObservationCamera"
+
+
+def test_a_change_in_what_was_moved_elsewhere_is_found(
+    starter: Usd.Stage, stage: Usd.Stage
+) -> None:
+    move("/Environment", "/World/Environment")(stage)
+    stage.RemovePrim("/World/Environment/Walls/East")
+    put("/World/Environment/Walls/West", "xformOp:translate", Gf.Vec3d(0, 0, 0))(stage)
+    found = compared(starter, stage)
+    assert [each.prim for each in found] == [WALL, "/World/Environment/Walls/West"]
+
+
+DIFFERENCES: list[tuple[str, Edit, str, str, str, bool]] = [
+    ("mass", put(BASE, "physics:mass", 0.825735 * 1.002), BASE, "physics", "physics:mass", True),
+    (
+        "stiffness",
+        put(JOINT, "drive:angular:physics:stiffness", 1.0),
+        JOINT,
+        "physics",
+        "drive:angular:physics:stiffness",
+        True,
+    ),
+    (
+        "limits of the solver",
+        put(f"{ROBOT}/base_footprint", "physxArticulation:solverPositionIterationCount", 1),
+        f"{ROBOT}/base_footprint",
+        "physics",
+        "physxArticulation:solverPositionIterationCount",
+        True,
+    ),
+    (
+        "size of a shape",
+        put("/Environment/Furniture/PillarA", "radius", 0.5),
+        "/Environment/Furniture/PillarA",
+        "physics",
+        "radius",
+        True,
+    ),
+    (
+        "corner",
+        lambda s: put(
+            "/Environment/Walls/Corner",
+            "points",
+            s.GetPrimAtPath("/Environment/GroundPlane/Floor").GetAttribute("points").Get(),
+        )(s),
+        "/Environment/Walls/Corner",
+        "physics",
+        "points",
+        True,
+    ),
+    (
+        "floor that is only seen",
+        put("/Environment/GroundPlane/Floor", "points", Vt.Vec3fArray([(0, 0, 0)] * 4)),
+        "/Environment/GroundPlane/Floor",
+        "look",
+        "points",
+        False,
+    ),
+    (
+        "wall 2 mm",
+        put(WALL, "xformOp:translate", Gf.Vec3d(2.427, 0.75, 0.25)),
+        WALL,
+        "place",
+        "xformOp:translate",
+        True,
+    ),
+    (
+        "wall longer",
+        put(WALL, "xformOp:scale", Gf.Vec3d(0.15, 7.8, 0.5)),
+        WALL,
+        "place",
+        "xformOp:scale",
+        True,
+    ),
+    (
+        "crate turned",
+        put("/Environment/Furniture/CrateA", "xformOp:orient", Gf.Quatd(1)),
+        "/Environment/Furniture/CrateA",
+        "place",
+        "xformOp:orient",
+        True,
+    ),
+    (
+        "light turned",
+        put("/Environment/Lights/Sun", "xformOp:orient", Gf.Quatd(1)),
+        "/Environment/Lights/Sun",
+        "place",
+        "xformOp:orient",
+        False,
+    ),
+    (
+        "sun",
+        put("/Environment/Lights/Sun", "inputs:angle", 5.0),
+        "/Environment/Lights/Sun",
+        "look",
+        "inputs:angle",
+        False,
+    ),
+    (
+        "lens",
+        put("/World/ObservationCamera", "focalLength", 50.0),
+        "/World/ObservationCamera",
+        "look",
+        "focalLength",
+        False,
+    ),
+    (
+        "friction's material",
+        lambda s: (
+            s.GetPrimAtPath("/Environment/GroundPlane/CollisionPlane")
+            .GetRelationship("material:binding:physics")
+            .SetTargets(["/Environment/PhysicsMaterials/Ball"])
+        ),
+        "/Environment/GroundPlane/CollisionPlane",
+        "physics",
+        "material:binding:physics",
+        True,
+    ),
+    (
+        "body of a joint",
+        lambda s: (
+            s.GetPrimAtPath(JOINT)
+            .GetRelationship("physics:body1")
+            .SetTargets([f"{ROBOT}/wheel_right_link"])
+        ),
+        JOINT,
+        "physics",
+        "physics:body1",
+        True,
+    ),
+    (
+        "body of no joint",
+        lambda s: s.GetPrimAtPath(JOINT).RemoveProperty("physics:body0"),
+        JOINT,
+        "physics",
+        "physics:body0",
+        True,
+    ),
+    (
+        "value taken back",
+        lambda s: s.GetPrimAtPath(JOINT).RemoveProperty("drive:angular:physics:damping"),
+        JOINT,
+        "physics",
+        "drive:angular:physics:damping",
+        True,
+    ),
+    (
+        "default overruled",
+        lambda s: UsdPhysics.CollisionAPI(s.GetPrimAtPath(WALL)).CreateCollisionEnabledAttr(False),  # noqa: FBT003 - pxr takes no keyword
+        WALL,
+        "physics",
+        "physics:collisionEnabled",
+        True,
+    ),
+    (
+        "unseen",
+        lambda s: UsdGeom.Imageable(s.GetPrimAtPath(WALL)).MakeInvisible(),
+        WALL,
+        "look",
+        "visibility",
+        False,
+    ),
+    (
+        "type",
+        lambda s: s.GetPrimAtPath(JOINT).SetTypeName("PhysicsFixedJoint"),
+        JOINT,
+        "type",
+        "",
+        True,
+    ),
+    (
+        "collision",
+        lambda s: s.GetPrimAtPath(WALL).RemoveAppliedSchema("PhysicsCollisionAPI"),
+        WALL,
+        "schema",
+        "",
+        True,
+    ),
+    (
+        "robot's schema",
+        lambda s: s.GetPrimAtPath(ROBOT).RemoveAppliedSchema("IsaacRobotAPI"),
+        ROBOT,
+        "schema",
+        "",
+        False,
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("edit", "prim", "kind", "name", "physics"),
+    [each[1:] for each in DIFFERENCES],
+    ids=[each[0] for each in DIFFERENCES],
+)
+def test_a_change_is_found(  # noqa: PLR0913, PLR0917 - one column each
+    starter: Usd.Stage,
+    stage: Usd.Stage,
+    edit: Edit,
+    prim: str,
+    kind: str,
+    name: str,
+    *,
+    physics: bool,
+) -> None:
+    edit(stage)
+    found = compared(starter, stage)
+    assert only(found).prim == prim
+    assert (difference(found).kind, difference(found).property) == (kind, name)
+    assert difference(found).physics == physics
+
+
+def test_several_differences_of_one_prim_are_one_change(
+    starter: Usd.Stage, stage: Usd.Stage
+) -> None:
+    put(BASE, "physics:mass", 1.0)(stage)
+    put(BASE, "physics:diagonalInertia", Gf.Vec3f(1, 1, 1))(stage)
+    names = [each.property for each in only(compared(starter, stage)).differences]
+    assert names == ["physics:diagonalInertia", "physics:mass"]
+
+
+def test_a_value_is_told_before_and_after(starter: Usd.Stage, stage: Usd.Stage) -> None:
+    put(SCENE, "physics:gravityMagnitude", 1.62)(stage)
+    found = difference(compared(starter, stage))
+    assert (found.was, found.now) == ("9.81", "1.62")
+
+
+def test_a_turn_is_told_in_degrees(starter: Usd.Stage, stage: Usd.Stage) -> None:
+    put("/Environment/Furniture/CrateA", "xformOp:orient", Gf.Quatd(1))(stage)
+    found = difference(compared(starter, stage))
+    assert (found.was, found.now) == ("turned (0, 0, 30) degrees", "turned (0, 0, 0) degrees")
+
+
+def test_bodies_stand_where_they_stood_in_the_first_checkpoint(
+    starter: Usd.Stage, stage: Usd.Stage
+) -> None:
+    put(BASE, "xformOp:translate", Gf.Vec3d(0, 0, 0.02))(stage)
+    assert [each.prim for each in compared(starter, stage, "00")] == [BASE]
+    assert compared(starter, stage, "01") == ()
+
+
+def test_a_shape_on_a_body_stays_in_its_place(starter: Usd.Stage, stage: Usd.Stage) -> None:
+    put(f"{ROBOT}/colliders/base_link/body", "xformOp:translate", Gf.Vec3d(0, 0, 0.5))(stage)
+    change = only(compared(starter, stage))
+    assert (change.prim, change.body) == (f"{BASE}/collisions/body", BASE)
+
+
+# -- files and assets
+
+
+def test_files_are_compared_as_well_as_stages(
+    starter: Usd.Stage, stage: Usd.Stage, tmp_path: Path
+) -> None:
+    stage.RemovePrim(WALL)
+    for name, each in (("starter", starter), ("stage", stage)):
+        each.GetRootLayer().Export(str(tmp_path / f"{name}.usda"))
+    subject = compare_starter(tmp_path / "starter.usda", tmp_path / "stage.usda", LAB, "08")
+    assert only(subject.changes).prim == WALL
+
+
+def test_a_starter_that_cannot_be_opened_is_said(stage: Usd.Stage, tmp_path: Path) -> None:
+    with pytest.raises(StageError, match="no such file"):
+        compare_starter(tmp_path / "starter.usda", stage, LAB, "08")
+
+
+def layered(folder: Path, name: str) -> Path:
+    """Write a stage whose wall comes from another file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    wall = Usd.Stage.CreateNew(str(folder / "wall.usda"))
+    cube = UsdGeom.Cube.Define(wall, "/Wall")
+    UsdPhysics.CollisionAPI.Apply(cube.GetPrim())
+    wall.SetDefaultPrim(cube.GetPrim())
+    wall.Save()
+    stage = Usd.Stage.CreateNew(str(folder / name))
+    stage.DefinePrim("/World/Wall").GetReferences().AddReference("./wall.usda")
+    stage.Save()
+    return folder / name
+
+
+def test_what_a_missing_asset_would_hold_is_not_compared(tmp_path: Path) -> None:
+    before, after = layered(tmp_path / "a", "starter.usda"), layered(tmp_path / "b", "stage.usda")
+    assert compare_starter(before, after, LAB, "08").changes == ()
+    (tmp_path / "b" / "wall.usda").unlink()
+    assert compare_starter(before, after, LAB, "08").changes == ()
+
+
+def test_a_reference_that_was_deleted_is_a_change(tmp_path: Path) -> None:
+    before, after = layered(tmp_path / "a", "starter.usda"), layered(tmp_path / "b", "stage.usda")
+    stage = Usd.Stage.Open(str(after))
+    stage.GetPrimAtPath("/World/Wall").GetReferences().ClearReferences()
+    stage.Save()
+    change = only(compare_starter(before, after, LAB, "08").changes)
+    assert change.prim == "/World/Wall"
+
+
+def test_what_the_starter_itself_lacks_is_not_asked_for(tmp_path: Path) -> None:
+    before, after = layered(tmp_path / "a", "starter.usda"), layered(tmp_path / "b", "stage.usda")
+    (tmp_path / "a" / "wall.usda").unlink()
+    assert compare_starter(before, after, LAB, "08").changes == ()
+
+
+def textured(folder: Path, texture: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    stage = Usd.Stage.CreateNew(str(folder / "stage.usda"))
+    light = stage.DefinePrim("/World/Dome", "DomeLight")
+    name = "inputs:texture:file"
+    light.CreateAttribute(name, Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(texture))
+    stage.Save()
+    return folder / "stage.usda"
+
+
+def test_assets_are_compared_by_what_they_resolve_to(tmp_path: Path) -> None:
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "assets" / "sky.hdr").write_bytes(b"sky")
+    before = textured(tmp_path / "assets", "./sky.hdr")
+    assert (
+        compare_starter(before, textured(tmp_path / "work", "../assets/sky.hdr"), LAB, "08").changes
+        == ()
+    )
+
+
+def test_an_asset_that_is_another_file_is_a_change(tmp_path: Path) -> None:
+    for folder, data in (("a", b"sky"), ("b", b"sea"), ("c", b"sky")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "sky.hdr").write_bytes(data)
+    before = textured(tmp_path / "a", "./sky.hdr")
+    changes = compare_starter(before, textured(tmp_path / "b", "./sky.hdr"), LAB, "08").changes
+    assert difference(changes).property == "inputs:texture:file"
+    same = compare_starter(before, textured(tmp_path / "c", "./sky.hdr"), LAB, "08").changes
+    assert same == ()
+
+
+def test_an_asset_that_is_not_here_cannot_be_judged(tmp_path: Path) -> None:
+    before = textured(tmp_path / "a", "omniverse://server/sky.hdr")
+    after = textured(tmp_path / "b", "https://server.org/sky.hdr")
+    assert compare_starter(before, after, LAB, "08").changes == ()
+
+
+def instanced(folder: Path, size: float) -> Path:
+    """Write a stage with an instance whose shape lies below the instance itself."""
+    folder.mkdir()
+    stage = Usd.Stage.CreateNew(str(folder / "stage.usda"))
+    shape = UsdGeom.Cube.Define(stage, "/Library/Wall/Shape")
+    shape.CreateSizeAttr(size)
+    UsdPhysics.CollisionAPI.Apply(shape.GetPrim())
+    stage.GetPrimAtPath("/Library").SetSpecifier(Sdf.SpecifierClass)
+    copy = stage.DefinePrim("/World/Copy")
+    copy.GetReferences().AddInternalReference("/Library/Wall")
+    copy.SetInstanceable(True)  # noqa: FBT003 - pxr takes no keyword
+    stage.Save()
+    return folder / "stage.usda"
+
+
+def test_instances_are_looked_into(tmp_path: Path) -> None:
+    before = instanced(tmp_path / "a", 1.0)
+    assert compare_starter(before, instanced(tmp_path / "b", 1.0), LAB, "08").changes == ()
+    changes = compare_starter(before, instanced(tmp_path / "c", 3.0), LAB, "08").changes
+    assert only(changes).prim == "/World/Copy/Shape"
+
+
+# -- values
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "same"),
+    [
+        (1.0, 1.0 + 9e-7, True),
+        (1.0, 1.0 + 2e-6, False),
+        (0.0, 1e-10, True),
+        (0.0, 1e-6, False),
+        (1, 1.0, True),
+        (True, False, False),
+        ("Z", "X", False),
+        (1.0, None, False),
+        (1.0, "1.0", False),
+        (Gf.Vec3f(0, 0, 1), Gf.Vec3d(1e-7, 0, 1), True),
+        (Gf.Vec3f(0, 0, 1), Gf.Vec3f(1e-5, 0, 1), False),
+        (Gf.Vec3f(0, 0, 1), Gf.Vec2f(0, 0), False),
+        (Gf.Quatf(1, 0, 0, 0), Gf.Quatd(-1, 0, 0, 0), True),
+        (Gf.Quatf(1, 0, 0, 0), Gf.Quatf(0, 1, 0, 0), False),
+        (Vt.IntArray([1, 2]), Vt.IntArray([1, 2]), True),
+        (Vt.IntArray([1, 2]), Vt.IntArray([1, 3]), False),
+        (Vt.TokenArray(["a"]), Vt.TokenArray(["b"]), False),
+        (float("inf"), float("inf"), True),
+        (float("-inf"), 0.0, False),
+    ],
+)
+def test_values_are_the_same_up_to_noise(was: object, now: object, *, same: bool) -> None:
+    assert same_value(was, now, 1e-6) == same

@@ -1,0 +1,234 @@
+"""Rules about the starter: who speaks of a change, how gravely, and who keeps silent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pxr import Gf, Usd
+from submissions import LAB, ROBOT, SPEC, edit_stage
+
+from lab3_usd.check.changes import Change, Difference, Kind, Site, StarterSubject
+from lab3_usd.check.checker import check_stage
+from lab3_usd.check.finding import Problem, StageResult
+from lab3_usd.check.registry import Rule, rules_of, run_rule
+from lab3_usd.check.unchanged import against_starter, open_starter, starter_findings
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.starter import build_starter
+
+RULES = {found.id: found for found in rules_of("starter", "U")}
+WALL = "/Environment/Walls/East"
+JOINT = f"{ROBOT}/joints/wheel_left_joint"
+BASE = f"{ROBOT}/base_link"
+
+
+def differing(kind: Kind, name: str = "", *, physics: bool = True) -> Difference:
+    return Difference(kind, name, "before", "after", physics)
+
+
+def change(prim: str, *differences: Difference, body: str = "") -> Change:
+    return Change(prim, "Cube", differences, body=body)
+
+
+def gone(prim: str, *, physics: bool = True, related: tuple[str, ...] = ()) -> Change:
+    return Change(prim, "Xform", absent="missing", count=3, physics=physics, related=related)
+
+
+def said(*changes: Change, blamed: tuple[Site, ...] = ()) -> list[tuple[str, Problem]]:
+    subject = StarterSubject(SPEC.starter, changes, frozenset(blamed))
+    return [
+        (rule_id, each) for rule_id, found in RULES.items() for each in run_rule(found, subject)
+    ]
+
+
+def rules_said(*changes: Change, blamed: tuple[Site, ...] = ()) -> list[str]:
+    return [rule_id for rule_id, _ in said(*changes, blamed=blamed)]
+
+
+# -- who speaks, and how gravely
+
+
+@pytest.mark.parametrize(
+    ("kind", "rule_id"),
+    [("type", "U02"), ("schema", "U03"), ("physics", "U04"), ("place", "U05"), ("look", "U06")],
+)
+def test_each_kind_of_difference_has_its_rule(kind: Kind, rule_id: str) -> None:
+    ((found, problem),) = said(change(WALL, differing(kind, "size")))
+    assert (found, problem.prim, problem.property) == (rule_id, WALL, "size")
+    assert (problem.expected, problem.actual) == ("before", "after")
+
+
+def test_the_gravest_difference_of_a_prim_speaks_for_all() -> None:
+    ((found, problem),) = said(
+        change(
+            WALL,
+            differing("look", "visibility", physics=False),
+            differing("place", "xformOp:translate"),
+            differing("physics", "physics:mass"),
+        )
+    )
+    assert (found, problem.property, problem.severity) == ("U04", "physics:mass", "error")
+    assert "visibility" in problem.message
+
+
+def test_a_long_list_of_differences_is_cut_short() -> None:
+    many = [differing("physics", f"physics:p{number}") for number in range(9)]
+    ((_, problem),) = said(change(WALL, *many))
+    assert "physics:p3" in problem.message
+    assert "physics:p4" not in problem.message
+    assert "5 more" in problem.message
+
+
+@pytest.mark.parametrize(("physics", "severity"), [(True, "error"), (False, "warning")])
+def test_physics_is_an_error_and_what_is_seen_a_warning(*, physics: bool, severity: str) -> None:
+    ((_, moved),) = said(change(WALL, differing("place", physics=physics)))
+    ((_, missing),) = said(gone(WALL, physics=physics))
+    assert (moved.severity, missing.severity) == (severity, severity)
+
+
+def test_a_subtree_that_vanished_is_one_finding_that_counts() -> None:
+    ((found, problem),) = said(gone("/Environment/Walls"))
+    assert found == "U01"
+    assert "2 prims below" in problem.message
+
+
+def test_without_changes_nothing_is_said() -> None:
+    assert said() == []
+
+
+@pytest.mark.parametrize("found", RULES.values(), ids=list(RULES))
+def test_every_rule_has_a_manual(found: Rule) -> None:
+    assert all(found.section(title) for title in ("Why", "Fix", "Example"))
+
+
+# -- who keeps silent
+
+SILENT: list[tuple[str, Change, Site]] = [
+    (
+        "the same property",
+        change(BASE, differing("physics", "physics:mass")),
+        (BASE, "physics:mass"),
+    ),
+    ("the whole prim", change(BASE, differing("look", "visibility")), (BASE, None)),
+    ("the schema of a value", change(BASE, differing("schema")), (BASE, "physics:mass")),
+    (
+        "the schema on a shape of a body",
+        change(f"{BASE}/collisions/body", differing("schema"), body=BASE),
+        (BASE, "physics:collisionEnabled"),
+    ),
+    (
+        "the place of a shape of a body",
+        change(f"{BASE}/collisions/body", differing("place"), body=BASE),
+        (BASE, None),
+    ),
+    (
+        "another way to turn",
+        change(BASE, differing("place", "xformOp:orient")),
+        (BASE, "xformOp:rotateXYZ"),
+    ),
+    (
+        "the other half of an axis",
+        change(JOINT, differing("physics", "physics:localRot0")),
+        (JOINT, "physics:axis"),
+    ),
+    ("a missing prim", gone(JOINT), (JOINT, None)),
+    ("a prim below", gone(f"{ROBOT}/joints"), (JOINT, None)),
+    ("a prim above", gone("/Environment/GroundPlane"), ("/Environment", None)),
+    ("a link left loose", gone(f"{ROBOT}/joints/scan_joint", related=(BASE,)), (BASE, None)),
+    (
+        "a link tied elsewhere",
+        change(JOINT, Difference("physics", "physics:body1", BASE, WALL, physics=True)),
+        (BASE, None),
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("found", "site"), [each[1:] for each in SILENT], ids=[s[0] for s in SILENT]
+)
+def test_what_another_rule_has_said_is_not_said_again(found: Change, site: Site) -> None:
+    assert len(rules_said(found)) == 1
+    assert rules_said(found, blamed=(site,)) == []
+
+
+@pytest.mark.parametrize(
+    "site",
+    [("/", None), ("/", "upAxis"), (WALL, "physics:mass"), (f"{BASE}/collisions", None)],
+)
+def test_a_fault_elsewhere_silences_nothing(site: Site) -> None:
+    found = change(BASE, differing("physics", "physics:diagonalInertia"))
+    assert rules_said(found, gone("/World/ObservationCamera"), blamed=(site,)) == ["U01", "U04"]
+
+
+def test_of_two_differences_the_one_that_is_known_is_left_out() -> None:
+    both = change(
+        BASE, differing("physics", "physics:mass"), differing("physics", "physics:density")
+    )
+    ((_, problem),) = said(both, blamed=((BASE, "physics:mass"),))
+    assert problem.property == "physics:density"
+    assert "mass" not in problem.message
+
+
+# -- on files
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A starter, and the finished lab made from it."""
+    folder = tmp_path_factory.mktemp("files")
+    build_starter(folder / "starter.usda")
+    return folder / "starter.usda", build_checkpoint(
+        folder / "starter.usda", "08", folder / "s.usda"
+    )
+
+
+def found_in(files: tuple[Path, Path], tmp_path: Path, *edits: object) -> StageResult:
+    path = tmp_path / "Lab3_08.usda"
+    path.write_bytes(files[1].read_bytes())
+    for edit in edits:
+        edit_stage(path, edit)  # type: ignore[arg-type]
+    return against_starter(check_stage(path), open_starter(files[0], LAB), LAB)
+
+
+def test_a_change_fails_the_stage_and_names_its_line(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    inertia = lambda stage: inertia_of(stage).Set(Gf.Vec3f(1, 1, 1))  # noqa: E731 - one deed
+    result = found_in(files, tmp_path, inertia)
+    (found,) = [each for each in result.findings if each.severity != "note"]
+    assert (found.rule, found.prim, found.property) == ("U04", BASE, "physics:diagonalInertia")
+    assert result.verdict == "fail"
+    assert found.layer == str(tmp_path / "Lab3_08.usda")
+    assert found.line is not None
+    line = Path(found.layer).read_text().splitlines()[found.line - 1]
+    assert "physics:diagonalInertia" in line
+
+
+def inertia_of(stage: Usd.Stage) -> Usd.Attribute:
+    return stage.GetPrimAtPath(BASE).GetAttribute("physics:diagonalInertia")
+
+
+def test_a_stage_that_changed_nothing_stays_as_it_was(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    result = found_in(files, tmp_path)
+    assert result == check_stage(tmp_path / "Lab3_08.usda")
+    assert result.verdict == "pass"
+
+
+def test_an_unreadable_stage_is_not_compared(files: tuple[Path, Path], tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_08.usda"
+    path.write_text("no stage")
+    result = check_stage(path)
+    assert against_starter(result, open_starter(files[0], LAB), LAB) is result
+
+
+def test_sites_that_are_blamed_already_are_left_out(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    path = tmp_path / "Lab3_08.usda"
+    path.write_bytes(files[1].read_bytes())
+    edit_stage(path, lambda stage: inertia_of(stage).Set(Gf.Vec3f(1, 1, 1)))
+    site = (BASE, "physics:diagonalInertia")
+    assert [each.rule for each in starter_findings(path, files[0], "08", LAB, [])] == ["U04"]
+    assert starter_findings(path, files[0], "08", LAB, [site]) == ()

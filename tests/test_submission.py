@@ -1,0 +1,384 @@
+"""A complete submission has no fault; each single fault in it gives its finding and no other."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from pxr import Sdf, Usd
+from report_schema import assert_valid
+from sabotage import Fault as GraphFault
+from sabotage import graph_faults
+from submission_faults import ALL, Case, heavy, link
+from submissions import (
+    LAB,
+    ROBOT,
+    SPEC,
+    STARTER,
+    checked,
+    copy,
+    delete,
+    edit,
+    edit_stage,
+    faults,
+    notes,
+    put,
+    rename,
+    said,
+    stage_name,
+    write_submission,
+)
+
+from lab3_usd.check.finding import Report
+from lab3_usd.check.folder import is_submission, lone_stage_notes, map_findings
+from lab3_usd.check.registry import rules_of
+from lab3_usd.data import data_folder
+from lab3_usd.errors import StageError
+from lab3_usd.lab import submission as listing
+from lab3_usd.report.json_report import report_json
+
+LAST = list(LAB.checkpoints)[-1]
+SOME_GRAPH_FAULTS = list(graph_faults(LAB, LAB.checkpoints[LAST]))[7::40]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A complete, correct submission."""
+    return write_submission(tmp_path / "ana")
+
+
+# -- the whole
+
+
+def test_a_complete_submission_has_no_fault(folder: Path) -> None:
+    result = checked(folder)
+    assert faults(result) == []
+    assert notes(result) == []
+    assert [each.checkpoint for each in result.results] == list(LAB.checkpoints)
+    assert {each.verdict for each in result.results} == {"pass"}
+    assert all(each.score.earned == each.score.possible for each in result.results)
+
+
+@pytest.mark.parametrize("case", ALL, ids=lambda case: case.name)
+def test_a_fault_gives_its_finding_and_no_other(folder: Path, case: Case) -> None:
+    case.fault(folder)
+    assert faults(checked(folder)) == sorted(case.said)
+
+
+@pytest.mark.parametrize("fault", SOME_GRAPH_FAULTS, ids=lambda fault: fault.name)
+def test_a_fault_of_a_graph_is_found_in_its_stage_alone(folder: Path, fault: GraphFault) -> None:
+    edit(LAST, fault.break_it)(folder)
+    found = said(checked(folder), "error")
+    assert {each.split()[1].partition(":")[0] for each in found} == {LAST}
+    assert any(each.partition(":")[2] in fault.sites for each in found)
+
+
+def test_faults_cover_every_rule_about_the_submission_and_the_starter() -> None:
+    rules = [*rules_of("submission", "X"), *rules_of("starter", "U")]
+    covered = {site.split()[0] for case in ALL for site in case.said}
+    elsewhere = {"X06", "X10", "X12"}
+    assert {each.id for each in rules} - covered == elsewhere
+
+
+def test_there_are_more_than_sixty_faults() -> None:
+    assert len({case.name for case in ALL}) == len(ALL) > 60
+
+
+def test_judging_leaves_the_folder_as_it_was(folder: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    checked(folder)
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+
+
+def test_the_report_as_json_is_as_the_schema_says(folder: Path) -> None:
+    delete(stage_name("03"))(folder)
+    result = checked(folder)
+    report = assert_valid(report_json(Report(result.results, (result.submission,))))
+    (submission,) = report["submissions"]
+    assert [each["rule"] for each in submission["findings"]] == ["M09", "X01"]
+    assert len(submission["checklist"]) == len(SPEC.checklist)
+
+
+def test_findings_about_files_name_the_file_to_open(folder: Path) -> None:
+    put("maps/turtlebot3_map.yaml", "image: 1")(folder)
+    found = [each for each in checked(folder).submission.findings if each.rule == "M02"]
+    assert [each.layer for each in found] == [str(folder / "maps" / "turtlebot3_map.yaml")]
+
+
+# -- what is a submission
+
+
+def test_a_folder_with_work_is_a_submission(tmp_path: Path) -> None:
+    (tmp_path / "Work").mkdir()
+    assert is_submission(tmp_path)
+
+
+def test_a_folder_of_several_checkpoints_is_a_submission(tmp_path: Path) -> None:
+    for number in ("01", "02"):
+        (tmp_path / f"{LAB.checkpoints[number].file}.usda").touch()
+    assert is_submission(tmp_path)
+
+
+def test_a_folder_with_one_checkpoint_is_none(tmp_path: Path) -> None:
+    (tmp_path / f"{LAB.checkpoints['01'].file}.usda").touch()
+    (tmp_path / "scene.usda").touch()
+    assert not is_submission(tmp_path)
+
+
+def test_a_folder_that_does_not_exist_is_none(tmp_path: Path) -> None:
+    assert not is_submission(tmp_path / "nowhere")
+
+
+def test_a_bare_folder_of_stages_has_no_fault(folder: Path) -> None:
+    result = checked(folder / "work")
+    assert faults(result) == []
+    assert [each.split()[0] for each in notes(result)] == ["E01", "M10", *["X10"] * 5]
+
+
+# -- stages
+
+
+def test_binary_stages_are_as_good(folder: Path) -> None:
+    for number in LAB.checkpoints:
+        path = folder / stage_name(number)
+        Sdf.Layer.FindOrOpen(str(path)).Export(str(path.with_suffix(".usd")))
+        path.unlink()
+    assert faults(checked(folder)) == []
+
+
+def test_a_later_repair_is_no_fault(folder: Path) -> None:
+    edit("03", lambda stage: stage.RemovePrim("/World/ROS_Clock"))(folder)
+    assert faults(checked(folder)) == ["G01 03:/World/ROS_Clock", f"X08 {stage_name('03')}"]
+
+
+def test_work_is_compared_across_a_missing_stage(folder: Path) -> None:
+    delete(stage_name("04"))(folder)
+    edit("05", lambda stage: stage.RemovePrim("/World/ROS_Clock"))(folder)
+    assert f"X08 {stage_name('05')}" in faults(checked(folder))
+
+
+def test_the_last_stages_may_be_the_same(folder: Path) -> None:
+    for number in ("06", "07", "08"):
+        copy(stage_name("05"), stage_name(number))(folder)
+    assert faults(checked(folder)) == []
+
+
+def test_a_copy_that_is_no_stage_of_the_lab_is_left_alone(folder: Path) -> None:
+    copy(stage_name("03"), "work/Lab3_03_lidar_backup.usda")(folder)
+    copy(stage_name("03"), "work/test.usda")(folder)
+    assert faults(checked(folder)) == []
+
+
+def test_the_stage_in_work_goes_before_one_elsewhere(folder: Path) -> None:
+    copy(stage_name("01"), f"logs/{Path(stage_name('05')).name}")(folder)
+    assert faults(checked(folder)) == []
+
+
+def test_a_misnamed_stage_is_judged_all_the_same(folder: Path) -> None:
+    rename(stage_name("03"), "work/lidar_Lab3_03.usda")(folder)
+    rename(stage_name("04"), "work/LAB3_4.usda")(folder)
+    result = checked(folder)
+    assert "04" in {each.checkpoint for each in result.results}
+    assert "X02 work/LAB3_4.usda" in faults(result)
+
+
+# -- starter
+
+
+def test_without_a_starter_nothing_is_compared(folder: Path) -> None:
+    delete("assets")(folder)
+    edit(LAST, lambda stage: stage.RemovePrim("/Environment/Walls/East"))(folder)
+    result = checked(folder)
+    assert faults(result) == []
+    assert notes(result) == [f"X06 {STARTER}"]
+
+
+def test_the_supplied_starter_goes_before_the_submitted_one(folder: Path, tmp_path: Path) -> None:
+    supplied = Path(shutil.copy(folder / STARTER, tmp_path))
+    for number in LAB.checkpoints:
+        edit(number, lambda stage: stage.RemovePrim("/Environment/Walls/East"))(folder)
+    edit_stage(folder / STARTER, lambda stage: stage.RemovePrim("/Environment/Walls/East"))
+    assert faults(checked(folder)) == []
+    walls = [f"U01 {number}:/Environment/Walls/East" for number in LAB.checkpoints]
+    assert faults(checked(folder, starter=supplied)) == [*walls, f"X07 {STARTER}"]
+
+
+def test_a_supplied_starter_that_cannot_be_opened_is_said(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "starter.usda").write_text("no stage")
+    with pytest.raises(StageError, match=r"starter\.usda"):
+        checked(folder, starter=tmp_path / "starter.usda")
+
+
+def test_the_faults_of_the_supplied_starter_are_not_the_students(
+    folder: Path, tmp_path: Path
+) -> None:
+    for path in (folder / STARTER, *(folder / stage_name(number) for number in LAB.checkpoints)):
+        edit_stage(path, heavy)
+    supplied = Path(shutil.copy(folder / STARTER, tmp_path))
+    assert faults(checked(folder)) == [f"S04 {n}:{ROBOT}/base_link" for n in LAB.checkpoints]
+    result = checked(folder, starter=supplied)
+    assert faults(result) == []
+    assert all(each.score.earned == each.score.possible for each in result.results)
+
+
+def test_another_value_than_the_supplied_starters_is_the_students(
+    folder: Path, tmp_path: Path
+) -> None:
+    edit_stage(folder / STARTER, heavy)
+    supplied = Path(shutil.copy(folder / STARTER, tmp_path))
+    edit(LAST, lambda stage: mass_of(stage).Set(0.5))(folder)
+    unlike = [f"U04 {number}:{ROBOT}/base_link" for number in LAB.checkpoints if number != LAST]
+    found = faults(checked(folder, starter=supplied))
+    assert found == [f"S04 {LAST}:{ROBOT}/base_link", *unlike, f"X08 {stage_name(LAST)}"]
+
+
+def mass_of(stage: Usd.Stage) -> Usd.Attribute:
+    return stage.GetPrimAtPath(f"{ROBOT}/base_link").GetAttribute("physics:mass")
+
+
+# -- maps, saved output, other deliverables
+
+
+def test_a_map_may_be_given_beside_the_submission(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(data_folder("maps"), tmp_path / "supplied")
+    delete("maps")(folder)
+    assert faults(checked(folder, maps=tmp_path / "supplied")) == []
+
+
+def test_the_walls_of_the_stage_are_compared_with_the_map(folder: Path) -> None:
+    (found,) = [each for each in checked(folder).submission.findings if each.rule == "M09"]
+    assert found.severity == "note"
+    assert found.actual == "1.000"
+
+
+def test_a_folder_of_maps_in_capitals_is_found(folder: Path) -> None:
+    rename("maps", "Maps")(folder)
+    assert faults(checked(folder)) == []
+
+
+def test_missing_output_is_a_note_unless_required(folder: Path) -> None:
+    delete("results/topic_hz_scan.txt")(folder)
+    assert faults(checked(folder)) == []
+    assert notes(checked(folder)) == ["E01 results"]
+    assert faults(checked(folder, require_evidence=True)) == ["E01 results"]
+
+
+def test_output_may_lie_in_logs(folder: Path) -> None:
+    rename("results", "logs/friday")(folder)
+    assert notes(checked(folder)) == []
+
+
+def test_output_of_later_parts_is_not_asked_for_yet(folder: Path) -> None:
+    for number in ("03", "04", "05", "06", "07", "08"):
+        delete(stage_name(number))(folder)
+    for path in (folder / "results").iterdir():
+        if not path.name.startswith(("node_list", "topic_list", "topic_type_c", "topic_hz_c")):
+            path.unlink()
+    assert notes(checked(folder)) == ["E01 results"]
+    put("results/topic_echo_clock.txt", "clock:\n  sec: 1\n  nanosec: 0\n---\n")(folder)
+    assert notes(checked(folder)) == []
+
+
+@pytest.mark.parametrize(
+    ("gone", "handout"),
+    [("report.pdf", "6.2"), ("images/00.png", "6.2"), ("video.txt", "6.3"), ("config", "6.4")],
+)
+def test_a_deliverable_that_is_not_there_is_a_note(folder: Path, gone: str, handout: str) -> None:
+    delete(gone)(folder)
+    result = checked(folder)
+    assert faults(result) == []
+    found = [each for each in result.submission.findings if each.rule == "X10"]
+    assert [each.handout for each in found] == [handout]
+
+
+def test_a_text_without_a_link_to_a_video_does_not_count(folder: Path) -> None:
+    put("video.txt", "see https://docs.ros.org/en/humble/ and youtube")(folder)
+    assert notes(checked(folder)) == ["X10 ."]
+
+
+def test_a_lone_stage_of_localization_gets_one_note() -> None:
+    assert lone_stage_notes("06", LAB) == ()
+    (note,) = lone_stage_notes("07", LAB)
+    assert (note.rule, note.severity, note.prim) == ("M10", "note", "/")
+
+
+def test_the_map_of_a_lone_stage_is_judged_at_the_stage(folder: Path) -> None:
+    assert map_findings(folder / "maps", LAB) == ()
+    put("maps/turtlebot3_map.yaml", "image: turtlebot3_map.pgm\n")(folder)
+    found = map_findings(folder / "maps", LAB)
+    assert {(each.rule, each.prim) for each in found} == {("M06", "/"), ("M07", "/")}
+    assert {each.layer for each in found} == {str(folder / "maps" / "turtlebot3_map.yaml")}
+
+
+# -- hostile folders
+
+
+def test_a_link_to_a_file_of_the_submission_is_followed(folder: Path) -> None:
+    link(stage_name("06"), Path(stage_name("05")).name)(folder)
+    assert faults(checked(folder)) == []
+
+
+def test_a_link_to_a_folder_is_not_followed(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "report.pdf").touch()
+    delete("report.pdf")(folder)
+    (folder / "papers").symlink_to(tmp_path / "elsewhere")
+    result = checked(folder)
+    assert faults(result) == ["X11 papers"]
+    assert notes(result) == ["X10 ."]
+
+
+def test_stages_behind_a_link_are_not_judged(folder: Path, tmp_path: Path) -> None:
+    (folder / "work").rename(tmp_path / "work")
+    (folder / "work").symlink_to(tmp_path / "work")
+    result = checked(folder)
+    assert result.results == ()
+    assert "X11 work" in faults(result)
+
+
+def test_a_ring_of_links_ends(folder: Path) -> None:
+    (folder / "ring").symlink_to("ring")
+    assert faults(checked(folder)) == ["X11 ring"]
+
+
+def test_folders_nested_too_deep_are_not_entered(folder: Path) -> None:
+    deep = folder.joinpath(*["deep"] * (listing.DEEPEST + 5))
+    deep.mkdir(parents=True)
+    assert faults(checked(folder)) == [f"X11 {'/'.join(['deep'] * (listing.DEEPEST + 1))}"]
+
+
+def test_a_file_that_may_not_be_read_is_not_opened(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = listing.os.access
+    secret = str(folder / "maps" / "turtlebot3_map.yaml")
+    monkeypatch.setattr(listing.os, "access", lambda p, mode: str(p) != secret and real(p, mode))
+    assert faults(checked(folder)) == ["X11 maps/turtlebot3_map.yaml"]
+
+
+def test_hidden_files_are_left_out(folder: Path) -> None:
+    (folder / ".git").mkdir()
+    (folder / ".git" / "pipe").symlink_to("/dev/zero")
+    (folder / "__MACOSX").mkdir()
+    (folder / "__MACOSX" / "link").symlink_to("/dev/zero")
+    assert faults(checked(folder)) == []
+
+
+def test_of_too_many_files_the_first_are_looked_at(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listing, "MOST_ENTRIES", 100)
+    assert faults(checked(folder)) == []
+    (folder / "build").mkdir()
+    for number in range(100):
+        (folder / "build" / f"{number}.o").touch()
+    assert faults(checked(folder)) == ["X12 ."]
+
+
+def test_an_empty_folder_of_work_lacks_every_stage(tmp_path: Path) -> None:
+    (tmp_path / "work").mkdir()
+    result = checked(tmp_path)
+    assert result.results == ()
+    missing = [f"X01 {stage_name(number)}" for number in LAB.checkpoints]
+    assert faults(result) == ["M01 maps/turtlebot3_map.yaml", *missing]
