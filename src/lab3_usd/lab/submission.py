@@ -24,7 +24,9 @@ def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
     Hidden files are left out. Links are followed to files inside the folder only.
     """
     found: list[Entry] = []
-    for entry in _entries(root, root.resolve(), ()):
+    folders = spec.folders
+    first = (folders.stages, folders.starter, folders.maps, *folders.shown)
+    for entry in _entries(root, root.resolve(), (), first):
         if len(found) == MOST_ENTRIES:
             break
         found.append(entry)
@@ -59,11 +61,14 @@ def _folders(root: Path) -> Iterator[os.DirEntry[str]]:
         return
 
 
-def _entries(root: Path, real_root: Path, below: tuple[str, ...]) -> Iterator[Entry]:
+def _entries(
+    root: Path, real_root: Path, below: tuple[str, ...], first: tuple[str, ...] = ()
+) -> Iterator[Entry]:
+    """Yield every file at or below a folder, those of the folders named `first` before others."""
     folder = root.joinpath(*below)
     try:
         with os.scandir(folder) as scan:
-            inside = sorted(scan, key=lambda each: each.name)
+            inside = sorted(scan, key=lambda each: (each.name.lower() not in first, each.name))
     except OSError as error:
         yield Entry("/".join(below) or ".", f"the folder cannot be read ({error.strerror})")
         return

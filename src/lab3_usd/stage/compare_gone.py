@@ -31,6 +31,8 @@ class Pair:
 
     def changes(self, prim: Usd.Prim, twin: Usd.Prim, *, moved: bool = False) -> Iterator[Change]:
         """Yield what changed of one prim, which stands at `twin` now: at most one change."""
+        if not moved and prim.GetPrimStack() == twin.GetPrimStack():
+            return  # both come from the same places of the same files
         found = differences(prim, twin, self.terms, same_parent=not moved)
         if found:
             body = body_of(prim, self.terms.rules)

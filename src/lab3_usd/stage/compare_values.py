@@ -49,13 +49,12 @@ def _product(one: float, other: float) -> float:
 
 
 def _close(one: Sequence[float], other: Sequence[float], tolerance: float) -> bool:
+    pairs = list(zip(one, other, strict=True))
     if not all(map(math.isfinite, (*one, *other))):
-        return list(one) == list(other)
+        return all(a == b for a, b in pairs)
     longest = max(map(abs, (*one, *other)), default=0.0)
     near = tolerance * (longest if len(one) > 1 else _NEAR_ZERO)
-    return all(
-        math.isclose(a, b, rel_tol=tolerance, abs_tol=near) for a, b in zip(one, other, strict=True)
-    )
+    return all(math.isclose(a, b, rel_tol=tolerance, abs_tol=near) for a, b in pairs)
 
 
 def _numbers(value: Any) -> Iterator[float]:  # noqa: ANN401
