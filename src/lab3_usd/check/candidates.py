@@ -49,31 +49,32 @@ def find_graphs(specs: Mapping[str, GraphSpec], stage: StageModel) -> dict[str, 
     taken = {graph.path for graph in found.values() if graph is not None}
     free = [graph for graph in by_path.values() if graph.path not in taken]
     offers = sorted(
-        (-_share(specs[name], graph), order, graph.path, name)
+        (-_likeness(specs[name], graph), order, graph.path, name)
         for order, (name, graph_found) in enumerate(found.items())
         if graph_found is None
         for graph in free
     )
-    for share, _, path, name in offers:
-        if found[name] is None and path not in taken and -share >= LEAST_SHARE:
+    for likeness, _, path, name in offers:
+        if found[name] is None and path not in taken and likeness < 0:
             found[name] = by_path[path]
             taken.add(path)
     return found
 
 
-def _share(spec: GraphSpec, graph: GraphModel) -> float:
-    """Return how much of spec and graph is the same, by node types: 1 for all of both.
+def _likeness(spec: GraphSpec, graph: GraphModel) -> float:
+    """Return how much of spec and graph is the same, by node types: 1 for all of both, else less.
 
-    Nodes that every graph has (tick, context, time) are worth little on their own: a graph must
-    hold something that only this spec asks for.
+    It is 0 for a graph that holds too little of the spec. Nodes that every graph has (tick,
+    context, time) are worth little on their own: a graph must hold something that only this spec
+    asks for.
     """
     asked = Counter(node.type.type for node in spec.nodes.values())
     held = Counter(node.type.type for node in graph.nodes if node.type is not None)
     shared = sum((asked & held).values())
     typical = {kind for kind in asked if _says_something(spec, kind)}
-    if not typical & set(held):
+    if not typical & set(held) or shared < LEAST_SHARE * len(spec.nodes):
         return 0.0
-    return shared / max(sum(asked.values()), 1)
+    return 2 * shared / (len(spec.nodes) + len(graph.nodes))
 
 
 def _says_something(spec: GraphSpec, kind: str) -> bool:
