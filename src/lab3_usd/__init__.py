@@ -3,7 +3,7 @@
 The library in short:
 
     from lab3_usd import build_checkpoint, check_stage
-    build_checkpoint(None, "05", Path("Lab3_05_odometry_tf.usda"))
+    build_checkpoint(None, "05", "Lab3_05_odometry_tf.usda")
     result = check_stage("Lab3_05_odometry_tf.usda")
     for finding in result.findings: print(finding.rule, finding.prim, finding.message)
 """

@@ -42,7 +42,7 @@ class BuildOptions:
     force: bool = False
 
 
-def build_checkpoint(starter: Path | None, checkpoint: str, target: Path) -> Path:
+def build_checkpoint(starter: Path | str | None, checkpoint: str, target: Path | str) -> Path:
     """Build one checkpoint stage from a starter (None for the bundled one) and return its path.
 
     Raises:
@@ -50,6 +50,7 @@ def build_checkpoint(starter: Path | None, checkpoint: str, target: Path) -> Pat
         StageError: the starter cannot be opened, or the target not be written.
         UsageError: there is no such checkpoint, the target exists or is not named as a stage.
     """
+    starter, target = None if starter is None else Path(starter), Path(target)
     lab = load_lab()
     if checkpoint not in lab.checkpoints:
         message = f"there is no checkpoint '{checkpoint}'; known are {', '.join(lab.checkpoints)}"

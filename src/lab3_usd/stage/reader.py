@@ -30,13 +30,13 @@ _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"
 
 
-def read_stage(path: Path, lab: Lab) -> StageModel:
+def read_stage(path: Path | str, lab: Lab) -> StageModel:
     """Read the stage at `path` as it is composed, payloads loaded.
 
     Raises:
         StageError: the file cannot be opened; the line says why.
     """
-    return read_model(open_stage(path), lab, str(path))
+    return read_model(open_stage(Path(path)), lab, str(path))
 
 
 def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:

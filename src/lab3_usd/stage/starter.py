@@ -24,7 +24,7 @@ _SUFFIX = ".usda"
 _DIGITS = 12
 
 
-def build_starter(target: Path, *, force: bool = False) -> None:
+def build_starter(target: Path | str, *, force: bool = False) -> None:
     """Write the bundled starter scene to `target` as text USD.
 
     The file is written whole or not at all, and is the same to the byte every time.
@@ -33,6 +33,7 @@ def build_starter(target: Path, *, force: bool = False) -> None:
         UsageError: `target` does not end in `.usda`, exists already, or cannot be written.
         SpecError: the description of the starter is wrong.
     """
+    target = Path(target)
     if target.suffix != _SUFFIX:
         message = f"{target}: the starter is a text stage, give it a name that ends in {_SUFFIX}"
         raise UsageError(message)
