@@ -133,9 +133,14 @@ def sessions(text: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def matches(shown: list[str], printed: str) -> bool:
-    """Say whether a page shows what was printed; a line `...` stands for any lines."""
+    """Say whether a page shows what was printed.
+
+    A line `...` stands for any lines, `...` within a line for any text.
+    """
     pattern = "".join(
-        r"(?:.*\n)*?" if line.strip() == "..." else re.escape(line.rstrip()) + r"\n"
+        r"(?:.*\n)*?"
+        if line.strip() == "..."
+        else ".*".join(map(re.escape, line.rstrip().split("..."))) + r"\n"
         for line in shown
     )
     lines = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
