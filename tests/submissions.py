@@ -16,8 +16,8 @@ from lab3_usd.check.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.data import data_folder
 from lab3_usd.lab.nav2 import nav2_files
 from lab3_usd.spec.load_ros import load_ros
+from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.loader import load_lab
-from lab3_usd.spec.submission_spec import load_submission
 from lab3_usd.stage.builder import BuildOptions, build_files, plan_files
 from lab3_usd.stage.starter import build_starter
 

@@ -25,8 +25,8 @@ from lab3_usd.check.submitted import SubmissionSubject
 from lab3_usd.check.unchanged import against_starter
 from lab3_usd.lab.submission import folder_named, list_submission
 from lab3_usd.spec.load_ros import load_ros
+from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.loader import load_lab
-from lab3_usd.spec.submission_spec import load_submission
 
 __all__ = [
     "FolderResult",

@@ -32,6 +32,7 @@ FAMILIES = {
     "V": "navigation",
     "E": "evidence",
     "X": "submission",
+    "Z": "fence",
 }
 
 

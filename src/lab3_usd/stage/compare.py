@@ -10,8 +10,9 @@ from pxr import Usd, UsdGeom
 
 from lab3_usd.check.changes import Change, StarterSubject
 from lab3_usd.check.model import Unresolved
+from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.spec import Lab
-from lab3_usd.spec.submission_spec import StarterRules, load_submission
+from lab3_usd.spec.submission_spec import StarterRules
 from lab3_usd.stage.compare_gone import Pair, gone_changes, is_there
 from lab3_usd.stage.compare_terms import Terms, classifier
 from lab3_usd.stage.missing import find_unresolved
