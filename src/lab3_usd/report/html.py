@@ -8,7 +8,7 @@ from lab3_usd.check.finding import SEVERITIES, ChecklistItem, Crash, Report
 from lab3_usd.check.registry import Rule
 from lab3_usd.report.formats import Options, Rules
 from lab3_usd.report.html_blocks import blocks
-from lab3_usd.report.html_faults import cards, chapters, faults, section_key
+from lab3_usd.report.html_faults import cards, chapters, faults
 from lab3_usd.report.html_model import Block, Checks, View
 from lab3_usd.report.html_pictures import gallery, topics
 from lab3_usd.report.html_stages import look
@@ -65,8 +65,8 @@ def _checks(items: Iterable[ChecklistItem]) -> Iterator[Checks]:
     sections: dict[str, list[ChecklistItem]] = {}
     for item in items:
         sections.setdefault(item.section, []).append(item)
-    for name in sorted(sections, key=section_key):
-        yield Checks(name, tuple(sections[name]))
+    for name, inside in sections.items():
+        yield Checks(name, tuple(inside))
 
 
 def _crashes(block: Block) -> Iterator[tuple[str, Crash]]:

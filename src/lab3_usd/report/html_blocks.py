@@ -27,9 +27,9 @@ def blocks(report: Report, lab: Lab) -> list[Block]:
         groups.insert(0, (_common(left), left, None))
     found: list[Block] = []
     count = 0
-    for path, results, submission in groups:
+    for path, results, about in groups:
         stages = tuple(_stages(results, path, lab, count))
-        found.append(Block(f"b{len(found)}", path, stages, submission))
+        found.append(Block(f"b{len(found)}", path, stages, about))
         count += len(results)
     return found
 

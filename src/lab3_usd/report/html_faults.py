@@ -19,42 +19,41 @@ from lab3_usd.report.html_model import (
     Line,
     Link,
     Section,
-    Spot,
 )
 from lab3_usd.spec.spec import Lab
 
 FRAME_WIDTH = 96
-MOST_FRAMES = 120  # in one block: a page stays small whatever a stage holds
+MOST_FRAMES = 80  # in one block: a page stays small whatever a stage holds
 _SECTION = re.compile(r"(?:([A-Z])(?=\d|$))?(\d+)?(?:\.(\d+))?")
 _Key = tuple[int, str, int, int, str]
 
 
 def faults(block: Block) -> list[Fault]:
     """Return the different faults of a block, in the order of the handout's sections."""
-    found: dict[Finding, list[tuple[int, Spot]]] = {}
-    first: dict[Finding, Finding] = {}
-    for index, label, finding in _findings(block):
-        key = replace(finding, layer=None, line=None, column=None)
-        first.setdefault(key, finding)
-        spots = found.setdefault(key, [])
-        spots.append((index, Spot(label, _place(finding, block))))
+    found: dict[Finding, list[tuple[int, Finding]]] = {}
+    for index, finding in _findings(block):
+        # Where it stands differs from file to file, and so does what else it concerns.
+        key = replace(finding, layer=None, line=None, column=None, related=())
+        found.setdefault(key, []).append((index, finding))
     order = sorted(found, key=_order)
-    return [_fault(f"{block.id}-f{n}", first[key], found[key]) for n, key in enumerate(order, 1)]
+    return [_fault(f"{block.id}-f{n}", found[key], block) for n, key in enumerate(order, 1)]
 
 
-def _fault(name: str, finding: Finding, seen: Sequence[tuple[int, Spot]]) -> Fault:
+def _fault(name: str, seen: Sequence[tuple[int, Finding]], block: Block) -> Fault:
     stages = tuple(dict.fromkeys(index for index, _ in seen if index >= 0))
-    spots = tuple(dict.fromkeys(spot for _, spot in seen if spot.place))
-    return Fault(name, finding, stages, spots)
+    places = dict.fromkeys(_place(finding, block) for _, finding in seen)
+    first = seen[0][1]
+    related = max((finding.related for _, finding in seen), key=len)
+    shown = tuple(place for place in places if place not in {"", first.prim})
+    return Fault(name, replace(first, related=related), stages, shown)
 
 
-def _findings(block: Block) -> Iterator[tuple[int, str, Finding]]:
+def _findings(block: Block) -> Iterator[tuple[int, Finding]]:
+    """Yield every finding with the number of its stage, -1 for those of the submission."""
     for stage in block.stages:
-        for finding in stage.result.findings:
-            yield stage.index, stage.label, finding
+        yield from ((stage.index, finding) for finding in stage.result.findings)
     if block.submission is not None:
-        for finding in block.submission.findings:
-            yield -1, "", finding
+        yield from ((-1, finding) for finding in block.submission.findings)
 
 
 def _place(finding: Finding, block: Block) -> str:

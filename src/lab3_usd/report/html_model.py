@@ -108,24 +108,17 @@ def _run(stages: Sequence[Stage]) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
-    """Where one stage has a fault: the stage's label, and file, line and column to open."""
-
-    label: str
-    place: str
-
-
-@dataclass(frozen=True, slots=True)
 class Fault:
     """A finding, and all the stages that have it.
 
     A fault that is carried along from file to file is one fault: `finding` is that of the first.
+    `places` are the files with line and column, as editors take them.
     """
 
     id: str
     finding: Finding
     stages: Stages
-    spots: tuple[Spot, ...]
+    places: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

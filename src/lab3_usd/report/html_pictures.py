@@ -11,7 +11,11 @@ from lab3_usd.report.html_stages import Seen
 from lab3_usd.report.picture_model import Picture
 from lab3_usd.report.svg import svg
 
-ROOM = 230_000  # characters of SVG in one block: a whole submission stays below 400 kB
+# Characters in one block, so that the page of a whole submission stays below 400 kB.
+ROOM = 300_000
+LEAST = 40_000
+OF_A_FAULT = 1_500
+OF_A_TOPIC = 800
 MOST_LINKS = 4  # from one fault, where its graph differs from stage to stage
 
 
@@ -34,11 +38,14 @@ class _Frame:
 
 
 def gallery(block: Block, seen: Mapping[int, Seen], found: Sequence[Fault]) -> Gallery:
-    """Draw every picture once; where they do not fit, those without faults give way first."""
+    """Draw every picture once; where they do not fit, those without faults give way first.
+
+    Among the others the last checkpoints come first: they hold what those before them added.
+    """
     frames = list(_frames(block, seen))
     places = {frame.id: _places(frame, found) for frame in frames}
     drawn: dict[str, str] = {}
-    room = ROOM
+    room = _room(seen, found)
     for frame in sorted(frames, key=lambda one: (not places[one.id], -one.stages[-1])):
         text = _svg(frame, places[frame.id], found)
         if len(text) <= room:
@@ -51,6 +58,12 @@ def gallery(block: Block, seen: Mapping[int, Seen], found: Sequence[Fault]) -> G
                 links.setdefault(name, []).append(_link(frame, place))
     pictures = tuple(_drawn(frame, places[frame.id], drawn.get(frame.id)) for frame in frames)
     return Gallery(pictures, {name: tuple(ways[:MOST_LINKS]) for name, ways in links.items()})
+
+
+def _room(seen: Mapping[int, Seen], found: Sequence[Fault]) -> int:
+    """Return the characters left for pictures beside the faults and the topics."""
+    beside = OF_A_FAULT * len(found) + OF_A_TOPIC * len(topics(seen))
+    return max(ROOM - beside, LEAST)
 
 
 def _frames(block: Block, seen: Mapping[int, Seen]) -> Iterable[_Frame]:

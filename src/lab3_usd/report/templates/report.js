@@ -66,10 +66,11 @@
 
   tools.hidden = cards.length < 2 && !tools.elements.stage;
   tools.addEventListener("input", filter);
+  tools.addEventListener("change", filter);
   tools.addEventListener("submit", (event) => event.preventDefault());
   tools.addEventListener("reset", () => setTimeout(filter));
   document.addEventListener("click", (event) => {
-    const link = event.target.closest("a[href^='#'], a[*|href^='#']");
+    const link = event.target.closest("a[href^='#']");
     if (!link) return;
     if (link.dataset.stage !== undefined && tools.elements.stage) {
       tools.elements.stage.value = link.dataset.stage;

@@ -1,0 +1,419 @@
+"""The HTML page as text: what stands in it, how its parts lead to each other, what it keeps out."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from base64 import b64encode
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import pytest
+from html_pages import CLOCK, DRIVE, Element, break_ten_times, judged, page, read, set_value, stages
+from pxr import Usd
+from report_examples import (
+    BROKEN,
+    CRASHED,
+    EMPTY,
+    FAILED,
+    HOSTILE,
+    MISSING_WIRE,
+    OLD_NAME,
+    PASSED,
+    REPORT,
+    RULES,
+    SUBMISSION,
+    hostile,
+    write_stage,
+)
+
+from lab3_usd.check.finding import Report, Score
+from lab3_usd.report import html_pictures
+from lab3_usd.report.formats import render
+from lab3_usd.spec.loader import load_lab
+
+MARKUP = (
+    *HOSTILE,
+    '"><img src=x onerror=alert(1)>',
+    "'><svg onload=alert(1)>",
+    "</style></script><script>alert(1)</script>",
+    "{{ 7 * 7 }}{% raw %}",
+    "javascript:alert(1)",
+    "--><b>x</b>",
+    "`<b>x</b>`",
+    "a/<b>b</b>.c:<i>",
+)
+
+
+@pytest.fixture(scope="module")
+def faulty(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    """Nine checkpoints, the same ten faults in each."""
+    return judged(stages(tmp_path_factory.mktemp("work"), break_ten_times))
+
+
+@pytest.fixture(scope="module")
+def faulty_page(faulty: Report) -> Element:
+    return read(page(faulty))
+
+
+def shown(report: Report, rules: Any = RULES) -> Element:
+    return read(render("html", report, rules))
+
+
+def cards(tree: Element) -> list[Element]:
+    return list(tree.all("article", "card"))
+
+
+def card_of(tree: Element, message: str) -> Element:
+    return next(card for card in cards(tree) if message in card.one("h5").text)
+
+
+def test_every_checkpoint_has_its_verdict_and_score() -> None:
+    rows = list(shown(REPORT).all("li", "stage"))
+    found = [(row.one(kind="number").text, row.one("b").text) for row in rows]
+    assert found == [("00", "pass"), ("05", "fail"), ("06", "unreadable")]
+    assert [row.one("div", "score").text.strip() for row in rows] == ["12/12", "3/4", "0/40"]
+
+
+def test_one_stage_stands_at_the_top_by_itself() -> None:
+    tree = shown(Report((FAILED,)))
+    assert not list(tree.all("li", "stage"))
+    assert tree.one("h1").text == "Lab3_05_ODOM_TF.usda"
+    assert "3 of 4 requirements met" in tree.one("header", "hero").text
+
+
+def test_the_share_of_requirements_is_never_rounded_up() -> None:
+    almost = replace(FAILED, score=Score(999, 1000))
+    assert shown(Report((almost,))).one("svg", "ring").text == "99%"
+
+
+def test_sections_come_in_the_order_of_the_handout() -> None:
+    names = ["8.11", None, "C10", "C9", "4.4", "J5, F11", "6.1", "A2"]
+    findings = tuple(replace(OLD_NAME, handout=name, prim=f"/{name}") for name in names)
+    tree = shown(Report((replace(FAILED, findings=findings),)))
+    assert [heading.text for heading in tree.all("h4")] == [
+        "4.4", "A2", "C9", "C10", "J5, F11", "6.1", "8.11", "no section",
+    ]  # fmt: skip
+    assert [part.one("h3").text for part in tree.all("section", "chapter")] == [
+        "Section 4", "Part A: Starter scene", "Part C: Drive", "Part J", "Section 6", "Section 8",
+        "Beside the handout",
+    ]  # fmt: skip
+
+
+def test_errors_come_first_within_a_section() -> None:
+    findings = tuple(
+        replace(MISSING_WIRE, severity=severity) for severity in ("note", "warning", "error")
+    )
+    tree = shown(Report((replace(FAILED, findings=findings),)))
+    assert [card.attributes["data-severity"] for card in cards(tree)] == [
+        "error", "warning", "note",
+    ]  # fmt: skip
+
+
+def test_a_fault_that_is_carried_along_is_one_card(faulty_page: Element) -> None:
+    card = card_of(faulty_page, "wheelRadius")
+    assert card.attributes["data-in"] == "2 3 4 5 6 7 8"
+    assert card.one(kind="in").text == "02\N{EN DASH}08"
+    places = [place.text for place in card.one("details", "spots").all("li")]
+    assert len(places) == 7
+    assert all(re.fullmatch(r"Lab3_0[2-8]_\w+\.usda:\d+:\d+", place) for place in places)
+
+
+def test_the_same_rule_at_two_places_is_two_cards() -> None:
+    findings = (MISSING_WIRE, replace(MISSING_WIRE, prim="/elsewhere"))
+    assert len(cards(shown(Report((replace(FAILED, findings=findings),))))) == 2
+
+
+def test_a_card_shows_the_lines_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_stage(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    frame = shown(Report((FAILED,))).one("pre", "frame")
+    assert ">  9 |" in frame.one("span", "hit").text
+    assert "custom token inputs:input0" in frame.one("span", "hit").text
+
+
+def test_a_card_says_what_was_expected_only_where_the_message_does_not() -> None:
+    said = replace(OLD_NAME, message="is 1, expected 2", expected="2", actual="1", prim="/said")
+    unsaid = replace(OLD_NAME, message="is wrong", expected="2", actual="1", prim="/unsaid")
+    tree = shown(Report((replace(FAILED, findings=(said, unsaid)),)))
+    assert [bool(list(card.all("dl"))) for card in cards(tree)] == [False, True]
+
+
+def test_a_rule_is_explained_once() -> None:
+    tree = shown(Report((FAILED, replace(FAILED, checkpoint="06"))))
+    assert [part.attributes["id"] for part in tree.one("section", "rules").all("article")] == [
+        "rule-W01"
+    ]
+    text = tree.one("section", "rules").text
+    assert "the wheels stand still" in text
+    assert card_of(tree, "has no wire").one("a", "rule").attributes["href"] == "#rule-W01"
+
+
+def test_without_the_rules_nothing_leads_to_them() -> None:
+    tree = shown(REPORT, None)
+    assert not list(tree.all("section", "rules"))
+    assert not list(tree.all("a", "rule"))
+
+
+def test_a_wrong_port_and_its_card_lead_to_each_other(faulty_page: Element) -> None:
+    card = card_of(faulty_page, "wheelRadius")
+    target = card.one("h5").one("a").attributes["href"].removeprefix("#")
+    link = next(
+        link
+        for link in faulty_page.all("a")
+        if any(part.attributes.get("id") == target for part in link.inside)
+    )
+    assert link.attributes["href"] == f"#{card.attributes['id']}"
+    assert target.endswith("differential_controller-p-inputs-c-wheelRadius")
+
+
+def test_a_missing_node_and_its_card_lead_to_each_other(faulty_page: Element) -> None:
+    card = card_of(faulty_page, "is missing")
+    target = card.one("h5").one("a").attributes["href"]
+    assert target.endswith("ROS_Drive--scale_linear_velocity")
+    assert card.one("a", "crop").attributes["href"] == target
+    assert f"#{card.attributes['id']}" in {
+        link.attributes["href"] for link in faulty_page.one("svg", "lab3").all("a")
+    } | {
+        link.attributes["href"]
+        for picture in faulty_page.all("svg", "lab3")
+        for link in picture.all("a")
+    }
+
+
+def test_every_link_leads_somewhere_and_no_id_comes_twice(faulty_page: Element) -> None:
+    ids = [each.attributes["id"] for each in faulty_page.all() if "id" in each.attributes]
+    assert len(set(ids)) == len(ids)
+    links = {each.attributes["href"] for each in faulty_page.all() if "href" in each.attributes}
+    inner = {link.removeprefix("#") for link in links if link.startswith("#")}
+    assert inner <= set(ids)
+    assert {link[:5] for link in links if not link.startswith("#")} == {"data:"}
+
+
+def test_a_graph_that_stays_the_same_is_drawn_once(faulty_page: Element) -> None:
+    figures = [
+        (each.one("b").text, each.attributes["data-in"]) for each in faulty_page.all("figure")
+    ]
+    assert figures == [
+        ("ROS_Clock", "1 2 3 4 5 6 7 8"),
+        ("ROS_Drive", "2 3 4 5 6 7 8"),
+        ("ROS_Lidar2D", "3 4 5 6 7 8"),
+        ("ROS_Camera", "4 5 6 7 8"),
+        ("ROS_OdomTF", "5 6 7 8"),
+        ("TF", "5 6"),
+        ("TF", "7 8"),
+    ]
+
+
+def test_a_graph_that_changes_is_drawn_for_each_of_its_looks(tmp_path: Path) -> None:
+    paths = stages(tmp_path, None, "01 02")
+    stage = Usd.Stage.Open(str(paths[1]))
+    set_value(stage, f"{CLOCK}/ros2_publish_clock.inputs:topicName", "/klock")
+    stage.GetRootLayer().Save()
+    tree = read(page(judged(paths)))
+    figures = [(each.one("b").text, each.attributes["data-in"]) for each in tree.all("figure")]
+    assert figures == [("ROS_Clock", "0"), ("ROS_Clock", "1"), ("ROS_Drive", "1")]
+
+
+def test_the_part_beside_a_fault_lies_within_its_picture(faulty_page: Element) -> None:
+    sizes = {
+        picture.attributes["id"]: [float(part) for part in picture.attributes["viewbox"].split()]
+        for picture in faulty_page.all("svg", "lab3")
+    }
+    views = [crop.one("svg") for crop in faulty_page.all("a", "crop")]
+    assert len(views) >= 9
+    for view in views:
+        left, top, width, height = map(float, view.attributes["viewbox"].split())
+        picture = sizes[view.one("use").attributes["href"].removeprefix("#")]
+        assert left >= 0
+        assert top >= 0
+        assert left + width <= picture[2] + 1
+        assert top + height <= picture[3] + 1
+
+
+def test_topics_are_listed_once_with_their_checkpoints(faulty_page: Element) -> None:
+    rows = {row.one("th").text: row for row in faulty_page.all("tr") if "data-in" in row.attributes}
+    assert rows["/klock"].attributes["data-in"] == "1 2 3 4 5 6 7 8"
+    assert rows["/cmd_vel"].attributes["data-in"] == "2 3 4 5 6 7 8"
+    assert [cell.text for cell in rows["/klock"].all("td")][:2] == [
+        "rosgraph_msgs/msg/Clock", "publishes",
+    ]  # fmt: skip
+
+
+def test_the_tree_is_there_as_text_too(faulty_page: Element) -> None:
+    trees = [each for each in faulty_page.all("figure") if each.one("b").text == "TF"]
+    assert "base_footprint" in trees[0].one("pre").text
+
+
+def test_a_stage_that_is_gone_has_no_pictures() -> None:
+    tree = shown(Report((FAILED,)))
+    assert not list(tree.all("figure"))
+    assert len(cards(tree)) == 3
+
+
+def test_an_unreadable_stage_is_on_the_page() -> None:
+    tree = shown(Report((BROKEN,)))
+    assert "unreadable" in tree.one("header", "hero").text
+    assert "NUL bytes" in cards(tree)[0].text
+
+
+def test_a_clean_stage_says_so() -> None:
+    tree = shown(Report((PASSED,)))
+    assert "Nothing found" in tree.one("p", "clear").text
+    assert not cards(tree)
+
+
+def test_a_crash_is_no_pass() -> None:
+    text = shown(Report((CRASHED,))).one("section", "crashes").text
+    assert "T03" in text
+    assert "KeyError: 'odom'" in text
+
+
+def test_a_submission_shows_its_findings_and_its_checklist() -> None:
+    tree = shown(REPORT)
+    assert tree.one("h1").text == "work"
+    assert card_of(tree, "no stage for checkpoint 08").one(kind="in").text == "submission"
+    lists = [[item.one().text for item in part.all("li")] for part in tree.all("ul", "checks")]
+    assert lists == [["met", "not met"], ["for a person to judge"]]
+
+
+def test_submissions_stand_apart_on_one_page(tmp_path: Path) -> None:
+    paths = stages(tmp_path / "a" / "work", break_ten_times, "01 02")
+    paths += stages(tmp_path / "b" / "work", break_ten_times, "01 02")
+    about = [replace(SUBMISSION, path=str(tmp_path / name)) for name in "ab"]
+    tree = read(page(judged(paths, *about)))
+    ids = [each.attributes["id"] for each in tree.all() if "id" in each.attributes]
+    assert len(set(ids)) == len(ids)
+    names = [block.one("header", "hero").one("h2").text for block in tree.all("section", "block")]
+    assert names == ["a", "b"]
+    assert [card.attributes["data-in"] for card in cards(tree) if "wheelRadius" in card.text] == [
+        "1", "3",
+    ]  # fmt: skip
+
+
+def test_stages_of_one_checkpoint_are_told_apart_by_their_files() -> None:
+    tree = shown(Report((replace(FAILED, path="a/x.usda"), replace(FAILED, path="a/y.usda"))))
+    assert cards(tree)[0].one(kind="in").text == "x.usda, y.usda"
+
+
+def test_a_report_without_results_is_a_page() -> None:
+    assert shown(EMPTY).one("h1").text == "Lab 3"
+
+
+def different(index: int, number: str) -> Any:
+    def change(stage: Usd.Stage) -> None:
+        for prim in stage.Traverse():
+            for attribute in prim.GetAttributes():
+                if attribute.GetName() in {"inputs:topicName", "inputs:frameId", "inputs:width"}:
+                    old = attribute.Get()
+                    attribute.Set(f"{old}_{number}" if isinstance(old, str) else index)
+
+    return change
+
+
+def test_a_whole_submission_fits_in_400_kilobytes(faulty: Report, tmp_path: Path) -> None:
+    carried = len(page(faulty).encode())
+    paths = [
+        path
+        for index, number in enumerate(load_lab().checkpoints)
+        for path in stages(tmp_path, different(index, number), number)
+    ]
+    every_stage_different = len(page(judged(paths)).encode())
+    assert carried < 200_000
+    assert every_stage_different < 400_000
+
+
+def test_pictures_without_room_are_left_out_and_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = stages(
+        tmp_path, lambda stage: set_value(stage, f"{DRIVE}/make_array.inputs:arrayType", "x"), "02"
+    )
+    whole = read(page(judged(paths)))
+    monkeypatch.setattr(html_pictures, "ROOM", 0)
+    monkeypatch.setattr(html_pictures, "LEAST", 15_000)
+    tree = read(page(judged(paths)))
+    assert [len(list(each.all("svg", "lab3"))) for each in (whole, tree)] == [2, 1]
+    left_out = [
+        each.one("b").text for each in tree.all("figure") if list(each.all(kind="left-out"))
+    ]
+    assert left_out == ["ROS_Clock"]
+
+
+def skeleton(element: Element) -> list[tuple[str, tuple[str, ...]]]:
+    return [
+        (each.tag, tuple(sorted(each.attributes))) for each in element.all() if each.tag != "wbr"
+    ]
+
+
+@pytest.mark.parametrize("text", MARKUP)
+def test_no_string_of_a_report_becomes_markup(text: str) -> None:
+    harmless = shown(hostile("harmless"))
+    tree = shown(hostile(text))
+    kept = [part for part in skeleton(tree) if part != ("code", ())]
+    assert kept == [part for part in skeleton(harmless) if part != ("code", ())]
+
+
+@pytest.mark.parametrize("text", MARKUP)
+def test_no_control_character_comes_through(text: str) -> None:
+    rendered = render("html", hostile(text), RULES)
+    assert {letter for letter in rendered if not letter.isprintable()} == {"\n"}
+    rendered.encode("utf-8")
+
+
+def test_hostile_text_can_be_read() -> None:
+    tree = shown(hostile("<script>alert(1)</script>"))
+    assert "found <script>alert(1)</script>" in cards(tree)[0].one("h5").text
+    assert len(list(tree.all("script"))) == 1
+
+
+def test_the_policy_lets_in_only_the_page_itself() -> None:
+    text = render("html", REPORT, RULES)
+    tree = read(text)
+    policy = next(
+        each.attributes["content"]
+        for each in tree.all("meta")
+        if each.attributes.get("http-equiv") == "Content-Security-Policy"
+    )
+    assert policy.startswith("default-src 'none'; ")
+    assert "unsafe" not in policy
+    assert "http" not in policy
+    for tag in ("style", "script"):
+        content = re.search(rf"<{tag}>(.*?)</{tag}>", text, re.DOTALL)
+        assert content
+        digest = b64encode(sha256(content[1].encode()).digest()).decode()
+        assert f"{tag}-src 'sha256-{digest}'" in policy
+    assert not [each for each in tree.all() if "style" in each.attributes]
+
+
+def test_no_address_leads_out_of_the_page(faulty: Report) -> None:
+    addresses = set(re.findall(r"\w+://[^\s'\"<>)]*", page(faulty)))
+    assert addresses == {"http://www.w3.org/2000/svg"}
+
+
+def test_every_run_gives_the_same_page(tmp_path: Path) -> None:
+    path = stages(tmp_path, break_ten_times, "02")[0]
+    pages = [
+        subprocess.run(
+            [sys.executable, "-m", "lab3_usd", "check", str(path), "--format", "html"],
+            env={"PYTHONHASHSEED": seed, "PYTHONPATH": ":".join(sys.path)},
+            capture_output=True,
+            check=False,
+        ).stdout
+        for seed in ("1", "2")
+    ]
+    assert len(pages[0]) > 10_000
+    assert pages[0] == pages[1]
+
+
+def test_the_title_tells_the_verdict() -> None:
+    titles = [shown(Report((each,))).one("title").text for each in (PASSED, FAILED)]
+    assert titles == [
+        "Lab3_00_INITIAL.usda: pass",
+        "Lab3_05_ODOM_TF.usda: not passed yet",
+    ]
