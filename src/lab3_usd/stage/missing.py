@@ -10,6 +10,7 @@ from typing import Literal
 from pxr import Sdf, Usd
 
 from lab3_usd.check.model import Unresolved
+from lab3_usd.stage.barred import asked_for
 
 _ASSET = re.compile(r"@(.*?)@")
 # A file that was found but lacks the prim asked for hides nothing: what it holds is judged.
@@ -27,7 +28,7 @@ def find_unresolved(stage: Usd.Stage) -> list[Unresolved]:
         kind = _kind(type(error).__name__, text)
         prim = "/" if kind == "sublayer" else str(error.rootSite.path.GetPrimPath())
         layer = assets[1] if len(assets) > 1 else ""
-        found.add((prim, _as_written(assets[0], layer), kind, layer))
+        found.add((prim, asked_for(_as_written(assets[0], layer)), kind, layer))
     return [Unresolved(*each) for each in sorted(found)]
 
 

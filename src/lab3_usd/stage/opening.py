@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from pxr import Tf, Usd
@@ -15,6 +16,14 @@ from lab3_usd.errors import StageError
 _PARSE_ERROR = re.compile(r":(\d+):\d+: parse error")
 _REASONS = {"UTF-8 BOM": "it starts with a byte order mark; save it as UTF-8 without one"}
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
+
+
+def _open(path: Path) -> Usd.Stage:
+    return Usd.Stage.Open(str(path), Usd.Stage.LoadAll)
+
+
+# How a stage is opened. A grader replaces it while strangers' files are read (see `fence`).
+opener: ContextVar[Callable[[Path], Usd.Stage]] = ContextVar("opener", default=_open)
 
 
 @contextmanager
@@ -42,7 +51,7 @@ def open_stage(path: Path) -> Usd.Stage:
     _check_file(path)
     try:
         with quiet():
-            stage = Usd.Stage.Open(str(path), Usd.Stage.LoadAll)
+            stage = opener.get()(path)
     except (Tf.ErrorException, RuntimeError, UnicodeError) as error:
         message = f"{path}: {_reason(error)}"
         raise StageError(message) from error

@@ -1,0 +1,108 @@
+"""`lab3 grade`: a whole class, each submission behind a fence of its own."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+EXIT_CRASH = 3
+
+
+@click.command("grade")
+@click.argument("submissions")
+@click.option(
+    "--starter",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="The supplied starter: stages are compared with it, and may refer to its files.",
+)
+@click.option(
+    "--output",
+    "-o",
+    "out",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Folder for the gradebook; must be new or empty, except with --resume.",
+)
+@click.option(
+    "--rubric",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Points, in place of those of the handout's check-off list.",
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(1, 256),
+    metavar="N",
+    help="Worker processes; as many as there are processors when not given.",
+)
+@click.option(
+    "--timeout",
+    type=click.FloatRange(1, 3600),
+    default=20,
+    show_default=True,
+    metavar="S",
+    help="Seconds that one stage may take.",
+)
+@click.option(
+    "--memory",
+    type=click.IntRange(512, 1 << 20),
+    default=2048,
+    show_default=True,
+    metavar="MB",
+    help="Memory that a worker may use.",
+)
+@click.option("--resume", is_flag=True, help="Go on with a gradebook; what is finished is kept.")
+@click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tcp://host:port.")
+def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one entry per option
+    """Grade a class: a folder for each student, archives, or single stages.
+
+    SUBMISSIONS is a folder or an archive as Canvas, Gradescope or Moodle export it. The gradebook
+    has grades.csv, grades.json, index.html and a report folder for each student. Exit status: 0
+    every submission has a grade or a status, 2 wrong usage or rubric, 3 the tool itself failed.
+    """
+    from lab3_usd.grade.class_run import ClassSettings, grade_class  # noqa: PLC0415
+    from lab3_usd.grade.limits import MEGABYTE, Limits  # noqa: PLC0415
+
+    settings = ClassSettings(
+        submissions=Path(submissions),
+        starter=options["starter"],
+        out=options["out"],
+        rubric=options["rubric"],
+        limits=Limits(seconds=options["timeout"], memory=options["memory"] * MEGABYTE),
+        jobs=options["jobs"] or _processors(),
+        resume=options["resume"],
+    )
+    rows = grade_class(settings, _progress())
+    click.echo(_summary(rows, options["out"]))
+    if any(row["status"] == "tool failed" for row in rows):
+        sys.exit(EXIT_CRASH)
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _progress() -> Callable[[int, int], None]:
+    """Show how many are done, how fast, and how long it takes, on a terminal only."""
+    if not sys.stderr.isatty():
+        return lambda _done, _total: None
+    from lab3_usd.commands.rate import Rate  # noqa: PLC0415
+
+    return Rate(sys.stderr).show
+
+
+def _summary(rows: list[dict[str, Any]], out: Path) -> str:
+    counts = Counter(row["status"] for row in rows)
+    states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+    return f"{len(rows)} submissions ({states}): {out / 'index.html'}"

@@ -1,0 +1,145 @@
+"""Unpacks archives of strangers: plain files come in, everything else is named and left out."""
+
+from __future__ import annotations
+
+import lzma
+import stat
+import tarfile
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from lab3_usd.errors import Lab3Error
+from lab3_usd.grade.intake import Intake, TooLargeError
+
+ZIP_ENDINGS = (".zip",)
+TAR_ENDINGS = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
+OTHER_ENDINGS = (".rar", ".7z", ".tar.zst", ".gz", ".bz2", ".xz")
+_SMALL = 1 << 20  # a file that small is no bomb, whatever its ratio
+_ENCRYPTED = 0x1
+_DAMAGED = (
+    zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, EOFError, OSError,
+    ValueError, NotImplementedError, RuntimeError, IndexError, OverflowError,
+)  # fmt: skip
+
+
+class ArchiveError(Lab3Error):
+    """An archive that nothing can be unpacked from; the line says why."""
+
+
+def is_archive(name: str) -> bool:
+    """Whether a file of this name is an archive that can be unpacked."""
+    return name.lower().endswith((*ZIP_ENDINGS, *TAR_ENDINGS))
+
+
+def _admit(name: str, intake: Intake) -> bool:
+    """Whether a file of an archive may come in; archives in a student's archive do not."""
+    if is_archive(name) and not intake.archives:
+        intake.refuse(name, "it is an archive in an archive; hand in the files themselves")
+        return False
+    return True
+
+
+def unpack(archive: Path, prefix: str, intake: Intake) -> None:
+    """Take in the files of an archive under `prefix`.
+
+    The one folder that holds everything in a student's archive is left aside.
+
+    Raises:
+        ArchiveError: it is damaged from the start, or of no kind that is known.
+        TooLargeError: it holds too many files or too much in them.
+    """
+    if archive.stat().st_size > intake.limits.total_size:
+        message = f"is larger than {intake.limits.total_size >> 20} MB"
+        raise TooLargeError(message)
+    reader = _from_zip if archive.name.lower().endswith(ZIP_ENDINGS) else _from_tar
+    taken = len(intake.digests)
+    try:
+        reader(archive, prefix, intake)
+    except _DAMAGED as error:
+        if len(intake.digests) == taken:
+            message = f"{archive.name}: is damaged or no such archive; pack it again"
+            raise ArchiveError(message) from error
+        intake.refuse(archive.name, "the archive is damaged; what follows in it is lost")
+
+
+def _from_zip(archive: Path, prefix: str, intake: Intake) -> None:
+    with zipfile.ZipFile(archive) as packed:
+        entries = packed.infolist()
+        if len(entries) > intake.limits.files:
+            message = f"holds more than {intake.limits.files} files"
+            raise TooLargeError(message)
+        names = [] if intake.archives else [each.filename for each in entries if not each.is_dir()]
+        for entry in entries:
+            name = prefix + _without_top(entry.filename, names)
+            if not entry.is_dir() and _admit(name, intake):
+                _zip_entry(packed, entry, name, intake)
+
+
+def _zip_entry(packed: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str, intake: Intake) -> None:
+    reason = _zip_fault(entry, intake.limits.ratio)
+    if reason:
+        intake.refuse(name, reason)
+        return
+    try:
+        with packed.open(entry) as stream:
+            intake.take(name, entry.file_size, cast("BinaryIO", stream))
+    except _DAMAGED:
+        intake.forget(name, "it is damaged in the archive")
+
+
+def _zip_fault(entry: zipfile.ZipInfo, ratio: int) -> str:
+    kind = stat.S_IFMT(entry.external_attr >> 16)
+    if kind not in {0, stat.S_IFREG}:
+        return "it is a link, pipe or device; not unpacked"
+    if entry.flag_bits & _ENCRYPTED:
+        return "it is encrypted; hand in an archive without a password"
+    if _is_bomb(entry.file_size, entry.compress_size, ratio):
+        return f"it would grow to more than {ratio} times its packed size; not unpacked"
+    return ""
+
+
+def _is_bomb(size: int, packed: int, ratio: int) -> bool:
+    return size > _SMALL and size > ratio * max(packed, 1)
+
+
+def _from_tar(archive: Path, prefix: str, intake: Intake) -> None:
+    """Read the archive twice: the names first, so that its single folder is known."""
+    names = [] if intake.archives else [name for name, _, _ in _tar_entries(archive, intake)]
+    for name, member, packed in _tar_entries(archive, intake):
+        inside = prefix + _without_top(name, names)
+        if not member.isreg() or member.issparse():
+            intake.refuse(inside, "it is a link, pipe or device; not unpacked")
+            continue
+        stream = packed.extractfile(member) if _admit(inside, intake) else None
+        if stream is not None:
+            intake.take(inside, member.size, cast("BinaryIO", stream))
+
+
+def _tar_entries(
+    archive: Path, intake: Intake
+) -> Iterator[tuple[str, tarfile.TarInfo, tarfile.TarFile]]:
+    total = 0
+    allowed = max(_SMALL, intake.limits.ratio * archive.stat().st_size)
+    with tarfile.open(archive, "r:*") as packed:
+        for count, member in enumerate(packed):
+            total += max(member.size, 0)
+            if count > intake.limits.files:
+                message = f"holds more than {intake.limits.files} files"
+                raise TooLargeError(message)
+            if total > intake.limits.total_size or total > allowed:
+                message = f"grows to more than {min(total, intake.limits.total_size) >> 20} MB"
+                raise TooLargeError(message)
+            if not member.isdir():
+                yield member.name, member, packed
+
+
+def _without_top(name: str, names: list[str]) -> str:
+    """Leave out the folder that everything in the archive lies in."""
+    top, slash, rest = name.partition("/")
+    if not slash or not names or top in {"", "..", "."}:
+        return name
+    ours = [each for each in names if not each.startswith("__MACOSX/")]
+    return rest if all(each.startswith(f"{top}/") for each in ours) else name

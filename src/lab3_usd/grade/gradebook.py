@@ -1,0 +1,151 @@
+"""Writes the gradebook: a folder for each student, then the tables of the whole class."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lab3_usd.errors import UsageError
+from lab3_usd.files import write_whole
+from lab3_usd.grade.rubric import Rubric
+from lab3_usd.grade.submissions import Handed
+from lab3_usd.report.class_page import render_class
+from lab3_usd.report.csv_report import safe_cell
+from lab3_usd.report.tool import NAME, tool_version
+
+STUDENTS, RESULT = "students", "result.json"
+CSV, JSON, PAGE = "grades.csv", "grades.json", "index.html"
+FINISHED = ("graded", "empty", "unreadable")  # the other ways to end may go better next time
+_VERSION = 1
+Row = dict[str, Any]
+
+
+def check_target(out: Path, *, resume: bool) -> None:
+    """Refuse to grade into a folder that holds something else, or a gradebook without `--resume`.
+
+    Raises:
+        UsageError: the folder is in use, or is no folder.
+    """
+    if not out.exists():
+        return
+    if not out.is_dir():
+        message = f"{out}: is not a folder; choose another one for -o"
+        raise UsageError(message)
+    holds = {path.name for path in out.iterdir()}
+    if holds and not resume:
+        message = f"{out}: is not empty; choose another folder, or give --resume to go on with it"
+        raise UsageError(message)
+    foreign = sorted(holds - {STUDENTS, CSV, JSON, PAGE})
+    if foreign:
+        message = f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
+        raise UsageError(message)
+
+
+def known_digest(out: Path, handed: Handed, salt: str) -> str:
+    """Return the digest of what was judged before under the same conditions, '' for nothing."""
+    row = read_result(out, handed)
+    if row is None or row.get("salt") != salt or row.get("status") not in FINISHED:
+        return ""
+    if row.get("late") != handed.late or row.get("student") != handed.student:
+        return ""
+    return str(row.get("digest", ""))
+
+
+def read_result(out: Path, handed: Handed) -> Row | None:
+    """Return what was recorded of a student, None where nothing was or it cannot be read."""
+    try:
+        row = json.loads((out / STUDENTS / handed.folder / RESULT).read_bytes())
+    except (OSError, ValueError):
+        return None
+    return row if isinstance(row, dict) and row.get("version") == _VERSION else None
+
+
+def write_student(out: Path, handed: Handed, salt: str, answer: Mapping[str, Any]) -> None:
+    """Write a student's reports, and last the result, which says that the rest is complete."""
+    folder = out / STUDENTS / handed.folder
+    for name, text in sorted(answer["reports"].items()):
+        write_whole(folder / name, text.encode("utf-8", "replace"), force=True)
+    row = {
+        "version": _VERSION,
+        "student": handed.student,
+        "name": handed.name,
+        "folder": handed.folder,
+        "late": handed.late,
+        "salt": salt,
+        **{key: value for key, value in answer.items() if key != "reports"},
+        "reports": sorted(answer["reports"]),
+    }
+    write_whole(folder / RESULT, _json(row), force=True)
+
+
+def _json(document: Any) -> bytes:  # noqa: ANN401 - whatever JSON holds
+    return (json.dumps(document, indent=1) + "\n").encode()
+
+
+def write_tables(out: Path, handed: Sequence[Handed], rubric: Rubric) -> list[Row]:
+    """Write the tables and the page of the class from the students' results, and return those."""
+    rows = [row for each in handed if (row := read_result(out, each)) is not None]
+    write_whole(out / CSV, _csv(rows, rubric), force=True)
+    write_whole(out / JSON, _json(_document(rows, rubric)), force=True)
+    write_whole(out / PAGE, render_class(rubric.title, _columns(rubric), rows).encode(), force=True)
+    return rows
+
+
+def _columns(rubric: Rubric) -> list[Row]:
+    return [
+        {"id": item.id, "title": item.title, "points": item.points, "optional": item.optional}
+        for item in rubric.items
+    ]
+
+
+def _csv(rows: Iterable[Row], rubric: Rubric) -> bytes:
+    """Return the table of grades; lines end in CR LF, no cell is a formula."""
+    names = [item.id for item in rubric.items]
+    table = io.StringIO(newline="")
+    writer = csv.writer(table)
+    writer.writerow([
+        "student", "name", "status", "late", "earned", "possible", "percent", *names, "remarks",
+    ])  # fmt: skip
+    for row in rows:
+        earned = {item["id"]: item for item in row["items"]}
+        cells = [row["student"], row["name"], row["status"], "yes" if row["late"] else ""]
+        cells += [_number(row[key]) for key in ("earned", "possible", "percent")]
+        cells += [_cell(earned[name]) for name in names]
+        writer.writerow(map(safe_cell, [*cells, _remarks(row)]))
+    return table.getvalue().encode("utf-8", "replace")
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _cell(item: Row) -> str:
+    """Return an item's points; blocked and open items have none."""
+    return "" if item["state"] in {"blocked", "open"} else _number(item["earned"])
+
+
+def _remarks(row: Row) -> str:
+    remarks = [row["reason"], *row["because"]]
+    remarks += [
+        f"{item['id']}: {item['state']}"
+        for item in row["items"]
+        if item["state"] in {"missing", "unreadable", "blocked", "open"}
+    ]
+    return "; ".join(filter(None, remarks))
+
+
+def _document(rows: Sequence[Row], rubric: Rubric) -> Row:
+    return {
+        "version": _VERSION,
+        "tool": {"name": NAME, "version": tool_version()},
+        "title": rubric.title,
+        "points": rubric.points,
+        "items": _columns(rubric),
+        "students": [
+            {key: row[key] for key in row if key not in {"version", "salt"}} for row in rows
+        ],
+    }

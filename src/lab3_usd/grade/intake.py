@@ -1,0 +1,148 @@
+"""Takes in the files of one submission: what may come in, under which name, and how much."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+from lab3_usd.errors import Lab3Error
+from lab3_usd.grade.limits import Limits
+
+_CHUNK = 1 << 20
+_LONGEST_NAME = 200  # bytes; file systems end at 255
+_LONGEST_PATH = 1000
+# What operating systems, editors and Isaac Sim leave behind; nobody hands it in on purpose.
+_LEFTOVERS = ("__MACOSX", "__pycache__", "Thumbs.db", "desktop.ini")
+
+
+class TooLargeError(Lab3Error):
+    """A submission holds more than the limits allow; none of it is judged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A file of a submission that is not taken in, by its path there, and why."""
+
+    path: str
+    reason: str
+
+
+@dataclass(slots=True)
+class Intake:
+    """The copy of a submission that is judged: plain files below `target`, and nothing else.
+
+    With `archives`, archives in an archive come in as they are: those of a class are students'.
+    """
+
+    target: Path
+    limits: Limits
+    archives: bool = False
+    digests: dict[str, str] = field(default_factory=dict)
+    refused: list[Refused] = field(default_factory=list)
+    taken: int = 0
+
+    def refuse(self, name: str, reason: str) -> None:
+        """Record that a file is not taken in."""
+        self.refused.append(Refused(name.encode("utf-8", "backslashreplace").decode(), reason))
+        self._check_count()
+
+    def _check_count(self) -> None:
+        if len(self.digests) + len(self.refused) > self.limits.files:
+            message = f"holds more than {self.limits.files} files"
+            raise TooLargeError(message)
+
+    def place(self, name: str) -> Path | None:
+        """Return where a file of this name goes; None for leftovers and names that are refused."""
+        parts = [part for part in name.replace("\\", "/").split("/") if part not in {"", "."}]
+        if not parts or any(part.startswith(".") and part != ".." for part in parts):
+            return None
+        if any(part in _LEFTOVERS for part in parts):
+            return None
+        reason = self._name_fault(name, parts)
+        if reason:
+            self.refuse(name, reason)
+            return None
+        return self.target.joinpath(*parts)
+
+    def _name_fault(self, name: str, parts: list[str]) -> str:
+        if ".." in parts or name.startswith(("/", "\\")) or (len(name) > 1 and name[1] == ":"):
+            return "its name leads out of the submission; it is not unpacked"
+        if not all(part.isprintable() for part in parts):
+            return "its name holds characters that do not print"
+        try:
+            lengths = [len(part.encode()) for part in parts]
+        except UnicodeEncodeError:
+            return "its name is not Unicode"
+        if max(lengths) > _LONGEST_NAME or sum(lengths) + len(lengths) > _LONGEST_PATH:
+            return "its name is too long"
+        if len(parts) > self.limits.folders:
+            return f"it lies more than {self.limits.folders} folders deep"
+        return ""
+
+    def take(self, name: str, size: int, stream: BinaryIO) -> None:
+        """Copy one file in, never more than `size` bytes of it, the size it says it has.
+
+        Raises:
+            TooLargeError: the submission holds too many files or too much in them.
+        """
+        path = self.place(name)
+        if path is None:
+            return
+        if str(path) in self.digests:
+            self.refuse(name, "it is there twice; the first one counts")
+            return
+        self._check_count()
+        if size > self.limits.file_size:
+            self.refuse(name, f"it is larger than {self.limits.file_size >> 20} MB; not opened")
+            return
+        self.taken += size
+        if self.taken > self.limits.total_size:
+            message = f"holds more than {self.limits.total_size >> 20} MB"
+            raise TooLargeError(message)
+        self._write(name, path, size, stream)
+
+    def _write(self, name: str, path: Path, size: int, stream: BinaryIO) -> None:
+        digest = hashlib.sha256()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("xb") as file:
+                while size > 0:
+                    data = stream.read(min(size, _CHUNK))
+                    if not data:
+                        break
+                    size -= len(data)
+                    digest.update(data)
+                    file.write(data)
+        except (FileExistsError, NotADirectoryError, IsADirectoryError):
+            self.refuse(name, "a file and a folder have the same name")
+            return
+        self.digests[str(path)] = digest.hexdigest()
+
+    def forget(self, name: str, reason: str) -> None:
+        """Drop a file whose contents turned out to be damaged half-way, and say so."""
+        path = self.place(name)
+        if path is not None and str(path) not in self.digests:
+            path.unlink(missing_ok=True)
+            self.refuse(name, reason)
+
+    def keep_name(self, name: str) -> None:
+        """Take in a file by its name alone: a picture, a video, whose contents nobody judges."""
+        path = self.place(name)
+        if path is None or str(path) in self.digests:
+            return
+        self._check_count()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"\0")
+        self.digests[str(path)] = ""
+
+    def digest(self) -> str:
+        """Return what tells this submission from every other, wherever it was copied to."""
+        digest = hashlib.sha256()
+        for path in sorted(self.digests):
+            name = Path(path).relative_to(self.target).as_posix()
+            digest.update(f"{name}\0{self.digests[path]}\n".encode())
+        for refused in sorted(self.refused, key=lambda each: (each.path, each.reason)):
+            digest.update(f"{refused.path}\0{refused.reason}\n".encode())
+        return digest.hexdigest()

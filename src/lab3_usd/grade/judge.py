@@ -1,0 +1,173 @@
+"""Judges one submission inside its fence: from the files that were handed in to points."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from lab3_usd.check.checker import finding_of, ordered
+from lab3_usd.check.finding import Crash, Finding, Report, StageResult, Verdict
+from lab3_usd.check.folder import FolderResult, FolderSettings, check_folder
+from lab3_usd.check.registry import Rule, all_rules
+from lab3_usd.grade.archives import ArchiveError
+from lab3_usd.grade.guard import check_layer
+from lab3_usd.grade.intake import Refused, TooLargeError
+from lab3_usd.grade.limits import Limits
+from lab3_usd.grade.reports import write_reports
+from lab3_usd.grade.rubric import Rubric
+from lab3_usd.grade.scoring import Grade, grade
+from lab3_usd.grade.staging import Source, stage_submission
+from lab3_usd.spec.spec import Lab
+from lab3_usd.stage.fence import Barred, Fence, fenced
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """What every submission of a class is judged with.
+
+    `allowed` are the files of the starter, `salt` stands for all of this in the keys of results.
+    """
+
+    lab: Lab
+    rubric: Rubric
+    starter: Path | None
+    allowed: frozenset[str]
+    limits: Limits
+    salt: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One submission to judge: whose it is, what it consists of, and what is known of it.
+
+    `folder` is the student's place in the gradebook. `broken` names files that ended a worker,
+    and how; `known` is the digest of what was judged before, with which there is nothing to do.
+    """
+
+    student: str
+    folder: str
+    sources: tuple[Source, ...]
+    late: bool = False
+    broken: Mapping[str, str] | None = None
+    known: str = ""
+
+
+def judge_task(course: Course, task: Task, scratch: Path, announce: Callable[[str], None]) -> Json:
+    """Copy a submission into `scratch`, judge the copy, and return everything to be recorded.
+
+    Sets the working directory to the copy for as long as it takes.
+    """
+    try:
+        staged = stage_submission(task.sources, scratch, course.limits)
+    except TooLargeError as error:
+        return not_judged(course.rubric, "too large", str(error))
+    except ArchiveError as error:
+        return not_judged(course.rubric, "unreadable", str(error))
+    if task.known and task.known == staged.digest:
+        return {"status": "known", "digest": staged.digest}
+    fence = Fence(
+        root=staged.folder.resolve(),
+        check=partial(check_layer, limits=course.limits),
+        allowed=course.allowed,
+        broken=task.broken or {},
+        announce=announce,
+        graphs=tuple(spec.path for spec in course.lab.graphs.values()),
+        nesting=course.limits.nesting,
+    )
+    with _inside(staged.folder), fenced(fence):
+        found = check_folder(Path(), FolderSettings(starter=course.starter))
+        found = _with_fence(found, task.student, staged.refused, fence.found.values())
+        points = _points(course, found, late=task.late)
+        reports = write_reports(Report(found.results, (found.submission,)), course.rubric, points)
+    return {
+        **_record(points, _status(found, task.broken or {}, staged.refused)),
+        "digest": staged.digest,
+        "verdicts": {each.checkpoint: each.verdict for each in found.results},
+        "crashes": [crash.rule for crash in _crashes(found)],
+        "reports": reports,
+    }
+
+
+@contextlib.contextmanager
+def _inside(folder: Path) -> Iterator[None]:
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+def not_judged(rubric: Rubric, status: str, reason: str) -> Json:
+    """Return the record of a submission of which nothing could be judged."""
+    points = grade(rubric, ())
+    return {**_record(points, (status, reason)), "digest": "", "verdicts": {}, "reports": {}}
+
+
+def _record(points: Grade, status: tuple[str, str]) -> Json:
+    record = asdict(points)
+    return {"status": status[0], "reason": status[1], **record}
+
+
+def _points(course: Course, found: FolderResult, *, late: bool) -> Grade:
+    return grade(course.rubric, found.results, found.submission.checklist, late=late)
+
+
+def _status(
+    found: FolderResult, broken: Mapping[str, str], refused: Sequence[Refused]
+) -> tuple[str, str]:
+    for path, how in broken.items():
+        return status_of(how), f"{path}: {how}"
+    if not found.results:
+        because = "; ".join(f"{each.path}: {each.reason}" for each in refused[:1])
+        return "empty", because or "holds no stage of a checkpoint"
+    if _crashes(found):
+        return "tool failed", "a rule of the checker failed; please report it"
+    return "graded", ""
+
+
+def status_of(how: str) -> str:
+    """Return the status of a submission that ended a worker, from how that ended."""
+    if "out of time" in how:
+        return "timeout"
+    return "too large" if "out of memory" in how else "crashed"
+
+
+def _crashes(found: FolderResult) -> Sequence[Crash]:
+    crashes = [crash for each in found.results for crash in each.crashes]
+    return [*crashes, *found.submission.crashes]
+
+
+def _with_fence(
+    found: FolderResult, student: str, refused: Iterable[Refused], barred: Iterable[Barred]
+) -> FolderResult:
+    """Add what was left out to the results, as findings of the rules about it."""
+    rules = all_rules()
+    files = [_finding(rules["Z01"], each.path, each.reason) for each in refused]
+    grave: dict[str, list[Finding]] = {}
+    for each in barred:
+        if each.grave:
+            finding = _finding(rules["Z02"], each.asset, each.reason)
+            grave.setdefault(each.stage, []).append(replace(finding, layer=each.stage))
+    results = tuple(_with_errors(each, grave.get(each.path, [])) for each in found.results)
+    findings = ordered((*found.submission.findings, *files))
+    return FolderResult(results, replace(found.submission, path=student, findings=findings))
+
+
+def _finding(rule: Rule, *arguments: str) -> Finding:
+    (problem,) = rule.check(*arguments)
+    return finding_of(rule, problem)
+
+
+def _with_errors(result: StageResult, errors: list[Finding]) -> StageResult:
+    if not errors:
+        return result
+    verdict: Verdict = "unreadable" if result.verdict == "unreadable" else "fail"
+    return replace(result, findings=ordered((*result.findings, *errors)), verdict=verdict)

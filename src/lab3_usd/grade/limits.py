@@ -1,0 +1,27 @@
+"""How much of what a submission may hold or use before it is refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+MEGABYTE = 1024 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of one submission.
+
+    `seconds` of silence end the judging of a file, `memory` is in bytes of address space. Of
+    files beyond `file_size` bytes only the name counts; `ratio` is how many times larger a
+    packed file may become, `nesting` how deep prims and values may lie in one another.
+    """
+
+    seconds: float = 20.0
+    memory: int = 2048 * MEGABYTE
+    files: int = 4000
+    file_size: int = 64 * MEGABYTE
+    total_size: int = 512 * MEGABYTE
+    ratio: int = 200
+    folders: int = 24
+    nesting: int = 200
+    prims: int = 100_000

@@ -1,0 +1,199 @@
+"""Loads a rubric and refuses everything in it that nobody would read."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from lab3_usd.check.checker import judge
+from lab3_usd.check.finding import Requirement
+from lab3_usd.check.model import StageModel
+from lab3_usd.data import data_folder
+from lab3_usd.errors import SpecError
+from lab3_usd.grade.rubric import VISIBILITIES, Cap, Item, Late, Rubric
+from lab3_usd.spec.load_submission import load_submission
+from lab3_usd.spec.spec import Lab
+from lab3_usd.spec.yaml_file import expect, known_keys, need, read_yaml, texts
+
+FILE = "rubric.yaml"
+_NUMBER = (int, float)
+_ITEM_KEYS = (
+    "title", "points", "checkpoint", "groups", "requirements", "checklist",
+    "partial", "optional", "needs", "visibility",
+)  # fmt: skip
+
+
+def load_rubric(path: Path | None, lab: Lab) -> Rubric:
+    """Load the rubric at `path`, None for the bundled one.
+
+    Raises:
+        SpecError: the file is missing or wrong; the line names the item and the key.
+    """
+    file = path if path is not None else data_folder("graphs") / FILE
+    data = read_yaml(file)
+    where = file.name
+    known_keys(data, ("title", "weights", "items", "caps", "late"), where)
+    asked = everything_asked(lab)
+    items = _items(need(data, "items", dict, where), asked, where)
+    return Rubric(
+        title=need(data, "title", str, where),
+        digest=hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest(),
+        weights=_weights(data.get("weights", {}), asked, where),
+        items=items,
+        caps=_caps(data.get("caps", []), items, where),
+        late=_late(data.get("late", {}), where),
+        asked={
+            item.id: tuple(each for each in asked.get(item.checkpoint, ()) if item.asks(each))
+            for item in items
+        },
+    )
+
+
+def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
+    """Return every requirement of every checkpoint, as an empty stage leaves it: not met."""
+    empty = StageModel("", "", 1.0, 1.0, (), {})
+    return {
+        number: tuple(
+            Requirement(each.id, each.group, each.kind, each.title, met=False, handout=each.handout)
+            for each in judge(lab, checkpoint, empty).requirements
+        )
+        for number, checkpoint in lab.checkpoints.items()
+    }
+
+
+def _items(
+    data: Mapping[str, Any], asked: Mapping[str, tuple[Requirement, ...]], where: str
+) -> tuple[Item, ...]:
+    if not data:
+        message = f"{where}: 'items' is empty; a rubric needs at least one"
+        raise SpecError(message)
+    items: dict[str, Item] = {}
+    for name, spec in data.items():
+        place = f"{where}: {name}"
+        item = _item(name, expect(spec, dict, place), place)
+        _check_needs(item, items, place)
+        if item.checklist:
+            _check_line(item, place)
+        else:
+            _check_requirements(item, asked, place)
+        items[name] = item
+    return tuple(items.values())
+
+
+def _item(name: str, spec: Mapping[str, Any], place: str) -> Item:
+    known_keys(spec, _ITEM_KEYS, place)
+    if ("checkpoint" in spec) == ("checklist" in spec):
+        message = f"{place}: give either 'checkpoint' or 'checklist'"
+        raise SpecError(message)
+    values: dict[str, Any] = {
+        key: texts(spec, key, place) for key in ("groups", "requirements", "needs") if key in spec
+    }
+    values |= {key: need(spec, key, bool, place) for key in ("partial", "optional") if key in spec}
+    values |= {
+        key: need(spec, key, str, place) for key in ("checkpoint", "checklist") if key in spec
+    }
+    if "visibility" in spec:
+        values["visibility"] = _one_of(need(spec, "visibility", str, place), VISIBILITIES, place)
+    title = need(spec, "title", str, place)
+    return Item(id=name, title=title, points=_positive(spec, "points", place), **values)
+
+
+def _check_needs(item: Item, earlier: Mapping[str, Item], place: str) -> None:
+    for name in item.needs:
+        if name not in earlier:
+            known = ", ".join(earlier) or "none"
+            message = (
+                f"{place}: needs '{name}', which no item above it is called; those are {known}"
+            )
+            raise SpecError(message)
+
+
+def _check_line(item: Item, place: str) -> None:
+    lines = [line.text for line in load_submission().checklist]
+    if item.checklist not in lines:
+        message = f"{place}: no checklist of the handout has the line '{item.checklist}'"
+        raise SpecError(message)
+
+
+def _check_requirements(
+    item: Item, asked: Mapping[str, tuple[Requirement, ...]], place: str
+) -> None:
+    _one_of(item.checkpoint, tuple(asked), place)
+    there = asked[item.checkpoint]
+    for key, patterns in (("groups", item.groups), ("requirements", item.requirements)):
+        for pattern in patterns:
+            name = "group" if key == "groups" else "id"
+            if not any(fnmatchcase(getattr(each, name), pattern) for each in there):
+                groups = ", ".join(dict.fromkeys(each.group for each in there))
+                message = (
+                    f"{place}: '{pattern}' in '{key}' is nothing that checkpoint {item.checkpoint} "
+                    f"asks for; its groups are {groups}"
+                )
+                raise SpecError(message)
+    if not any(item.asks(requirement) for requirement in there):
+        message = f"{place}: its groups and requirements have nothing in common"
+        raise SpecError(message)
+
+
+def _weights(
+    data: object, asked: Mapping[str, tuple[Requirement, ...]], where: str
+) -> dict[str, float]:
+    kinds = tuple(dict.fromkeys(each.kind for found in asked.values() for each in found))
+    place = f"{where}: weights"
+    given = expect(data, dict, place)
+    known_keys(given, kinds, place)
+    return dict.fromkeys(kinds, 1.0) | {kind: _positive(given, kind, place) for kind in given}
+
+
+def _caps(data: object, items: tuple[Item, ...], where: str) -> tuple[Cap, ...]:
+    from lab3_usd.check.registry import all_rules  # noqa: PLC0415 - only where a rubric has caps
+
+    caps = []
+    for number, spec in enumerate(expect(data, list, f"{where}: 'caps'"), start=1):
+        place = f"{where}: cap {number}"
+        known_keys(expect(spec, dict, place), ("rules", "items", "at_most", "because"), place)
+        rules = texts(spec, "rules", place)
+        named = texts(spec, "items", place, optional=True)
+        for rule in rules:
+            _one_of(rule, tuple(all_rules()), place)
+        for name in named:
+            _one_of(name, tuple(item.id for item in items), place)
+        because = need(spec, "because", str, place)
+        caps.append(Cap(rules, named, _share(spec, place), because))
+    return tuple(caps)
+
+
+def _late(given: object, where: str) -> Late:
+    place = f"{where}: late"
+    data = expect(given, dict, place)
+    known_keys(data, ("at_most", "students"), place)
+    at_most = _share(data, place) if "at_most" in data else 1.0
+    return Late(at_most, texts(data, "students", place, optional=True))
+
+
+def _positive(data: Mapping[str, Any], key: str, place: str) -> float:
+    value = float(need(data, key, _NUMBER, place))
+    if not math.isfinite(value) or value <= 0:
+        message = f"{place}: '{key}' is {value:g}, expected a number above 0"
+        raise SpecError(message)
+    return value
+
+
+def _share(data: Mapping[str, Any], place: str) -> float:
+    value = float(need(data, "at_most", _NUMBER, place))
+    if not 0 <= value <= 1:
+        message = f"{place}: 'at_most' is {value:g}, expected a share from 0 to 1"
+        raise SpecError(message)
+    return value
+
+
+def _one_of(value: str, known: tuple[str, ...], place: str) -> str:
+    if value not in known:
+        message = f"{place}: '{value}' is not known; known are {', '.join(known)}"
+        raise SpecError(message)
+    return value

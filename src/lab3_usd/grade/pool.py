@@ -1,0 +1,146 @@
+"""Hands tasks to workers, and starts a new worker whenever one dies, hangs or grows."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from lab3_usd.grade.judge import Json, Task
+from lab3_usd.grade.worker_process import (
+    DiedError,
+    PoolSettings,
+    Worker,
+    ask,
+    end_worker,
+    start_worker,
+)
+
+_MOST_BROKEN = 12  # files that end a worker, after which the rest is not tried
+_TASKS_OF_A_WORKER = 250  # what usd-core keeps for itself goes with the worker
+_Answer = tuple[Task, Json]
+_Answers = queue.Queue["_Answer | Exception | None"]
+
+
+def run_tasks(tasks: Iterable[Task], settings: PoolSettings) -> Iterator[_Answer]:
+    """Yield each task with its answer, as soon as it is there, whatever became of the worker.
+
+    Raises:
+        WorkerError: workers cannot be started.
+    """
+    waiting = iter(tasks)
+    lock, stopped = threading.Lock(), threading.Event()
+    answers: _Answers = queue.Queue(64)
+
+    def next_task() -> Task | None:
+        with lock:
+            return None if stopped.is_set() else next(waiting, None)
+
+    def serve() -> None:
+        try:
+            for pair in serve_tasks(next_task, settings, stopped.is_set):
+                answers.put(pair)
+        except Exception as error:  # noqa: BLE001 - raised again in the caller's thread
+            answers.put(error)
+        answers.put(None)
+
+    threads = [threading.Thread(target=serve, daemon=True) for _ in range(settings.jobs)]
+    for thread in threads:
+        thread.start()
+    try:
+        yield from _collect(answers, len(threads))
+    finally:
+        stopped.set()
+        _drain(answers, threads)
+
+
+def _collect(answers: _Answers, running: int) -> Iterator[_Answer]:
+    while running:
+        found = answers.get()
+        if found is None:
+            running -= 1
+        elif isinstance(found, Exception):
+            raise found
+        else:
+            yield found
+
+
+def _drain(answers: _Answers, threads: list[threading.Thread]) -> None:
+    """Let the threads end, also those that wait for room in the queue."""
+    while any(thread.is_alive() for thread in threads):
+        with contextlib.suppress(queue.Empty):
+            answers.get(timeout=0.05)
+
+
+@dataclass(slots=True)
+class _Seat:
+    """Where one worker sits after the other."""
+
+    settings: PoolSettings
+    worker: Worker | None = None
+    judged: int = 0
+
+    def ask(self, task: Task, stopped: Callable[[], bool]) -> Json:
+        """Ask the worker that sits here, or a new one; one that died leaves."""
+        self.worker = self.worker or start_worker(self.settings)
+        try:
+            found = ask(self.worker, message_of(task), stopped)
+        except DiedError:
+            self.leave()
+            raise
+        self.judged += 1
+        if self.judged % _TASKS_OF_A_WORKER == 0:
+            self.leave()
+        return found
+
+    def leave(self) -> None:
+        """End the worker that sits here, if any."""
+        if self.worker is not None:
+            end_worker(self.worker)
+            self.worker = None
+
+
+def serve_tasks(
+    next_task: Callable[[], Task | None], settings: PoolSettings, stopped: Callable[[], bool]
+) -> Iterator[_Answer]:
+    """Judge tasks in one worker after the other until there are no more."""
+    seat = _Seat(settings)
+    try:
+        while (task := next_task()) is not None:
+            found: Json | None = None
+            while found is None and not stopped():
+                task, found = _try(seat, task, stopped)
+            if found is not None and not stopped():
+                yield task, found
+    finally:
+        seat.leave()
+
+
+def _try(seat: _Seat, task: Task, stopped: Callable[[], bool]) -> tuple[Task, Json | None]:
+    try:
+        return task, seat.ask(task, stopped)
+    except DiedError as died:
+        return _after(task, died)
+
+
+def _after(task: Task, died: DiedError) -> tuple[Task, Json | None]:
+    """Return the task without the file that ended the worker, or what to record where none did."""
+    broken = dict(task.broken or {})
+    if not died.file or died.file in broken or len(broken) >= _MOST_BROKEN:
+        return task, {"failed": died.how}
+    broken[died.file] = died.how
+    return replace(task, broken=broken), None
+
+
+def message_of(task: Task) -> Json:
+    """Return a task as plain data, to be read by `worker.task_of`."""
+    return {
+        "student": task.student,
+        "folder": task.folder,
+        "sources": [[str(source.path.absolute()), source.name] for source in task.sources],
+        "late": task.late,
+        "broken": dict(task.broken or {}),
+        "known": task.known,
+    }

@@ -1,0 +1,78 @@
+"""What each part of the lab is worth: the rubric as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+
+from lab3_usd.check.finding import Requirement
+
+VISIBILITIES = ("visible", "hidden", "after_due_date", "after_published")
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One line of the gradebook: points for requirements of a checkpoint, or for a checklist line.
+
+    `groups` and `requirements` are patterns of requirement groups and ids; `checklist` is the
+    text of a line of the handout's checklists. `needs` names the items that this one stands on.
+    """
+
+    id: str
+    title: str
+    points: float
+    checkpoint: str = ""
+    groups: tuple[str, ...] = ("*",)
+    requirements: tuple[str, ...] = ("*",)
+    checklist: str = ""
+    partial: bool = True
+    optional: bool = False
+    needs: tuple[str, ...] = ()
+    visibility: str = "visible"
+
+    def asks(self, requirement: Requirement) -> bool:
+        """Whether the requirement, of this item's checkpoint, is one of this item's."""
+        return any(fnmatchcase(requirement.group, each) for each in self.groups) and any(
+            fnmatchcase(requirement.id, each) for each in self.requirements
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Cap:
+    """An error of one of `rules` limits `items` (all where none is named) to a share."""
+
+    rules: tuple[str, ...]
+    items: tuple[str, ...]
+    at_most: float
+    because: str
+
+
+@dataclass(frozen=True, slots=True)
+class Late:
+    """What a late submission may earn, and who was late beside those that the names tell."""
+
+    at_most: float = 1.0
+    students: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Rubric:
+    """Everything that a rubric file says.
+
+    `asked` holds the requirements of each item, none of them met. `digest` tells two rubrics
+    apart.
+    """
+
+    title: str
+    digest: str
+    weights: Mapping[str, float]
+    items: tuple[Item, ...]
+    caps: tuple[Cap, ...] = ()
+    late: Late = field(default_factory=Late)
+    asked: Mapping[str, tuple[Requirement, ...]] = field(default_factory=dict)
+
+    @property
+    def points(self) -> float:
+        """The points there are without the optional ones."""
+        return sum(item.points for item in self.items if not item.optional)

@@ -1,0 +1,189 @@
+"""Copies one submission to where it is judged, so that nothing outside the copy can be reached."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from lab3_usd.check.folder import is_submission
+from lab3_usd.grade.archives import OTHER_ENDINGS, ArchiveError, is_archive, unpack
+from lab3_usd.grade.intake import Intake, Refused
+from lab3_usd.grade.limits import Limits
+
+# Nobody judges what is in these; their names count as deliverables.
+_ONLY_NAMES = (
+    ".mp4", ".mov", ".mkv", ".webm", ".avi", ".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp",
+    ".tif", ".tiff", ".heic", ".pdf", ".doc", ".docx", ".odt",
+)  # fmt: skip
+_MAPS_MAY_BE = (".png", ".bmp")
+_SMALL_PICTURE = 4 << 20
+_DEEPEST = 4
+_YAML = (".yaml", ".yml")
+_ALIAS = re.compile(rb"(?<![^\s\[{,:-])\*\w")
+_MOST_ALIASES = 50  # a few lines of aliases of aliases unfold to gigabytes
+_MOST_BRACKETS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A file, folder or archive that a submission consists of, and its name there ('' for all)."""
+
+    path: Path
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Staged:
+    """The copy of a submission: its folder, its digest, and what was left out."""
+
+    folder: Path
+    digest: str
+    refused: tuple[Refused, ...]
+
+
+def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) -> Staged:
+    """Copy and unpack a submission below `target`, which holds plain files only afterwards.
+
+    Raises:
+        TooLargeError: it holds too many files or too much in them.
+        ArchiveError: the one archive that it consists of cannot be unpacked.
+    """
+    intake = Intake(target, limits)
+    every = list(sources)
+    for source in every:
+        if source.path.is_dir() and not source.path.is_symlink():
+            _take_folder(source, intake)
+        else:
+            _take_file(source.path, source.name or source.path.name, intake, alone=len(every) == 1)
+    folder = _submission_in(target)
+    inside = folder.relative_to(target).as_posix()
+    refused = tuple(
+        Refused(each.path.removeprefix(f"{inside}/"), each.reason) for each in intake.refused
+    )
+    return Staged(folder, intake.digest(), refused)
+
+
+def _take_folder(source: Source, intake: Intake) -> None:
+    root = source.path.resolve()
+    for path, name in _files_below(root, intake):
+        _take_file(path, source.name + name, intake, root=root)
+
+
+def _files_below(root: Path, intake: Intake) -> Iterator[tuple[Path, str]]:
+    """Yield what a folder holds, links not followed, in the order of the names."""
+    waiting = [""]
+    while waiting:
+        below = waiting.pop()
+        with os.scandir(root / below) as scan:
+            entries = sorted(scan, key=lambda entry: entry.name)
+        for entry in entries:
+            name = f"{below}{entry.name}"
+            if not entry.is_dir(follow_symlinks=False):
+                yield Path(entry.path), name
+            elif name.count("/") >= intake.limits.folders:
+                intake.refuse(name, f"it lies more than {intake.limits.folders} folders deep")
+            elif intake.place(name) is not None:
+                waiting.append(f"{name}/")
+
+
+def _take_file(
+    path: Path, name: str, intake: Intake, root: Path | None = None, *, alone: bool = False
+) -> None:
+    """Take in one file; an archive at the top of a submission is unpacked."""
+    if path.is_symlink():
+        inside = _inside(path, root)
+        if inside is None:
+            intake.refuse(name, "it is a link that leads out of the submission; not opened")
+            return
+        path = inside
+    if is_archive(name) and "/" not in name:
+        _unpack(path, name, intake, alone=alone)
+    elif name.lower().endswith(OTHER_ENDINGS) and "/" not in name:
+        intake.refuse(name, "it is an archive of a kind that is not unpacked; hand in a .zip")
+    else:
+        _copy(path, name, intake)
+
+
+def _inside(link: Path, root: Path | None) -> Path | None:
+    """Return what a link leads to when that is in the submission."""
+    try:
+        target = link.resolve(strict=True)
+    except (OSError, RuntimeError):
+        return None
+    return target if root is not None and target.is_relative_to(root) else None
+
+
+def _unpack(path: Path, name: str, intake: Intake, *, alone: bool) -> None:
+    if not stat.S_ISREG(path.lstat().st_mode):
+        intake.refuse(name, "it is no file but a pipe, socket or device; not opened")
+        return
+    try:
+        unpack(path, "", intake)
+    except ArchiveError as error:
+        if alone:
+            raise
+        intake.refuse(name, str(error).partition(": ")[2])
+
+
+def _copy(path: Path, name: str, intake: Intake) -> None:
+    try:
+        with _opened(path) as (stream, size):
+            if stream is None:
+                intake.refuse(name, "it is no file but a pipe, socket or device; not opened")
+            elif _only_name_counts(name, size):
+                intake.keep_name(name)
+            elif name.lower().endswith(_YAML) and _unfolds(stream):
+                intake.refuse(name, "it unfolds to far more than it says; not opened")
+            else:
+                intake.take(name, size, stream)
+    except OSError as error:
+        intake.refuse(name, f"it cannot be read ({error.strerror})")
+
+
+def _unfolds(stream: BinaryIO) -> bool:
+    """Whether YAML has more aliases or brackets than maps and parameters need."""
+    data = stream.read()
+    stream.seek(0)
+    depth = deepest = 0
+    for letter in data.translate(None, bytes(set(range(256)) - set(b"[]{}"))):
+        depth += 1 if letter in b"[{" else -1
+        deepest = max(deepest, depth)
+    return len(_ALIAS.findall(data)) > _MOST_ALIASES or deepest > _MOST_BRACKETS
+
+
+def _only_name_counts(name: str, size: int) -> bool:
+    lower = name.lower()
+    if lower.endswith(_MAPS_MAY_BE) and size <= _SMALL_PICTURE:
+        return False
+    return lower.endswith(_ONLY_NAMES)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[BinaryIO | None, int]]:
+    """Open a plain file; a pipe or device yields None and is never waited for."""
+    if not stat.S_ISREG(path.lstat().st_mode):
+        yield None, 0
+        return
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    handle = os.open(path, flags | getattr(os, "O_BINARY", 0))
+    with open(handle, "rb") as file:  # noqa: PTH123 - a handle, not a path
+        status = os.fstat(handle)
+        # The file may have been replaced since it was looked at.
+        yield (file if stat.S_ISREG(status.st_mode) else None), status.st_size
+
+
+def _submission_in(target: Path) -> Path:
+    """Return the folder in which the submission begins: the topmost that looks like one."""
+    level = [target]
+    for _ in range(_DEEPEST):
+        for folder in level:
+            if is_submission(folder):
+                return folder
+        level = [each for folder in level for each in sorted(folder.iterdir()) if each.is_dir()]
+    return target
