@@ -7,8 +7,12 @@ from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import NodeSpec
 
 
+MOST_ITEMS = 12  # of a list; whoever reads a message wants no more
+MOST_LETTERS = 200
+
+
 def shown(value: Value | None) -> str:
-    """Return a value as a person would read it in the Property panel."""
+    """Return a value as a person would read it in the Property panel, in one line."""
     if value is None:
         return "not set"
     if isinstance(value, bool):
@@ -16,8 +20,19 @@ def shown(value: Value | None) -> str:
     if isinstance(value, float):
         return f"{value:.10g}"
     if isinstance(value, tuple):
-        return "[" + ", ".join(shown(item) for item in value) + "]"
-    return f"'{value}'" if isinstance(value, str) else str(value)
+        return f"[{_first(tuple(shown(item) for item in value[: MOST_ITEMS + 1]), len(value))}]"
+    return _quoted(value) if isinstance(value, str) else str(value)
+
+
+def _quoted(text: str) -> str:
+    """Return a text in quotes; what cannot be seen is written as Python writes it."""
+    short = text if len(text) <= MOST_LETTERS else f"{text[:MOST_LETTERS]}..."
+    return f"'{short}'" if short.isprintable() else repr(short)
+
+
+def _first(items: tuple[str, ...], count: int) -> str:
+    more = count - MOST_ITEMS
+    return ", ".join(items) if more <= 0 else f"{', '.join(items[:MOST_ITEMS])} and {more} more"
 
 
 def short_source(path: str | None) -> str:
@@ -32,9 +47,10 @@ def titled(node: NodeSpec) -> str:
 
 def title_of(node: Node) -> str:
     """Return a node's title in the editor, else its type as saved."""
-    return node.type_name if node.type is None else node.type.handout_name
+    name = node.type_name or "a node without a type"
+    return name if node.type is None else node.type.handout_name
 
 
 def listed(paths: tuple[str, ...]) -> str:
     """Return prim paths in one line."""
-    return ", ".join(paths) if paths else "no prim"
+    return _first(paths, len(paths)) if paths else "no prim"
