@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.met import same_value
 from lab3_usd.check.model import Node
@@ -189,7 +190,7 @@ def _resetting(subject: StageSubject, roles: Roles) -> Iterator[tuple[str, str]]
 
 @rule("P10", "namespace-attribute", scope="stage")
 def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
-    """A prim above a graph or sensor carries a namespace that moves its topics.
+    """A graph, or a prim above it, carries a namespace that moves its topics.
 
     Why: Isaac Sim joins the namespaces of all ancestors before the topic name; `/scan` becomes
     `/<namespace>/scan` although the node says `/scan`.
@@ -199,9 +200,9 @@ def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
     Example: `isaac:namespace` 'tb3' on the robot root.
     """
     attribute = subject.lab.policy.namespace_attribute
-    graphs = [subject.lab.graphs[name].path for name in subject.checkpoint.graphs]
+    graphs = [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
     for path, prim in subject.stage.prims.items():
         value = prim.attributes.get(attribute)
-        if prim.present and value and any(graph.startswith(f"{path}/") for graph in graphs):
+        if prim.present and value and any(is_at_or_below(graph, path) for graph in graphs):
             message = f"{attribute} is {shown(value)}, which moves every topic below this prim"
             yield Problem(path, message, attribute, "''", shown(value))
