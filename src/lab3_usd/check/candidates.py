@@ -41,11 +41,13 @@ def _moved(path: str, homes: Mapping[str, str]) -> str:
 def find_graphs(specs: Mapping[str, GraphSpec], stage: StageModel) -> dict[str, GraphModel | None]:
     """Return the graph of the stage for each graph of the spec, None where there is none.
 
-    A live graph at the right path is taken as it is. Other specs are given the remaining graph
-    whose node types fit best, as long as it holds half of what the spec asks for.
+    A live graph at the right path is taken as it is, unless it is empty and another one fits.
+    Other specs are given the remaining graph whose node types fit best, as long as it holds half
+    of what the spec asks for.
     """
     by_path = {graph.path: graph for graph in stage.graphs if graph.active}
-    found = {name: by_path.get(spec.path) for name, spec in specs.items()}
+    filled = {graph.path: graph for graph in by_path.values() if graph.nodes}
+    found = {name: filled.get(spec.path) for name, spec in specs.items()}
     taken = {graph.path for graph in found.values() if graph is not None}
     free = [graph for graph in by_path.values() if graph.path not in taken]
     offers = sorted(
@@ -58,7 +60,7 @@ def find_graphs(specs: Mapping[str, GraphSpec], stage: StageModel) -> dict[str, 
         if found[name] is None and path not in taken and likeness < 0:
             found[name] = by_path[path]
             taken.add(path)
-    return found
+    return {name: graph or by_path.get(specs[name].path) for name, graph in found.items()}
 
 
 def _likeness(spec: GraphSpec, graph: GraphModel) -> float:
