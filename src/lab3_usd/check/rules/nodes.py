@@ -179,7 +179,8 @@ def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
     old = [node for node in nodes if catalog.modern(node.type_name) != node.type_name]
     if graph is not None and old:
         names = tuple(node.path for node in old)
-        message = f"{len(old)} nodes carry type names from before 4.5, such as {old[0].type_name}"
+        count = "1 node carries a type name" if len(old) == 1 else f"{len(old)} nodes carry names"
+        message = f"{count} from before 4.5: {old[0].type_name}"
         expected = catalog.modern(old[0].type_name)
         yield Problem(
             graph.path, message, None, expected, old[0].type_name, subject.spec.handout, names
