@@ -6,7 +6,6 @@ from lab3_usd.check.model import Node
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import NodeSpec
 
-
 MOST_ITEMS = 12  # of a list; whoever reads a message wants no more
 MOST_LETTERS = 200
 
