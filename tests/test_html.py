@@ -20,6 +20,7 @@ from report_examples import (
     EMPTY,
     FAILED,
     HOSTILE,
+    LAYER,
     MISSING_WIRE,
     OLD_NAME,
     PASSED,
@@ -232,6 +233,7 @@ def test_the_part_beside_a_fault_lies_within_its_picture(faulty_page: Element) -
         picture = sizes[view.one("use").attributes["href"].removeprefix("#")]
         assert left >= 0
         assert top >= 0
+        assert width == 2 * height
         assert left + width <= picture[2] + 1
         assert top + height <= picture[3] + 1
 
@@ -299,6 +301,11 @@ def test_submissions_stand_apart_on_one_page(tmp_path: Path) -> None:
 def test_stages_of_one_checkpoint_are_told_apart_by_their_files() -> None:
     tree = shown(Report((replace(FAILED, path="a/x.usda"), replace(FAILED, path="a/y.usda"))))
     assert cards(tree)[0].one(kind="in").text == "x.usda, y.usda"
+
+
+def test_files_without_a_common_folder_keep_their_paths() -> None:
+    tree = shown(Report((FAILED, replace(PASSED, path="/x/Lab3_00.usda"))))
+    assert [each.text for each in tree.all("span", "file")] == [LAYER, "/x/Lab3_00.usda"]
 
 
 def test_a_report_without_results_is_a_page() -> None:

@@ -7,9 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from lab3_usd.check.finding import Finding
-from lab3_usd.report.picture_model import Box, Picture, port_id
+from lab3_usd.report.drawing.framing import SIGN_LINE
+from lab3_usd.report.picture_model import HEADER, Box, Picture, port_id
 
-VIEW = (380.0, 190.0)  # width and height of the part of a picture beside a fault
+WIDTH = 380.0  # of the part of a picture beside a fault, unless the box is wider
+SHAPE = 0.5  # its height, by its width
+ROUND = 30.0  # room around the box
+ABOVE = 14.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,18 +55,20 @@ def related_places(finding: Finding, picture: Picture) -> Iterator[Place]:
 def _at(box: Box, prop: str | None, picture: Picture) -> Place:
     row = None if prop is None else box.row(prop)
     if row is None:
-        return Place(port_id(box.key), _view(box, VIEW[1] / 2 - 16, picture))
+        return Place(port_id(box.key), _view(box, HEADER, picture))
     return Place(port_id(box.key, row.port), _view(box, row.y, picture))
 
 
 def _view(box: Box, down: float, picture: Picture) -> str:
-    """Return the part of the picture around a point of a box, its title too where that fits."""
-    is_near_top = down < VIEW[1] - 40
-    across = min(box.x + box.w / 2, box.x + VIEW[0] / 2 - 40)
-    left = _within(across - VIEW[0] / 2, picture.width - VIEW[0])
-    top = box.y - 14 if is_near_top else box.y + down - VIEW[1] / 2
-    top = _within(top, picture.height - VIEW[1])
-    return f"{left:.0f} {top:.0f} {VIEW[0]:.0f} {VIEW[1]:.0f}"
+    """Return the part of the picture around a row of a box, its title too where that fits."""
+    width = max(WIDTH, box.w + 2 * ROUND)
+    height = width * SHAPE
+    across = min(box.x + box.w / 2, box.x + width / 2 - ROUND)
+    has_title = down + ROUND < height - ABOVE
+    top = box.y - ABOVE if has_title else box.y + down - height / 2
+    low = picture.signs[0].y - SIGN_LINE  # the legend is no part of what is shown
+    left, top = (_within(across - width / 2, picture.width - width), _within(top, low - height))
+    return f"{left:.0f} {top:.0f} {width:.0f} {height:.0f}"
 
 
 def _within(value: float, most: float) -> float:
