@@ -10,6 +10,7 @@ from breaking import broken, judged, place
 from lab3_usd.check.checker import ordered
 from lab3_usd.check.finding import Finding
 
+ROBOT = "/turtlebot3_burger"
 DRIVE = "/turtlebot3_burger/ROS_Drive"
 
 
@@ -223,6 +224,41 @@ def test_literals_in_the_array_are_two_missing_nodes() -> None:
         {"declare": [f"{array}.inputs:input1", "token", "wheel_right_joint"]},
     )
     assert [(each.rule, each.prim) for each in findings] == [("N01", DRIVE), ("N01", DRIVE)]
+
+
+PUBLISHER = "ROS_OdomTF/ros2_publish_transform_tree"
+COMPUTED = "ROS_OdomTF/isaac_compute_transform_tree"
+
+
+@pytest.mark.parametrize(
+    ("step", "rule"),
+    [
+        ({"swap": [f"{PUBLISHER}.inputs:parentFrames", f"{PUBLISHER}.inputs:childFrames"]}, "W06"),
+        (
+            {"connect": [f"{PUBLISHER}.inputs:childFrames", f"{COMPUTED}.outputs:parentFrames"]},
+            "W02",
+        ),
+        (
+            {"connect": [f"{PUBLISHER}.inputs:parentFrames", f"{COMPUTED}.outputs:childFrames"]},
+            "W02",
+        ),
+    ],
+)
+def test_frames_that_wires_exchange_are_told_as_wires_only(step: dict[str, Any], rule: str) -> None:
+    finding = the_only(step)
+    assert (finding.rule, finding.prim) == (rule, place(PUBLISHER))
+
+
+def test_another_mistake_at_the_publisher_hides_no_missing_frame() -> None:
+    links = ["base_link", "base_scan", "caster_back_link", "wheel_left_link", "wheel_right_link"]
+    findings = told(
+        {"set": [f"{PUBLISHER}.inputs:queueSize", 3]},
+        {"targets": [f"{COMPUTED}.inputs:targetPrims", *(f"{ROBOT}/{link}" for link in links)]},
+    )
+    assert [(each.rule, each.prim) for each in findings] == [
+        ("T01", place(COMPUTED)),
+        ("P01", place(PUBLISHER)),
+    ]
 
 
 def test_a_missing_node_silences_its_wires_though_not_others() -> None:

@@ -71,7 +71,16 @@ def judged_elsewhere(edge: Edge, view: TfView) -> bool:
         return True
     if edge.cause not in view.played and edge.publisher not in view.played:
         return bool({edge.cause, edge.publisher} & view.subject.blamed)
-    return differs_from_spec(edge.cause, view)
+    return is_mangled(edge, view) or differs_from_spec(edge.cause, view)
+
+
+def is_mangled(edge: Edge, view: TfView) -> bool:
+    """Whether wires made of the frames that a node computes something that it does not compute."""
+    cause = view.live.get(edge.cause)
+    if cause is None or edge.cause == edge.publisher or edge.publisher not in view.subject.blamed:
+        return False
+    pairs = computed_pairs(cause, view.subject.stage, view.subject.lab)
+    return all((edge.parent, edge.child) != (pair.parent, pair.child) for pair in pairs)
 
 
 def differs_from_spec(path: str, view: TfView) -> bool:
@@ -103,13 +112,14 @@ class Maker:
 def frame_makers(view: TfView) -> Iterator[Maker]:
     """Yield the nodes whose target prims must become frames, where their frames are sent at all.
 
-    A node that is missing, does not run or whose frames nobody sends is the business of other
-    rules. One that computes nothing is not: then its targets are at fault.
+    A node that is missing, does not run or whose frames nobody sends as they are is the business
+    of other rules. One that computes nothing is not: then its targets are at fault.
     """
     sent = {edge.cause for edge in view.edges}
+    mangled = {edge.cause for edge in view.edges if is_mangled(edge, view)}
     for path, spec in view.played.items():
         node = view.running.get(path)
-        if node is None or not spec.frames_from:
+        if node is None or not spec.frames_from or path in mangled:
             continue
         if path not in sent and computed_pairs(node, view.subject.stage, view.subject.lab):
             continue
