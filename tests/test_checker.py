@@ -138,6 +138,25 @@ def test_the_score_counts_what_a_fault_costs(step: dict[str, object], unmet: set
     assert {each.id for each in requirements if not each.met} == unmet
 
 
+TARGETS = "ROS_OdomTF/isaac_compute_transform_tree.inputs:targetPrims"
+LINKS = ["base_link", "base_scan", "caster_back_link", "wheel_left_link", "wheel_right_link"]
+
+
+@pytest.mark.parametrize(
+    ("targets", "unmet"),
+    [
+        ([f"/turtlebot3_burger/{link}" for link in LINKS], {"TF/frame/Camera_1"}),
+        # The joint tree of the robot hangs some frames deeper under base_footprint.
+        (["/turtlebot3_burger", "/turtlebot3_burger/base_footprint/Camera_1"], set()),
+        (["/turtlebot3_burger"], {"TF/frame/Camera_1"}),
+        ([], {f"TF/frame/{frame}" for frame in [*LINKS, "Camera_1"]}),
+    ],
+)
+def test_each_frame_that_is_published_counts(targets: list[str], unmet: set[str]) -> None:
+    requirements = judged(broken("05", [{"targets": [TARGETS, *targets]}]), "05").requirements
+    assert {each.id for each in requirements if not each.met} == unmet
+
+
 def test_a_stand_in_meets_the_requirement_of_its_wire() -> None:
     steps: list[dict[str, object]] = [
         {"copy": ["ROS_Clock/ros2_context", "ROS_Clock/again"]},
