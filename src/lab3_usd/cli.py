@@ -83,6 +83,9 @@ def main() -> None:
         lab3.main(prog_name="lab3", standalone_mode=False)
     except click.exceptions.Abort:
         _fail("stopped", EXIT_CRASH, "crash")
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message(), err=True)
+        sys.exit(EXIT_USAGE)
     except click.UsageError as error:
         _fail(_usage_line(error), EXIT_USAGE, "usage")
     except (Lab3Error, click.ClickException) as error:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from lab3_usd.commands.options import checkpoint_number
+
 EXIT_REFUSED = 1
 
 
@@ -84,10 +86,7 @@ def _numbers(known: list[str], through: str | None, only: str | None) -> list[st
     chosen = only if only is not None else through
     if chosen is None:
         return known
-    number = f"{int(chosen):02}" if chosen.isdecimal() else chosen
-    if number not in known:
-        message = f"there is no checkpoint '{chosen}'; known are {', '.join(known)}"
-        raise click.UsageError(message)
+    number = checkpoint_number(chosen, known)
     return [number] if only is not None else known[: known.index(number) + 1]
 
 

@@ -12,7 +12,7 @@ import click
 
 from lab3_usd.check.checker import check_stage, checkpoint_of, ordered
 from lab3_usd.check.finding import Finding, Report, StageResult, Submission, Verdict
-from lab3_usd.commands.options import chosen, wants_color, width
+from lab3_usd.commands.options import checkpoint_number, chosen, wants_color, width
 from lab3_usd.errors import UsageError
 from lab3_usd.report.formats import Options, format_named, render
 from lab3_usd.spec.loader import load_lab
@@ -79,11 +79,7 @@ def _checkpoint(path: str, options: Mapping[str, Any], lab: Lab) -> str:
     """Return the checkpoint to judge a file at."""
     given = options["checkpoint"]
     if given is not None:
-        number = f"{int(given):02}" if given.isdecimal() else given
-        if number not in lab.checkpoints:
-            message = f"there is no checkpoint '{given}'; known are {', '.join(lab.checkpoints)}"
-            raise UsageError(message)
-        return number
+        return checkpoint_number(given, lab.checkpoints)
     found = checkpoint_of(Path(path).name, lab)
     if found is None:
         message = f"{path}: the name gives no checkpoint (Lab3_NN); give one with --checkpoint"

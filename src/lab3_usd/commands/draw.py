@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from lab3_usd.commands.options import checkpoint_number
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
 from lab3_usd.report.svg_style import THEMES, Theme
@@ -132,10 +133,11 @@ def _of_stage(
     from lab3_usd.report.stage_pictures import stage_pictures  # noqa: PLC0415
     from lab3_usd.stage.reader import read_stage  # noqa: PLC0415
 
-    number = number or checkpoint_of(path.name, lab)
-    if number is not None and number not in lab.checkpoints:
-        message = f"there is no checkpoint '{number}'; known are {', '.join(lab.checkpoints)}"
-        raise UsageError(message)
+    number = (
+        checkpoint_of(path.name, lab)
+        if number is None
+        else checkpoint_number(number, lab.checkpoints)
+    )
     stage = read_stage(path, lab)
     stem = f"{path.stem}-"
     if number is None:

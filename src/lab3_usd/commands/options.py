@@ -5,16 +5,43 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from lab3_usd.check.finding import Finding
+from lab3_usd.errors import UsageError
 
 
 def split_rules(values: Iterable[str]) -> tuple[str, ...]:
-    """Return rule ids and families out of repeated, comma-separated options, in capitals."""
-    return tuple(
+    """Return rule ids and families out of repeated, comma-separated options, in capitals.
+
+    Raises:
+        UsageError: there is no such rule or family; left out, it would hide every fault.
+    """
+    parts = tuple(
         part.strip().upper() for value in values for part in value.split(",") if part.strip()
     )
+    if not parts:
+        return ()
+    from lab3_usd.check.registry import FAMILIES, all_rules  # noqa: PLC0415 - only when named
+
+    for part in parts:
+        if part not in FAMILIES and part not in all_rules():
+            message = f"there is no rule or family '{part}'; lab3 rules lists them"
+            raise UsageError(message)
+    return parts
+
+
+def checkpoint_number(given: str, known: Collection[str]) -> str:
+    """Return the number of a checkpoint as the lab writes it: `2` is `02`.
+
+    Raises:
+        UsageError: there is no such checkpoint; the line lists those there are.
+    """
+    number = f"{int(given):02}" if given.isdecimal() else given
+    if number not in known:
+        message = f"there is no checkpoint '{given}'; known are {', '.join(known)}"
+        raise UsageError(message)
+    return number
 
 
 def chosen(finding: Finding, select: tuple[str, ...], ignore: tuple[str, ...]) -> bool:

@@ -11,6 +11,7 @@ import click
 from lab3_usd.check.registry import FAMILIES, Rule, all_rules
 
 WIDTH = 100
+SUGGESTED = 3
 SECTIONS = ("Why", "Fix", "Example")
 
 
@@ -34,7 +35,8 @@ def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
     found = rules.get(wanted.upper()) or by_name.get(wanted.lower())
     if found:
         return found
-    close = difflib.get_close_matches(wanted.upper(), rules, cutoff=0.5)
+    close = [rule_id for rule_id in rules if rule_id.startswith(wanted.upper())][:SUGGESTED]
+    close = close or difflib.get_close_matches(wanted.upper(), rules, SUGGESTED, cutoff=0.5)
     close += [by_name[name].id for name in difflib.get_close_matches(wanted.lower(), by_name)]
     hint = f"did you mean {', '.join(dict.fromkeys(close))}" if close else "lab3 rules lists all"
     message = f"no rule {wanted!r}; {hint}"

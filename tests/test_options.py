@@ -1,0 +1,53 @@
+"""What the options of several commands take, and what they refuse."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from lab3_usd import build_checkpoint, cli
+from lab3_usd.commands.options import split_rules
+from lab3_usd.errors import UsageError
+
+
+@pytest.fixture(scope="module")
+def clock(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A correct checkpoint 01."""
+    path = tmp_path_factory.mktemp("options") / "Lab3_01_ros_clock.usda"
+    return str(build_checkpoint(None, "01", path))
+
+
+def test_rules_and_families_may_be_repeated_or_joined_by_commas() -> None:
+    assert split_rules(["W, p01", "s"]) == ("W", "P01", "S")
+
+
+@pytest.mark.parametrize("wrong", ["W1", "Y", "missing-wire", "W011"])
+def test_a_rule_that_does_not_exist_is_refused_and_hides_nothing(wrong: str) -> None:
+    with pytest.raises(UsageError, match=f"'{wrong.upper()}'"):
+        split_rules([f"P01,{wrong}"])
+
+
+@pytest.mark.parametrize("number", ["1", "01"])
+def test_every_command_takes_a_checkpoint_with_and_without_its_zero(
+    clock: str, number: str, tmp_path: Path
+) -> None:
+    calls = (
+        ("check", "--checkpoint", number, clock),
+        ("draw", "--checkpoint", number, clock, "--out", str(tmp_path)),
+        ("build", "--only", number, "--out", str(tmp_path)),
+    )
+    results = [CliRunner().invoke(cli.lab3, call) for call in calls]
+    assert [result.exit_code for result in results] == [0, 0, 0]
+
+
+def test_no_command_at_all_shows_the_help(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["lab3"])
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    assert stopped.value.code == cli.EXIT_USAGE
+    assert capsys.readouterr().err.startswith("Usage: lab3 ")
