@@ -15,7 +15,7 @@ from lab3_usd.report.escape import visible
 from lab3_usd.report.svg_style import PALETTES, stylesheet
 
 FOLDER = Path(__file__).resolve().parent / "templates"
-_BREAK = re.compile(r"[/.:_](?=\w)")
+_BREAK = re.compile(r"(?<=\w)[/.:_](?=\w)")
 _CODE = re.compile(r"`([^`]+)`")
 
 
