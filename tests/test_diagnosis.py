@@ -193,6 +193,25 @@ def test_why_a_node_is_absent_is_said(step: dict[str, Any], reason: str) -> None
     assert len(finding.related) == 1
 
 
+@pytest.mark.parametrize(
+    "steps",
+    [
+        ({"deactivate": RIGHT}, {"deactivate": LEFT}),
+        ({"move": [RIGHT, "/World/a/constant_right_joint"]}, {"move": [LEFT, "/World/b/left"]}),
+        ({"move": [LEFT, "/World/b/constant_left_joint"]}, {"move": [RIGHT, "/World/a/right"]}),
+    ],
+)
+def test_of_two_absent_nodes_each_is_told_where_its_name_says(
+    steps: tuple[dict[str, Any], ...],
+) -> None:
+    homes = ({"define": ["/World/a", "Xform"]}, {"define": ["/World/b", "Xform"]})
+    findings = told(*homes, *steps)
+    assert [each.rule for each in findings] == ["N01", "N01"]
+    for side, finding in zip(("left", "right"), findings, strict=True):
+        assert f"constant_{side}_joint) is missing" in finding.message
+        assert side in finding.related[0]
+
+
 @pytest.mark.parametrize("step", ["deactivate", "over"])
 def test_why_a_graph_is_absent_is_said(step: str) -> None:
     finding = the_only({step: "ROS_Clock"})
@@ -213,6 +232,40 @@ def test_a_wire_that_went_into_another_input() -> None:
     )
     assert (finding.rule, finding.property) == ("W01", "inputs:timeStamp")
     assert_words(finding, "that wire goes into ros2_publish_raw_transform_tree.inputs:queueSize")
+
+
+def test_a_cut_wire_is_not_sought_where_its_source_belongs() -> None:
+    finding = the_only({"disconnect": f"{CONTROLLER}.inputs:execIn"})
+    assert (finding.rule, finding.related) == ("W01", ())
+    assert "instead" not in finding.message
+
+
+def test_a_cut_wire_is_not_sought_in_wires_of_another_source() -> None:
+    findings = told(
+        {"disconnect": f"{CONTROLLER}.inputs:execIn"},
+        {
+            "connect": [
+                f"{CONTROLLER}.inputs:maxWheelSpeed",
+                "ROS_Drive/on_playback_tick.outputs:time",
+            ]
+        },
+    )
+    assert [(each.rule, each.related) for each in findings] == [("W01", ()), ("W05", ())]
+
+
+def test_one_wire_gone_astray_explains_one_cut_wire() -> None:
+    findings = told(
+        {"disconnect": "ROS_OdomTF/ros2_publish_odometry.inputs:timeStamp"},
+        {"disconnect": "ROS_OdomTF/ros2_publish_raw_transform_tree.inputs:timeStamp"},
+        {
+            "connect": [
+                "ROS_OdomTF/ros2_publish_raw_transform_tree.inputs:queueSize",
+                "ROS_OdomTF/isaac_read_simulation_time.outputs:simulationTime",
+            ]
+        },
+    )
+    assert [each.rule for each in findings] == ["W01", "W01"]
+    assert [len(each.related) for each in findings] == [0, 1]
 
 
 def test_literals_in_the_array_are_two_missing_nodes() -> None:

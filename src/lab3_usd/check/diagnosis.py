@@ -37,12 +37,10 @@ def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[W
     wrong = [fault for wire in open_wires for fault in _wrong(work, wire)]
     faults += wrong
     known = {fault.wire for fault in wrong}
-    faults += [
-        fault
-        for wire in open_wires
-        if wire not in known and wire not in work.silent
-        for fault in _unfed(work, wire)
-    ]
+    unfed = [wire for wire in open_wires if wire not in known and wire not in work.silent]
+    # A wire that strayed on its own node explains that node's input before any other.
+    faults += [fault for wire in unfed for fault in _strayed(work, wire)]
+    faults += [f for wire in unfed if wire not in work.silent for f in _unfed(work, wire)]
     faults += [fault for wire in asked for fault in _seconds(work, wire)]
     faults += _unasked(work)
     return tuple(faults)
@@ -145,33 +143,43 @@ def _is_forbidden(work: _Work, target: Node, port: str, actual: str) -> bool:
     return False
 
 
+def _strayed(work: _Work, wire: Wire) -> Iterator[WireFault]:
+    """Find the wire of an input that is not wired at another input of the same node."""
+    _, target = _ends(work, wire)
+    moved = None if target.sources(wire.target.port) else _moved_to(work, wire, [target])
+    if moved is not None:
+        work.silent.add(wire)
+        yield moved
+
+
 def _unfed(work: _Work, wire: Wire) -> Iterator[WireFault]:
     """Explain an input that nothing live feeds: wired elsewhere, from nothing, or not at all."""
     _, target = _ends(work, wire)
-    expected = _accepted(work, wire)
-    dead = target.sources(wire.target.port)
+    port, expected = wire.target.port, _accepted(work, wire)[0]
+    dead = target.sources(port)
     if dead:
-        yield WireFault("dead", target, wire.target.port, expected[0], dead[0], wire)
+        yield WireFault("dead", target, port, expected, dead[0], wire)
         return
-    moved = _moved_to(work, target, expected)
-    if moved is None:
-        yield WireFault("missing", target, wire.target.port, expected[0], None, wire)
-        return
-    node, port, source = moved
-    work.explained.add((node.path, port, source))
-    elsewhere = f"{node.path}.{port}"
-    yield WireFault("moved", target, wire.target.port, expected[0], None, wire, elsewhere)
-
-
-def _moved_to(work: _Work, target: Node, expected: list[str]) -> tuple[Node, str, str] | None:
-    """Find the input that the wire goes into instead, on the same node before others."""
     matched = [node for node in work.roles.node_of.values() if node is not None]
-    for node in sorted(matched, key=lambda each: each is not target):
+    moved = _moved_to(work, wire, matched)
+    yield moved or WireFault("missing", target, port, expected, None, wire)
+
+
+def _moved_to(work: _Work, wire: Wire, nodes: list[Node]) -> WireFault | None:
+    """Find an input of these nodes that the wire goes into instead."""
+    _, target = _ends(work, wire)
+    expected = _accepted(work, wire)
+    for node in nodes:
         for port, state in sorted(node.ports.items()):
             for source in state.sources:
                 known = source not in expected or (node.path, port, source) in work.explained
-                if not known and not _is_asked(work, node, port, source):
-                    return node, port, source
+                if known or _is_asked(work, node, port, source):
+                    continue
+                work.explained.add((node.path, port, source))
+                elsewhere = f"{node.path}.{port}"
+                return WireFault(
+                    "moved", target, wire.target.port, expected[0], None, wire, elsewhere
+                )
     return None
 
 
