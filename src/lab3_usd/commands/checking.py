@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,6 +18,9 @@ from lab3_usd.errors import UsageError
 from lab3_usd.report.formats import Options, format_named, render
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.spec import Lab
+
+if TYPE_CHECKING:
+    from lab3_usd.check.unchanged import Starter
 
 EXIT_FOUND = 1
 EXIT_CRASH = 3
@@ -93,12 +97,11 @@ def _judge(entry: tuple[str, bool], options: Mapping[str, Any], lab: Lab) -> _Ju
         return _judge_folder(path, options)
     checkpoint = _checkpoint(path, options, lab)
     result = check_stage(path, checkpoint, lab)
-    more: list[Finding] = []
-    if options["starter"] is not None and result.verdict != "unreadable":
-        more += _against_starter(result, options["starter"], lab)
+    if options["starter"] is not None:
+        result = _against_starter(result, options["starter"], lab)
     if lab.checkpoints[checkpoint].localization:
-        more += _about_maps(checkpoint, options, lab)
-    return (_with(result, more),), ()
+        result = _with(result, [*_about_maps(checkpoint, options, lab)])
+    return (result,), ()
 
 
 def _judge_folder(path: str, options: Mapping[str, Any]) -> _Judged:
@@ -117,11 +120,18 @@ def _path(text: str | None) -> Path | None:
     return None if text is None else Path(text)
 
 
-def _against_starter(result: StageResult, starter: str, lab: Lab) -> Iterable[Finding]:
-    from lab3_usd.check.unchanged import starter_findings  # noqa: PLC0415 - only with --starter
+def _against_starter(result: StageResult, starter: str, lab: Lab) -> StageResult:
+    from lab3_usd.check.unchanged import against_starter  # noqa: PLC0415 - only with --starter
 
-    blamed = {(each.prim, each.property) for each in result.findings if each.severity == "error"}
-    return starter_findings(Path(result.path), Path(starter), result.checkpoint, lab, blamed)
+    return against_starter(result, _starter(starter, lab), lab)
+
+
+@lru_cache(maxsize=1)
+def _starter(path: str, lab: Lab) -> Starter:
+    """Open the starter once for all the stages that are compared with it."""
+    from lab3_usd.check.unchanged import open_starter  # noqa: PLC0415
+
+    return open_starter(Path(path), lab)
 
 
 def _about_maps(checkpoint: str, options: Mapping[str, Any], lab: Lab) -> Iterable[Finding]:
