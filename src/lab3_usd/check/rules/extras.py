@@ -8,7 +8,7 @@ from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Node
 from lab3_usd.check.names import resolved_topic
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.nodes import strays
+from lab3_usd.check.rules.nodes import absent_nodes
 from lab3_usd.check.say import title_of
 from lab3_usd.check.subject import GraphSubject, StageSubject
 
@@ -120,12 +120,13 @@ def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/to_string` at the root of the stage.
     """
+    lab, stage = subject.lab, subject.stage
     missed = {
-        node.path
+        each.path
         for name, roles in subject.roles.items()
-        for node in strays(subject.lab.graphs[name], roles, subject.stage).values()
+        for each in absent_nodes(lab.graphs[name], roles, stage, lab.catalog).values()
     }
-    for node in subject.stage.orphans:
-        if node.path not in missed and node.type_name not in subject.lab.catalog.scripts:
+    for node in stage.orphans:
+        if node.path not in missed and node.type_name not in lab.catalog.scripts:
             message = f"{title_of(node)} stands outside every graph, where it is never evaluated"
             yield Problem(node.path, message, None, None, node.type_name)

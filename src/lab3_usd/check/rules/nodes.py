@@ -9,53 +9,41 @@ from lab3_usd.check.model import Absent, Node, StageModel
 from lab3_usd.check.registry import rule
 from lab3_usd.check.say import titled
 from lab3_usd.check.subject import GraphSubject, Roles
-from lab3_usd.spec.catalog import NodeType
+from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.spec import GraphSpec, NodeSpec
 
 
-def _missing(subject: GraphSubject) -> Iterator[NodeSpec]:
-    """Yield the roles that no node plays and no node of another type stands in for."""
-    if subject.roles.graph is None:
-        return
-    for role, spec in subject.spec.nodes.items():
-        if subject.roles.node_of[role] is None and role not in subject.roles.retyped:
-            yield spec
+def _missing(spec: GraphSpec, roles: Roles) -> list[NodeSpec]:
+    """Return the roles that no node plays and no node of another type stands in for."""
+    if roles.graph is None:
+        return []
+    return [
+        each
+        for role, each in spec.nodes.items()
+        if roles.node_of[role] is None and role not in roles.retyped
+    ]
 
 
-def _absent(subject: GraphSubject) -> dict[str, Absent]:
-    """Pair missing roles with prims that are in the file but not in the graph."""
-    graph = subject.roles.graph
-    left = [] if graph is None else [*graph.absent]
-    found = {}
-    for spec in _missing(subject):
-        fitting = [each for each in left if _means(subject, each.type_name, spec.type)]
-        fitting.sort(key=lambda each: not each.path.endswith(f"/{spec.role}"))
-        if fitting:
-            found[spec.role] = fitting[0]
-            left.remove(fitting[0])
-    for role, node in strays(subject.spec, subject.roles, subject.stage).items():
-        outside = Absent(node.path, node.type_name, "outside every graph")
-        found.setdefault(role, outside)
+def absent_nodes(
+    spec: GraphSpec, roles: Roles, stage: StageModel, catalog: Catalog
+) -> dict[str, Absent]:
+    """Pair missing roles with prims of their type that are in the file but not in the graph.
+
+    A prim that is named like a role is that role's before it may be another's.
+    """
+    outside = (Absent(node.path, node.type_name, "outside every graph") for node in stage.orphans)
+    offers = [*(() if roles.graph is None else roles.graph.absent), *outside]
+    found: dict[str, Absent] = {}
+    for must_be_named in (True, False):
+        for each in _missing(spec, roles):
+            for offer in offers if each.role not in found else ():
+                is_named = offer.path.endswith(f"/{each.role}")
+                fits = catalog.get(offer.type_name) is each.type
+                if fits and (is_named or not must_be_named):
+                    found[each.role] = offer
+                    offers.remove(offer)
+                    break
     return found
-
-
-def strays(spec: GraphSpec, roles: Roles, stage: StageModel) -> dict[str, Node]:
-    """Pair roles that no node plays with nodes of their type that stand outside every graph."""
-    left = [*stage.orphans] if roles.graph is not None else []
-    found = {}
-    for role, node_spec in spec.nodes.items():
-        if roles.node_of[role] is not None or role in roles.retyped:
-            continue
-        fitting = [node for node in left if node.type is node_spec.type]
-        fitting.sort(key=lambda node: node.name != role)
-        if fitting:
-            found[role] = fitting[0]
-            left.remove(fitting[0])
-    return found
-
-
-def _means(subject: GraphSubject, type_name: str, node_type: NodeType) -> bool:
-    return subject.lab.catalog.get(type_name) is node_type
 
 
 @rule("N01", "missing-node", scope="graph")
@@ -72,8 +60,8 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
     Example: ROS_Clock without Isaac Read Simulation Time.
     """
     graph = subject.roles.graph
-    absent = _absent(subject)
-    for spec in _missing(subject):
+    absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.catalog)
+    for spec in _missing(subject.spec, subject.roles):
         there = absent.get(spec.role)
         why = "" if there is None else f": {there.path} is {there.reason}"
         yield Problem(
