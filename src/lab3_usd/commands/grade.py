@@ -65,26 +65,39 @@ EXIT_CRASH = 3
 def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one entry per option
     """Grade a class: a folder for each student, archives, or single stages.
 
-    SUBMISSIONS is a folder or an archive as Canvas, Gradescope or Moodle export it. The gradebook
-    has grades.csv, grades.json, index.html and a report folder for each student. Exit status: 0
-    every submission has a grade or a status, 2 wrong usage or rubric, 3 the tool itself failed.
+    SUBMISSIONS is a folder or an archive as Canvas, Gradescope or Moodle export it, or the address
+    of a folder in object storage. The gradebook has grades.csv, grades.json, index.html and a
+    report folder for each student. Exit status: 0 every submission has a grade or a status, 2
+    wrong usage or rubric, 3 the tool itself failed.
     """
     from lab3_usd.grade.class_run import ClassSettings, grade_class  # noqa: PLC0415
     from lab3_usd.grade.limits import MEGABYTE, Limits  # noqa: PLC0415
+    from lab3_usd.grade.remote import is_address  # noqa: PLC0415
 
     settings = ClassSettings(
-        submissions=Path(submissions),
+        submissions=submissions if is_address(submissions) else Path(submissions),
         starter=options["starter"],
         out=options["out"],
         rubric=options["rubric"],
         limits=Limits(seconds=options["timeout"], memory=options["memory"] * MEGABYTE),
         jobs=options["jobs"] or _processors(),
         resume=options["resume"],
+        runner=_runner(options["cluster"]),
     )
     rows = grade_class(settings, _progress())
     click.echo(_summary(rows, options["out"]))
     if any(row["status"] == "tool failed" for row in rows):
         sys.exit(EXIT_CRASH)
+
+
+def _runner(cluster: str | None) -> Any:  # noqa: ANN401 - see class_run.Runner
+    if cluster is None:
+        from lab3_usd.grade.pool import run_tasks  # noqa: PLC0415
+
+        return run_tasks
+    from lab3_usd.grade.cluster import cluster_runner  # noqa: PLC0415 - Dask
+
+    return cluster_runner(cluster)
 
 
 def _processors() -> int:

@@ -25,7 +25,7 @@ from lab3_usd.grade.worker_process import PoolSettings
 from lab3_usd.report.tool import tool_version
 from lab3_usd.spec.loader import load_lab
 
-_Runner = Callable[[Iterable[Task], PoolSettings], Iterator[tuple[Task, Json]]]
+Runner = Callable[[Iterable[Task], PoolSettings], Iterator[tuple[Task, Json]]]
 # A class in one archive holds many submissions.
 _CLASS = Limits(files=200_000, total_size=16 << 30, file_size=1 << 30)
 
@@ -34,14 +34,14 @@ _CLASS = Limits(files=200_000, total_size=16 << 30, file_size=1 << 30)
 class ClassSettings:
     """What to grade, with what, and where to write; `runner` has the tasks judged."""
 
-    submissions: Path
+    submissions: Path | str
     starter: Path
     out: Path
     rubric: Path | None = None
     limits: Limits = field(default_factory=Limits)
     jobs: int = 1
     resume: bool = False
-    runner: _Runner = run_tasks
+    runner: Runner = run_tasks
 
 
 def grade_class(
@@ -69,7 +69,7 @@ def grade_class(
             settings.starter,
             settings.rubric,
             settings.limits,
-            (place,),
+            (place,) if isinstance(place, Path) else (),
             min(settings.jobs, len(handed)),
         )
         progress(0, len(handed))
@@ -118,13 +118,13 @@ def _record(out: Path, handed: Handed, salt: str, answer: Json, rubric: Rubric) 
 
 
 @contextmanager
-def submissions_in(place: Path) -> Iterator[Path]:
+def submissions_in(place: Path | str) -> Iterator[Path | str]:
     """Yield the folder of submissions; an archive of a whole class is unpacked first.
 
     Raises:
         UsageError: the archive is damaged or too large.
     """
-    if place.is_dir() or not is_archive(place.name):
+    if isinstance(place, str) or place.is_dir() or not is_archive(place.name):
         yield place
         return
     if not place.is_file():

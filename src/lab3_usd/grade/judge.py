@@ -85,6 +85,7 @@ def judge_task(course: Course, task: Task, scratch: Path, announce: Callable[[st
         found = check_folder(Path(), FolderSettings(starter=course.starter))
         found = _with_fence(found, task.student, staged.refused, fence.found.values())
         points = _points(course, found, late=task.late)
+        fence.closed = _not_pictured(found.results)
         reports = write_reports(Report(found.results, (found.submission,)), course.rubric, points)
     return {
         **_record(points, _status(found, task.broken or {}, staged.refused)),
@@ -103,6 +104,15 @@ def _inside(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.chdir(before)
+
+
+def _not_pictured(results: Sequence[StageResult]) -> set[str]:
+    """Name the stages without faults, but for the last: its pictures show what they show."""
+    return {
+        each.path
+        for each in results[:-1]
+        if all(finding.severity == "note" for finding in each.findings)
+    }
 
 
 def not_judged(rubric: Rubric, status: str, reason: str) -> Json:
@@ -137,7 +147,7 @@ def status_of(how: str) -> str:
     """Return the status of a submission that ended a worker, from how that ended."""
     if "out of time" in how:
         return "timeout"
-    return "too large" if "out of memory" in how else "crashed"
+    return "too large" if "out of memory" in how or "too large" in how else "crashed"
 
 
 def _crashes(found: FolderResult) -> Sequence[Crash]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import queue
+import shutil
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
+from lab3_usd.grade.intake import TooLargeError
 from lab3_usd.grade.judge import Json, Task
+from lab3_usd.grade.remote import fetched
 from lab3_usd.grade.worker_process import (
     DiedError,
     PoolSettings,
@@ -18,6 +21,7 @@ from lab3_usd.grade.worker_process import (
     start_worker,
 )
 
+TOO_LARGE = "too large"
 _MOST_BROKEN = 12  # files that end a worker, after which the rest is not tried
 _TASKS_OF_A_WORKER = 250  # what usd-core keeps for itself goes with the worker
 _Answer = tuple[Task, Json]
@@ -75,8 +79,8 @@ def _drain(answers: _Answers, threads: list[threading.Thread]) -> None:
 
 
 @dataclass(slots=True)
-class _Seat:
-    """Where one worker sits after the other."""
+class Seat:
+    """Where one worker sits after the other; each thread has its own."""
 
     settings: PoolSettings
     worker: Worker | None = None
@@ -84,12 +88,18 @@ class _Seat:
 
     def ask(self, task: Task, stopped: Callable[[], bool]) -> Json:
         """Ask the worker that sits here, or a new one; one that died leaves."""
-        self.worker = self.worker or start_worker(self.settings)
+        self.worker = worker = self.worker or start_worker(self.settings)
+        folder = worker.scratch / "fetched"
         try:
-            found = ask(self.worker, message_of(task), stopped)
+            with fetched(task, folder, self.settings.limits) as here:
+                found = ask(worker, message_of(here), stopped)
+        except TooLargeError as error:
+            found = {"failed": f"{TOO_LARGE}: {error}"}
         except DiedError:
             self.leave()
             raise
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
         self.judged += 1
         if self.judged % _TASKS_OF_A_WORKER == 0:
             self.leave()
@@ -106,19 +116,25 @@ def serve_tasks(
     next_task: Callable[[], Task | None], settings: PoolSettings, stopped: Callable[[], bool]
 ) -> Iterator[_Answer]:
     """Judge tasks in one worker after the other until there are no more."""
-    seat = _Seat(settings)
+    seat = Seat(settings)
     try:
         while (task := next_task()) is not None:
-            found: Json | None = None
-            while found is None and not stopped():
-                task, found = _try(seat, task, stopped)
-            if found is not None and not stopped():
-                yield task, found
+            found = judge_in(seat, task, stopped)
+            if not stopped():
+                yield found
     finally:
         seat.leave()
 
 
-def _try(seat: _Seat, task: Task, stopped: Callable[[], bool]) -> tuple[Task, Json | None]:
+def judge_in(seat: Seat, task: Task, stopped: Callable[[], bool]) -> _Answer:
+    """Judge a task, again without the file that ended a worker, until there is an answer."""
+    found: Json | None = None
+    while found is None and not stopped():
+        task, found = _try(seat, task, stopped)
+    return task, found or {}
+
+
+def _try(seat: Seat, task: Task, stopped: Callable[[], bool]) -> tuple[Task, Json | None]:
     try:
         return task, seat.ask(task, stopped)
     except DiedError as died:

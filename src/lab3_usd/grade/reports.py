@@ -20,7 +20,7 @@ def write_reports(report: Report, rubric: Rubric, points: Grade) -> dict[str, st
     """Return the texts of the report files by name."""
     return {
         HTML: render("html", report, all_rules(), Options()),
-        JSON: render("json", report, None, Options(verbosity="verbose")),
+        JSON: render("json", report, None, Options()),
         GRADESCOPE: gradescope(report, rubric, points),
     }
 

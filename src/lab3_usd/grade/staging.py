@@ -32,10 +32,14 @@ _MOST_BRACKETS = 60
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A file, folder or archive that a submission consists of, and its name there ('' for all)."""
+    """A file, folder or archive that a submission consists of, and its name there ('' for all).
+
+    `address` says where it is to be fetched from when it is not on this computer.
+    """
 
     path: Path
     name: str = ""
+    address: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lab3_usd.check.folder import is_submission
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.archives import OTHER_ENDINGS, is_archive
 from lab3_usd.grade.gradescope_export import METADATA, names_by_folder
+from lab3_usd.grade.remote import entries_at
 from lab3_usd.grade.staging import Source
 
 _STAGE = (".usd", ".usda", ".usdc", ".usdz", ".uda")
@@ -52,20 +53,26 @@ class _Part:
     late: bool = False
 
 
-def find_submissions(place: Path) -> tuple[Handed, ...]:
+def find_submissions(place: Path | str) -> tuple[Handed, ...]:
     """Return every student's submission in a folder, in the order of the students.
+
+    A folder in object storage is given by its address, as text.
 
     Raises:
         UsageError: there is no such folder, or nothing in it is a submission.
     """
+    if isinstance(place, str):
+        parts = _of_entries(entries_at(place), {})
+        elsewhere = [replace(each, source=_elsewhere(each.source, place)) for each in parts]
+        return tuple(_joined(elsewhere, place))
     if not place.is_dir():
         message = f"{place}: there is no such folder or archive of submissions"
         raise UsageError(message)
-    parts = _parts(place)
-    if not parts:
-        message = f"{place}: holds no submission: no folder, archive or stage"
-        raise UsageError(message)
-    return tuple(_joined(parts))
+    return tuple(_joined(_parts(place), place))
+
+
+def _elsewhere(source: Source, address: str) -> Source:
+    return replace(source, address=f"{address.rstrip('/')}/{source.path}")
 
 
 def within_wrapper(place: Path) -> Path:
@@ -81,12 +88,25 @@ def _parts(place: Path) -> list[_Part]:
     if is_submission(place):
         name = place.resolve().name or "submission"
         return [_Part(name, name, Source(place))]
-    known = names_by_folder(place / METADATA)
+    entries = sorted((path.name, path.is_dir()) for path in place.iterdir())
+    parts = _of_entries(entries, names_by_folder(place / METADATA))
+    return [replace(each, source=_within(each.source, place)) for each in parts]
+
+
+def _within(source: Source, place: Path) -> Source:
+    return replace(source, path=place / source.path)
+
+
+def _of_entries(
+    entries: Iterable[tuple[str, bool]], known: dict[str, tuple[str, str]]
+) -> list[_Part]:
+    """Tell by their names whose the entries of a folder are."""
     parts = []
-    for path in sorted(place.iterdir(), key=lambda path: path.name):
-        if path.name.startswith((".", "__MACOSX")):
+    for name, is_folder in entries:
+        path = Path(name)
+        if name.startswith((".", "__MACOSX")):
             continue
-        if path.is_dir():
+        if is_folder:
             parts.append(_of_folder(path, known))
         elif is_archive(path.name) or path.name.lower().endswith((*OTHER_ENDINGS, *_STAGE)):
             parts.append(_of_file(path))
@@ -126,8 +146,11 @@ def _of_file(path: Path) -> _Part:
     return _Part(student, student, Source(path, path.name))
 
 
-def _joined(parts: Iterable[_Part]) -> Iterator[Handed]:
+def _joined(parts: list[_Part], place: Path | str) -> Iterator[Handed]:
     """Put together what belongs to one student; two of them never share a report folder."""
+    if not parts:
+        message = f"{place}: holds no submission: no folder, archive or stage"
+        raise UsageError(message)
     students: dict[str, list[_Part]] = {}
     for part in parts:
         students.setdefault(part.student, []).append(part)

@@ -189,7 +189,7 @@ def _parsed(line: bytes, file: str) -> Json:
 
 def _how_it_ended(worker: Worker) -> str:
     status, peak = _wait(worker)
-    if peak > worker.limits.memory // 2:
+    if peak > worker.limits.memory // 2 or status == -signal.SIGKILL:
         return OUT_OF_MEMORY
     if status < 0:
         with contextlib.suppress(ValueError):

@@ -44,7 +44,8 @@ class Fence:
 
     `check` looks at the bytes of a layer before usd-core does: it raises StageError, or returns
     the text of a text layer. `broken` holds files that are not opened, and why; `announce` is
-    told of every stage before it is opened. `graphs` are paths at which a graph belongs.
+    told of every stage before it is opened. `graphs` are paths at which a graph belongs. Stages in
+    `closed`, by their names in the submission, are not opened again.
     """
 
     root: Path
@@ -54,6 +55,7 @@ class Fence:
     announce: Callable[[str], None] = lambda _name: None
     graphs: Collection[str] = ()
     nesting: int = 200
+    closed: set[str] = field(default_factory=set)
     found: dict[tuple[str, str], Barred] = field(default_factory=dict)
     layers: dict[str, Sdf.Layer] = field(default_factory=dict)
     stages: dict[str, Usd.Stage] = field(default_factory=dict)
@@ -79,6 +81,9 @@ def files_of(stage_path: Path) -> frozenset[str]:
 
 def _open_within(fence: Fence, path: Path) -> Usd.Stage:
     real = os.path.realpath(path)
+    if fence.closed and _name(fence, real) in fence.closed:
+        message = f"{path}: has been judged and is not opened again"
+        raise StageError(message)
     if real not in fence.stages:
         fence.stages[real] = _open_first(fence, path, real)
     return fence.stages[real]

@@ -1,0 +1,378 @@
+"""The rubric: what is refused before anything is graded, and what a submission earns by it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lab3_usd.check.finding import ChecklistItem, Finding, Requirement, Score, StageResult
+from lab3_usd.data import data_folder
+from lab3_usd.errors import SpecError
+from lab3_usd.grade.load_rubric import everything_asked, load_rubric
+from lab3_usd.grade.rubric import Rubric
+from lab3_usd.grade.scoring import Grade, ItemGrade, grade
+from lab3_usd.spec.loader import load_lab
+
+LAB = load_lab()
+ASKED = everything_asked(LAB)
+RUBRIC = load_rubric(None, LAB)
+BUNDLED = (data_folder("graphs") / "rubric.yaml").read_text(encoding="utf-8")
+
+
+def result(number: str, wrong: Sequence[str] = (), **changes: Any) -> StageResult:
+    """A stage that meets everything but the requirements with these ids."""
+    items = tuple(replace(each, met=each.id not in wrong) for each in ASKED[number])
+    met = sum(each.met for each in items)
+    verdict = "fail" if wrong else "pass"
+    score = Score(float(met), float(len(items)))
+    stage = StageResult(f"work/{number}.usda", number, verdict, score, requirements=items)
+    return replace(stage, **changes)
+
+
+def class_of(wrong: Mapping[str, Sequence[str]] | None = None) -> list[StageResult]:
+    return [result(number, (wrong or {}).get(number, ())) for number in LAB.checkpoints]
+
+
+def everywhere(*wrong: str, since: str = "00") -> dict[str, Sequence[str]]:
+    """The same faults in every stage from a checkpoint on."""
+    return {number: wrong for number in LAB.checkpoints if number >= since}
+
+
+def item(graded: Grade, name: str) -> ItemGrade:
+    (found,) = [each for each in graded.items if each.id == name]
+    return found
+
+
+def made(tmp_path: Path, change: Any) -> Rubric:
+    """A rubric like the bundled one, with a change made to its data."""
+    data = yaml.safe_load(BUNDLED)
+    change(data)
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+    return load_rubric(path, LAB)
+
+
+def only(**spec: Any) -> Any:
+    """Change a rubric so that it has one item."""
+
+    def change(data: dict[str, Any]) -> None:
+        data["items"] = {"one": {"title": "One", "points": 10, **spec}}
+        data["caps"] = []
+
+    return change
+
+
+WIRE = "ROS_Clock/wire/ros2_publish_clock.execIn"
+NODE = "ROS_Clock/node/ros2_publish_clock"
+
+
+def test_everything_right_earns_everything() -> None:
+    graded = grade(RUBRIC, class_of())
+    assert (graded.earned, graded.possible, graded.percent) == (100.0, 100.0, 100.0)
+    assert graded.lost == ()
+
+
+def test_the_bundled_rubric_gives_a_hundred_points() -> None:
+    assert RUBRIC.points == 100
+
+
+def test_the_bundled_rubric_asks_for_every_requirement_of_every_graph_once() -> None:
+    judged = [
+        requirement.id
+        for each in RUBRIC.items
+        if each.checkpoint <= "05" and each.groups != ("*",)
+        for requirement in RUBRIC.asked[each.id]
+    ]
+    assert len(judged) == len(set(judged))
+    assert {each.id for each in ASKED["08"] if each.group != "Scene"} <= set(judged)
+
+
+def test_nothing_handed_in_earns_nothing_of_everything() -> None:
+    graded = grade(RUBRIC, [])
+    assert (graded.earned, graded.possible, graded.percent) == (0.0, 100.0, 0.0)
+    assert {each.state for each in graded.items} == {"missing"}
+
+
+def test_one_fault_costs_its_share_of_one_item() -> None:
+    graded = grade(RUBRIC, class_of({"01": [WIRE]}))
+    clock = item(graded, "clock")
+    assert clock.state == "part"
+    assert clock.earned == round(10 * 11 / 12, 2)
+    assert graded.earned == round(90 + 10 * 11 / 12, 2)
+    assert [(each.item, each.requirement) for each in graded.lost] == [("clock", WIRE)]
+
+
+def test_a_fault_that_is_carried_along_costs_once() -> None:
+    carried = grade(RUBRIC, class_of(everywhere(WIRE)))
+    assert [each.item for each in carried.lost] == ["clock"]
+    assert carried.possible < 100
+    assert carried.possible - carried.earned == pytest.approx(10 / 12, abs=0.02)
+
+
+def test_a_fault_that_comes_later_costs_where_it_comes() -> None:
+    graded = grade(RUBRIC, class_of(everywhere(WIRE, since="06")))
+    assert [each.item for each in graded.lost] == ["qos"]
+
+
+def test_what_stands_on_a_broken_item_is_blocked() -> None:
+    frames = [each.id for each in ASKED["05"] if each.group == "TF"]
+    wire = next(each.id for each in ASKED["05"] if each.group == "ROS_OdomTF")
+    blocked = grade(RUBRIC, class_of({"05": [wire, *frames]}))
+    tree = item(blocked, "tree")
+    assert (tree.state, tree.earned, tree.possible, tree.blocked) == ("blocked", 0.0, 0.0, 10.0)
+    assert "odometry" in tree.because
+    lost = item(grade(RUBRIC, class_of({"05": frames})), "tree")
+    assert (lost.state, lost.earned, lost.possible) == ("none", 0.0, 10.0)
+
+
+def test_a_missing_file_loses_its_points_and_blocks_nothing() -> None:
+    graded = grade(RUBRIC, [each for each in class_of() if each.checkpoint != "05"])
+    assert item(graded, "odometry").state == item(graded, "tree").state == "missing"
+    assert (graded.earned, graded.possible) == (75.0, 100.0)
+
+
+def test_an_unreadable_file_loses_its_points() -> None:
+    stages = class_of()
+    stages[1] = result("01", verdict="unreadable", requirements=(), score=Score(0.0, 0.0))
+    graded = grade(RUBRIC, stages)
+    assert item(graded, "clock").state == "unreadable"
+    assert graded.earned == 90.0
+
+
+def test_of_two_files_for_a_checkpoint_the_worse_one_counts() -> None:
+    second = result("01", [WIRE], path="work/copy.usda")
+    assert grade(RUBRIC, [*class_of(), second]) == grade(RUBRIC, class_of({"01": [WIRE]}))
+
+
+def test_the_same_faults_give_the_same_grade_in_any_order() -> None:
+    faults = [WIRE, NODE, "ROS_Clock/setting/ros2_publish_clock.topicName"]
+    grades = set()
+    for order in permutations(faults):
+        stages = class_of({"01": order, "04": ["Camera_1/position"], "08": order[:1]})
+        shuffled = [
+            replace(each, requirements=tuple(reversed(each.requirements)))
+            for each in sorted(stages, key=lambda each: each.checkpoint, reverse=order[0] == WIRE)
+        ]
+        grades.add(grade(RUBRIC, shuffled))
+    assert len(grades) == 1
+
+
+IDS = sorted({each.id for found in ASKED.values() for each in found})
+FAULTS = st.dictionaries(
+    st.sampled_from(sorted(LAB.checkpoints)), st.lists(st.sampled_from(IDS), max_size=6), max_size=5
+)
+
+
+@given(faults=FAULTS, order=st.randoms(use_true_random=False))
+@settings(max_examples=40, deadline=None)
+def test_no_order_of_results_or_requirements_changes_a_grade(
+    faults: dict[str, list[str]], order: Any
+) -> None:
+    stages = class_of(faults)
+    mixed = [
+        replace(each, requirements=tuple(order.sample(each.requirements, len(each.requirements))))
+        for each in order.sample(stages, len(stages))
+    ]
+    assert grade(RUBRIC, mixed) == grade(RUBRIC, stages)
+
+
+@given(faults=FAULTS)
+@settings(max_examples=40, deadline=None)
+def test_a_grade_lies_between_nothing_and_everything(faults: dict[str, list[str]]) -> None:
+    graded = grade(RUBRIC, class_of(faults))
+    assert graded.percent is not None
+    assert 0 <= graded.percent <= 100
+    assert all(0 <= each.earned <= each.possible + 0.01 for each in graded.items)
+
+
+@given(number=st.sampled_from(sorted(LAB.checkpoints)), data=st.data())
+@settings(max_examples=40, deadline=None)
+def test_repairing_a_fault_everywhere_never_lowers_the_grade(number: str, data: Any) -> None:
+    names = [each.id for each in ASKED[number] if each.group != "TF"]
+    wrong = data.draw(st.lists(st.sampled_from(names), min_size=1, max_size=5, unique=True))
+    before = grade(RUBRIC, class_of(everywhere(*wrong, since=number))).percent
+    after = grade(RUBRIC, class_of(everywhere(*wrong[1:], since=number))).percent
+    assert before is not None
+    assert after is not None
+    assert after >= before
+
+
+def test_an_item_without_partial_credit_is_all_or_nothing(tmp_path: Path) -> None:
+    rubric = made(tmp_path, only(checkpoint="01", groups=["ROS_Clock"], partial=False))
+    assert grade(rubric, class_of()).earned == 10.0
+    assert grade(rubric, class_of({"01": [WIRE]})).earned == 0.0
+
+
+def test_weights_say_how_much_a_kind_of_requirement_counts(tmp_path: Path) -> None:
+    def change(data: dict[str, Any]) -> None:
+        only(checkpoint="01", groups=["ROS_Clock"])(data)
+        data["weights"] = {"wire": 3}
+
+    # four nodes, five settings and three wires of weight three
+    assert grade(made(tmp_path, change), class_of({"01": [WIRE]})).earned == round(10 * 15 / 18, 2)
+
+
+def test_requirements_can_be_chosen_by_pattern(tmp_path: Path) -> None:
+    rubric = made(tmp_path, only(checkpoint="01", requirements=["ROS_Clock/wire/*"]))
+    assert [each.id for each in rubric.asked["one"]] == [
+        each.id for each in ASKED["01"] if each.id.startswith("ROS_Clock/wire/")
+    ]
+
+
+def test_an_optional_item_adds_points_and_costs_none(tmp_path: Path) -> None:
+    def change(data: dict[str, Any]) -> None:
+        data["items"]["nav2"]["optional"] = True
+
+    rubric = made(tmp_path, change)
+    assert rubric.points == 95
+    assert grade(rubric, class_of()).percent == round(100 * 100 / 95, 2)
+    assert grade(rubric, class_of()[:-1]).percent == 100.0
+
+
+def test_what_an_optional_item_lost_still_counts_at_later_items(tmp_path: Path) -> None:
+    def change(data: dict[str, Any]) -> None:
+        data["items"]["clock"]["optional"] = True
+
+    graded = grade(made(tmp_path, change), class_of(everywhere(WIRE)))
+    assert [each.item for each in graded.lost] == ["qos"]
+
+
+def finding(rule: str, severity: Any = "error") -> Finding:
+    return Finding(rule, "name", severity, "/", "what is wrong")
+
+
+@pytest.mark.parametrize(("severity", "earned"), [("error", 5.0), ("warning", 10.0)])
+def test_a_cap_limits_an_item_where_its_rule_finds_an_error(severity: str, earned: float) -> None:
+    stages = class_of()
+    stages[5] = replace(stages[5], findings=(finding("T07", severity),))
+    tree = item(grade(RUBRIC, stages), "tree")
+    assert tree.earned == earned
+    assert ("8.11" in tree.because) == (severity == "error")
+
+
+def test_a_cap_without_items_limits_every_item_of_the_checkpoint(tmp_path: Path) -> None:
+    def change(data: dict[str, Any]) -> None:
+        data["caps"] = [{"rules": ["T07"], "at_most": 0, "because": "no"}]
+
+    stages = class_of()
+    stages[5] = replace(stages[5], findings=(finding("T07"),))
+    graded = grade(made(tmp_path, change), stages)
+    assert [each.id for each in graded.items if each.earned == 0] == ["odometry", "tree"]
+
+
+def test_a_late_submission_earns_at_most_its_share(tmp_path: Path) -> None:
+    rubric = made(tmp_path, lambda data: data.update(late={"at_most": 0.8}))
+    assert grade(rubric, class_of()).earned == 100.0
+    late = grade(rubric, class_of(), late=True)
+    assert (late.earned, late.because) == (80.0, ("late: at most 80%",))
+    assert grade(rubric, class_of()[:4], late=True).earned == 45.0
+
+
+@pytest.mark.parametrize(
+    ("state", "found"),
+    [
+        ("met", ("full", 10.0, 10.0)),
+        ("not met", ("none", 0.0, 10.0)),
+        ("not shown", ("open", 0.0, 0.0)),
+        ("person", ("open", 0.0, 0.0)),
+    ],
+)
+def test_a_line_of_the_checklist_can_be_an_item(
+    tmp_path: Path, state: Any, found: tuple[str, float, float]
+) -> None:
+    rubric = made(tmp_path, only(checklist="Nav2 reaches a goal"))
+    line = ChecklistItem("Lab Check-Off", "Nav2 reaches a goal", state)
+    graded = item(grade(rubric, [], [line]), "one")
+    assert (graded.state, graded.earned, graded.possible) == found
+
+
+def test_where_nothing_could_be_judged_there_is_no_percentage(tmp_path: Path) -> None:
+    assert grade(made(tmp_path, only(checklist="Nav2 reaches a goal")), []).percent is None
+
+
+def test_comments_and_order_of_keys_leave_a_rubric_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "same.yaml"
+    path.write_text(f"# another comment\n{BUNDLED}", encoding="utf-8")
+    assert load_rubric(path, LAB).digest == RUBRIC.digest
+    assert made(tmp_path, only(checkpoint="01")).digest != RUBRIC.digest
+
+
+WRONG: dict[str, tuple[Any, str]] = {
+    "unknown key": (lambda data: data.update(pionts=1), "pionts"),
+    "no title": (lambda data: data.pop("title"), "title"),
+    "no items": (lambda data: data.update(items={}), "items"),
+    "items as a list": (lambda data: data.update(items=[]), "items"),
+    "unknown key of an item": (only(checkpoint="01", worth=1), "worth"),
+    "no points": (lambda data: data["items"]["clock"].pop("points"), "points"),
+    "no points to earn": (only(checkpoint="01", points=0), "points"),
+    "negative points": (only(checkpoint="01", points=-5), "points"),
+    "points without end": (only(checkpoint="01", points=float("inf")), "points"),
+    "points that are no number": (only(checkpoint="01", points=float("nan")), "points"),
+    "points as text": (only(checkpoint="01", points="ten"), "points"),
+    "points as yes": (only(checkpoint="01", points=True), "points"),
+    "unknown checkpoint": (only(checkpoint="09"), "09"),
+    "checkpoint as a number": (only(checkpoint=1), "checkpoint"),
+    "neither checkpoint nor checklist": (only(), "checkpoint"),
+    "checkpoint and checklist": (only(checkpoint="01", checklist="x"), "checklist"),
+    "unknown line of the checklist": (only(checklist="Robot flies"), "Robot flies"),
+    "unknown group": (only(checkpoint="01", groups=["ROS_Drive"]), "ROS_Drive"),
+    "unknown requirement": (only(checkpoint="01", requirements=["ROS_Clock/x"]), "ROS_Clock/x"),
+    "nothing in common": (
+        only(checkpoint="01", groups=["ROS_Clock"], requirements=["Scene/*"]),
+        "in common",
+    ),
+    "needs what comes later": (
+        lambda data: data["items"]["clock"].update(needs=["drive"]),
+        "drive",
+    ),
+    "needs itself": (lambda data: data["items"]["clock"].update(needs=["clock"]), "clock"),
+    "unknown visibility": (only(checkpoint="01", visibility="never"), "never"),
+    "partial as text": (only(checkpoint="01", partial="yes"), "partial"),
+    "unknown kind": (lambda data: data.update(weights={"wires": 1}), "wires"),
+    "weight of nothing": (lambda data: data.update(weights={"wire": 0}), "wire"),
+    "cap of an unknown rule": (
+        lambda data: data["caps"][0].update(rules=["T99"]),
+        "T99",
+    ),
+    "cap of an unknown item": (lambda data: data["caps"][0].update(items=["tre"]), "tre"),
+    "cap above everything": (lambda data: data["caps"][0].update(at_most=50), "at_most"),
+    "cap without a reason": (lambda data: data["caps"][0].pop("because"), "because"),
+    "late above everything": (lambda data: data.update(late={"at_most": 1.1}), "at_most"),
+    "late with an unknown key": (lambda data: data.update(late={"penalty": 1}), "penalty"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_rubric_is_one_line_that_names_what_is_wrong(tmp_path: Path, case: str) -> None:
+    change, named = WRONG[case]
+    with pytest.raises(SpecError) as error:
+        made(tmp_path, change)
+    assert str(error.value).startswith("mine.yaml: ")
+    assert named in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["", "- 1\n", "title: [", "!!python/object:os.system x\n"])
+def test_a_file_that_is_no_rubric_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(SpecError, match=r"^mine\.yaml: "):
+        load_rubric(path, LAB)
+
+
+def test_a_missing_rubric_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match=r"gone\.yaml"):
+        load_rubric(tmp_path / "gone.yaml", LAB)
+
+
+def test_requirements_of_an_empty_stage_are_all_unmet() -> None:
+    assert not any(each.met for found in ASKED.values() for each in found)
+    assert isinstance(ASKED["05"][0], Requirement)
