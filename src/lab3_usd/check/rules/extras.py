@@ -11,6 +11,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.nodes import absent_nodes
 from lab3_usd.check.say import title_of
 from lab3_usd.check.subject import GraphSubject, StageSubject
+from lab3_usd.spec.spec import Lab
 
 _PUBLISHES = ("publisher", "helper")
 
@@ -38,39 +39,30 @@ def _is_script(subject: GraphSubject, node: Node) -> bool:
 
 def _repeats(subject: GraphSubject, node: Node) -> bool:
     """Whether an extra node publishes or takes a topic of the lab that another node has as well."""
-    topics = _topics(node)
-    if subject.checkpoint.frames:
-        topics -= set(subject.lab.policy.tree_topics)  # the rules of frames judge what it sends
-    others = (each for each in subject.live.values() if each is not node and _like(each, node))
-    topics &= {topic for each in others for topic in _topics(each)}
-    return any(topics & asked for asked in _asked_topics(subject, node))
-
-
-def _topics(node: Node) -> set[str]:
-    """Return the topic that a node publishes or takes first of all."""
-    if node.type is None or not node.type.role:
-        return set()
-    return {resolved_topic(str(node.value(port))) for port in node.type.topics[:1]}
-
-
-def _like(one: Node, other: Node) -> bool:
-    """Whether both nodes send, or both take."""
-    if one.type is None or other.type is None or not one.type.role:
+    own = _endpoint(node)
+    if own is None or own not in _endpoints_asked(subject.lab):
         return False
-    return (one.type.role in _PUBLISHES) == (other.type.role in _PUBLISHES)
+    if subject.checkpoint.frames and own[1] in subject.lab.policy.tree_topics:
+        return False  # the rules of frames judge what it sends
+    return any(_endpoint(each) == own for each in subject.live.values() if each is not node)
 
 
-def _asked_topics(subject: GraphSubject, like: Node) -> Iterator[set[str]]:
-    for spec in subject.lab.graphs.values():
-        for node in spec.nodes.values():
-            if like.type is None or not node.type.role:
-                continue
-            if (node.type.role in _PUBLISHES) == (like.type.role in _PUBLISHES):
-                yield {
-                    resolved_topic(str(setting.value))
-                    for setting in node.settings
-                    if setting.port in node.type.topics
-                }
+def _endpoint(node: Node) -> tuple[bool, str] | None:
+    """Return whether a node sends, and the topic that it sends or takes first of all."""
+    if node.type is None or not node.type.topics:
+        return None
+    topic = resolved_topic(str(node.value(node.type.topics[0])))
+    return node.type.role in _PUBLISHES, topic
+
+
+def _endpoints_asked(lab: Lab) -> set[tuple[bool, str]]:
+    return {
+        (node.type.role in _PUBLISHES, resolved_topic(str(setting.value)))
+        for spec in lab.graphs.values()
+        for node in spec.nodes.values()
+        for setting in node.settings
+        if setting.port in node.type.topics
+    }
 
 
 @rule("N07", "repeated-publisher", scope="graph")
