@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
+from itertools import groupby
 
 from lab3_usd.check.finding import ChecklistItem
 from lab3_usd.report.escape import visible
@@ -21,22 +22,24 @@ STATES = {
 def checklist_lines(
     items: tuple[ChecklistItem, ...], options: Options, width: int
 ) -> Iterator[str]:
-    """Yield a line that counts the items and one for each; those met only when verbose."""
+    """Yield a line that counts the items, and each by its section; those met only when verbose."""
     if not items:
         return
     counts = [(sum(item.state == state for item in items), state) for state in STATES]
     yield ""
     yield "checklist: " + ", ".join(f"{count} {STATES[state]}" for count, state in counts if count)
-    for item in items:
-        if item.state != "met" or options.verbosity == "verbose":
+    shown = [item for item in items if item.state != "met" or options.verbosity == "verbose"]
+    for section, members in groupby(shown, key=lambda item: item.section):
+        yield f"  {visible(section)}"
+        for item in members:
             yield from _item_lines(item, width, color=options.color)
 
 
 def _item_lines(item: ChecklistItem, width: int, *, color: bool) -> Iterator[str]:
     because = f": {item.because}" if item.because else ""
-    indent = " " * 13
+    indent = " " * 15
     first, *more = textwrap.wrap(
-        visible(f"{item.section} {item.text}{because}"),
+        visible(f"{item.text}{because}"),
         width,
         initial_indent=indent,
         subsequent_indent=indent,
@@ -44,5 +47,5 @@ def _item_lines(item: ChecklistItem, width: int, *, color: bool) -> Iterator[str
         break_on_hyphens=False,
     ) or [indent]
     state = paint(f"{item.state:<9}", item.state, color=color)
-    yield f"  {state}  {first[len(indent) :]}"
+    yield f"    {state}  {first[len(indent) :]}"
     yield from more
