@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import lzma
 import stat
 import tarfile
@@ -107,7 +108,7 @@ def _is_bomb(size: int, packed: int, ratio: int) -> bool:
 
 def _from_tar(archive: Path, prefix: str, intake: Intake) -> None:
     """Read the archive twice: the names first, so that its single folder is known."""
-    names = [] if intake.archives else [name for name, _, _ in _tar_entries(archive, intake)]
+    names = [] if intake.archives else _tar_names(archive, intake)
     for name, member, packed in _tar_entries(archive, intake):
         inside = prefix + _without_top(name, names)
         if not member.isreg() or member.issparse():
@@ -116,6 +117,15 @@ def _from_tar(archive: Path, prefix: str, intake: Intake) -> None:
         stream = packed.extractfile(member) if _admit(inside, intake) else None
         if stream is not None:
             intake.take(inside, member.size, cast("BinaryIO", stream))
+
+
+def _tar_names(archive: Path, intake: Intake) -> list[str]:
+    """Return the names up to the end of the archive, or to where it is damaged."""
+    names = []
+    with contextlib.suppress(*_DAMAGED):
+        for name, _, _ in _tar_entries(archive, intake):
+            names.append(name)  # noqa: PERF401 - what came before the damage is kept
+    return names
 
 
 def _tar_entries(
