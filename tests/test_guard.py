@@ -55,9 +55,8 @@ def test_a_crate_within_the_limits_has_no_text(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("opening", ['def "a" {\n', "dictionary d = {\n", "(", "[1, "])
 def test_deep_text_is_refused_whatever_it_is_that_nests(tmp_path: Path, opening: str) -> None:
-    assert "nested more than 20" in refusal(
-        write(tmp_path / "a.usda", "#usda 1.0\n" + opening * 21)
-    )
+    path = write(tmp_path / "a.usda", "#usda 1.0\n" + opening * 21)
+    assert "nested more than 20" in refusal(path)
 
 
 def test_text_as_deep_as_allowed_passes(tmp_path: Path) -> None:
@@ -321,7 +320,7 @@ def test_a_file_beyond_the_size_is_refused(tmp_path: Path) -> None:
 
 def test_all_files_together_have_a_limit(tmp_path: Path) -> None:
     part = random.Random(1).randbytes(1 << 20)  # noqa: S311 - any bytes
-    with pytest.raises(TooLargeError, match="more than 3 MB"):
+    with pytest.raises(TooLargeError, match="3 MB"):
         unpacked(zipped(tmp_path / "a.zip", {str(index): part for index in range(4)}))
 
 
@@ -369,7 +368,7 @@ def test_an_archive_in_an_archive_is_refused(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("data", [b"", b"PK\x03\x04", b"Rar!", bytes(600)])
+@pytest.mark.parametrize("data", [b"", b"PK\x03\x04", b"Rar!", b"\1" * 600])
 @pytest.mark.parametrize("name", ["a.zip", "a.tar.gz"])
 def test_what_is_no_archive_is_said_to_be_damaged(tmp_path: Path, name: str, data: bytes) -> None:
     with pytest.raises(ArchiveError, match="pack it again"):

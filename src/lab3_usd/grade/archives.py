@@ -124,7 +124,7 @@ def _tar_names(archive: Path, intake: Intake) -> list[str]:
     names = []
     with contextlib.suppress(*_DAMAGED):
         for name, _, _ in _tar_entries(archive, intake):
-            names.append(name)  # noqa: PERF401 - what came before the damage is kept
+            names.append(name)
     return names
 
 
