@@ -365,6 +365,22 @@ def test_two_nodes_that_trigger_each_other() -> None:
     assert [each.rule for each in findings] == ["W02", "W02"]
 
 
+@pytest.mark.parametrize(
+    ("sensor", "home", "rule"),
+    [
+        ("/turtlebot3_burger/base_scan/Lidar2D", "/turtlebot3_burger/base_link/Lidar2D", "L02"),
+        (
+            "/turtlebot3_burger/base_footprint/Camera_1",
+            "/turtlebot3_burger/base_link/Camera_1",
+            "C02",
+        ),
+    ],
+)
+def test_a_misplaced_sensor_takes_its_graph_along(sensor: str, home: str, rule: str) -> None:
+    findings = told({"move": [sensor, home]})
+    assert [(each.rule, each.prim) for each in findings] == [(rule, home)]
+
+
 def test_every_finding_says_what_to_do() -> None:
     findings = told(
         {"remove": "ROS_Clock"},
