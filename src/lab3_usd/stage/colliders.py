@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import product
-from typing import Any
 
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Usd
 
 from lab3_usd.check.model import Collider, Prim
 from lab3_usd.stage.places import Places
@@ -16,6 +15,8 @@ _Box = tuple[_Corner, _Corner]
 
 
 RIGID_BODY = "PhysicsRigidBodyAPI"
+# The shapes of UsdGeom by type name; whether round ones end in half balls.
+_ROUND = {"Cylinder": False, "Capsule": True, "Cone": False}
 
 
 def find_colliders(
@@ -25,10 +26,11 @@ def find_colliders(
 
     `read` holds the prims of the stage that were read, by path. Planes have no box. The bodies
     are the nearest ancestors that are rigid bodies, '' for none. Cylinders, spheres and capsules
-    are taken as round, so that a wheel turned about its axle stands as high as one that is not.
+    are taken as round, so that a wheel turned about its axle stands as high as one that is not;
+    cones as the cylinders around them.
     """
     for prim in prims:
-        metres = UsdGeom.GetStageMetersPerUnit(prim.GetStage())
+        metres = float(prim.GetStage().GetMetadata("metersPerUnit"))
         boxes = [box for shape in _shapes(prim) for box in [_world_box(shape, places)] if box]
         if boxes:
             low, high = _union(boxes)
@@ -39,9 +41,8 @@ def find_colliders(
 
 def _shapes(prim: Usd.Prim) -> Iterator[Usd.Prim]:
     if not prim.GetAllChildrenNames() and not prim.IsInstance():
-        return iter((prim,) if prim.IsA(UsdGeom.Gprim) else ())
-    predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-    return (each for each in Usd.PrimRange(prim, predicate) if each.IsA(UsdGeom.Gprim))
+        return iter((prim,))
+    return iter(Usd.PrimRange(prim, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
 
 
 def _body_above(path: str, read: Mapping[str, Prim]) -> str:
@@ -54,14 +55,21 @@ def _body_above(path: str, read: Mapping[str, Prim]) -> str:
 
 
 def _world_box(prim: Usd.Prim, places: Places) -> _Box | None:
+    kind = str(prim.GetTypeName())
+    if kind in _ROUND:
+        return _round_box(prim, places.world(prim), has_balls=_ROUND[kind])
+    if kind == "Sphere":
+        return _ball(Gf.Vec3d(0), _number(prim, "radius"), places.world(prim))
+    points = _points(prim, kind)
+    if not points:
+        return None
     matrix = places.world(prim)
-    if prim.IsA(UsdGeom.Cylinder) or prim.IsA(UsdGeom.Capsule):
-        return _round_box(prim, matrix)
-    if prim.IsA(UsdGeom.Sphere):
-        radius = float(UsdGeom.Sphere(prim).GetRadiusAttr().Get())
-        return _ball(Gf.Vec3d(0), radius, matrix)
-    points = _points(prim)
-    return _bounds([_moved(matrix, point) for point in points]) if points else None
+    return _bounds([_moved(matrix, point) for point in points])
+
+
+def _number(prim: Usd.Prim, name: str) -> float:
+    """Return a size of a shape, the schema's own where the file names none."""
+    return float(prim.GetAttribute(name).Get())
 
 
 def _moved(matrix: Gf.Matrix4d, point: Gf.Vec3d) -> _Corner:
@@ -70,14 +78,13 @@ def _moved(matrix: Gf.Matrix4d, point: Gf.Vec3d) -> _Corner:
     return moved[0], moved[1], moved[2]
 
 
-def _points(prim: Usd.Prim) -> list[Gf.Vec3d]:
+def _points(prim: Usd.Prim, kind: str) -> list[Gf.Vec3d]:
     """Return the points whose hull is the shape: the corners of a cube, the vertices of a mesh."""
-    if prim.IsA(UsdGeom.Cube):
-        half = float(UsdGeom.Cube(prim).GetSizeAttr().Get()) / 2
+    if kind == "Cube":
+        half = _number(prim, "size") / 2
         return [Gf.Vec3d(*corner) for corner in product((-half, half), repeat=3)]
-    if prim.IsA(UsdGeom.PointBased):
-        return [Gf.Vec3d(point) for point in UsdGeom.PointBased(prim).GetPointsAttr().Get() or ()]
-    return []
+    points = prim.GetAttribute("points")
+    return [Gf.Vec3d(point) for point in points.Get() or ()] if points else []
 
 
 def _ball(centre: Gf.Vec3d, radius: float, matrix: Gf.Matrix4d) -> _Box:
@@ -94,11 +101,10 @@ def _length(matrix: Gf.Matrix4d, column: int) -> float:
     return float(sum(matrix[row][column] ** 2 for row in range(3)) ** 0.5)
 
 
-def _round_box(prim: Usd.Prim, matrix: Gf.Matrix4d) -> _Box:
-    shape: Any = UsdGeom.Cylinder(prim) if prim.IsA(UsdGeom.Cylinder) else UsdGeom.Capsule(prim)
-    radius, half = float(shape.GetRadiusAttr().Get()), float(shape.GetHeightAttr().Get()) / 2
-    along = "XYZ".index(shape.GetAxisAttr().Get())
-    round_ends = radius if prim.IsA(UsdGeom.Capsule) else 0.0
+def _round_box(prim: Usd.Prim, matrix: Gf.Matrix4d, *, has_balls: bool) -> _Box:
+    radius, half = _number(prim, "radius"), _number(prim, "height") / 2
+    along = "XYZ".index(prim.GetAttribute("axis").Get())
+    round_ends = radius if has_balls else 0.0
     low, high = [0.0] * 3, [0.0] * 3
     middle = matrix.Transform(Gf.Vec3d(0))
     for axis in range(3):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Usd
 
 from lab3_usd.check.model import Matrix
+from lab3_usd.stage.transforms import ORDER, local_transform
 
-_ORDER = "xformOpOrder"
 _IDENTITY = Gf.Matrix4d(1.0)
 
 
@@ -24,12 +24,11 @@ class Places:
     def of(self, prim: Usd.Prim, path: str) -> tuple[Matrix | None, Matrix]:
         """Return the local transform (None where the prim has none) and the world transform."""
         parent = self._above(prim, path.rpartition("/")[0] or "/")
-        if not prim.HasAttribute(_ORDER):
+        if not prim.HasAttribute(ORDER):
             self._worlds[path] = parent
             return None, parent[1]
-        xformable = UsdGeom.Xformable(prim)
-        local = xformable.GetLocalTransformation()
-        world = local if xformable.GetResetXformStack() else local * parent[0]
+        local, is_reset = local_transform(prim)
+        world = local if is_reset else local * parent[0]
         numbers = _numbers(world)
         self._worlds[path] = (world, numbers)
         return _numbers(local), numbers

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pxr import Usd, UsdGeom
+from pxr import Usd
 
 from lab3_usd.check.model import Absent, GraphModel, Node, Prim, StageModel
 from lab3_usd.spec.catalog import Value
@@ -50,8 +50,8 @@ def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
             _read_prim(prim, lab, places, found)
     return StageModel(
         path=path,
-        up_axis=str(UsdGeom.GetStageUpAxis(stage)),
-        meters_per_unit=float(UsdGeom.GetStageMetersPerUnit(stage)),
+        up_axis=str(stage.GetMetadata("upAxis")),
+        meters_per_unit=float(stage.GetMetadata("metersPerUnit")),
         kilograms_per_unit=_kilograms(stage),
         graphs=tuple(_graph(prim_path, prim, found) for prim_path, prim in found.graphs.items()),
         prims=found.prims,
