@@ -31,7 +31,7 @@ def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[W
     """Return every faulty wire of a graph; `live` holds the live nodes of the stage by path."""
     work = _Work(spec, roles, live)
     asked = [wire for wire in spec.wires if _both_ends(work, wire)]
-    faults = list(_swaps(work, asked))
+    faults = [*_forbidden(work, asked), *_swaps(work, asked)]
     open_wires = [wire for wire in asked if wire not in work.silent and not _fed(work, wire)]
     # Bypassed wires are found first: what a bypass explains is no missing wire.
     wrong = [fault for wire in open_wires for fault in _wrong(work, wire)]
@@ -78,6 +78,22 @@ def _live_sources(work: _Work, node: Node, port: str) -> list[str]:
     return [source for source in node.sources(port) if is_live(work.live, source)]
 
 
+def _forbidden(work: _Work, asked: list[Wire]) -> Iterator[WireFault]:
+    """Find the wires that the handout forbids, whatever else feeds the input."""
+    for wire in work.spec.forbidden_wires:
+        source, target = (work.roles.node_of[end.role] for end in (wire.source, wire.target))
+        if source is None or target is None:
+            continue
+        port, actual = wire.target.port, source_path(source, wire)
+        if actual not in target.sources(port):
+            continue
+        work.explained.add((target.path, port, actual))
+        instead = [each for each in asked if each.target == wire.target]
+        work.silent.update(instead)
+        expected = _accepted(work, instead[0])[0] if instead else None
+        yield WireFault("forbidden", target, port, expected, actual, [*instead, wire][0])
+
+
 def _swaps(work: _Work, asked: list[Wire]) -> Iterator[WireFault]:
     """Find pairs of inputs that are fed by each other's source."""
     open_wires = [wire for wire in asked if not _fed(work, wire)]
@@ -110,16 +126,11 @@ def _wrong(work: _Work, wire: Wire) -> Iterator[WireFault]:
     live = _live_sources(work, target, port)
     if not live:
         return
-    kind, actual = _classify(work, wire, source, target, live)
+    kind, actual = _classify(work, wire, source, live)
     yield WireFault(kind, target, port, _accepted(work, wire)[0], actual, wire)
 
 
-def _classify(
-    work: _Work, wire: Wire, source: Node, target: Node, live: list[str]
-) -> tuple[Kind, str]:
-    for actual in live:
-        if _is_forbidden(work, target, wire.target.port, actual):
-            return "forbidden", actual
+def _classify(work: _Work, wire: Wire, source: Node, live: list[str]) -> tuple[Kind, str]:
     actual = live[0]
     path = actual.rpartition(".")[0]
     if path != source.path and work.roles.graph is not None:
@@ -132,15 +143,6 @@ def _classify(
             work.silent.add(earlier)
             return "bypass", actual
     return "wrong", actual
-
-
-def _is_forbidden(work: _Work, target: Node, port: str, actual: str) -> bool:
-    for wire in work.spec.forbidden_wires:
-        source = work.roles.node_of[wire.source.role]
-        ends_here = work.roles.node_of[wire.target.role] is target and wire.target.port == port
-        if ends_here and source is not None and actual == source_path(source, wire):
-            return True
-    return False
 
 
 def _strayed(work: _Work, wire: Wire) -> Iterator[WireFault]:
@@ -212,8 +214,6 @@ def _seconds(work: _Work, wire: Wire) -> Iterator[WireFault]:
 def _second_kind(work: _Work, target: Node, port: str, actual: str) -> Kind:
     if not is_live(work.live, actual):
         return "leftover"
-    if _is_forbidden(work, target, port, actual):
-        return "forbidden"
     return "cycle" if closes_cycle(work.roles, target, port, actual) else "second"
 
 
@@ -237,8 +237,6 @@ def _unasked(work: _Work) -> Iterator[WireFault]:
 def _unasked_kind(work: _Work, node: Node, port: str, source: str) -> Kind:
     if not is_live(work.live, source):
         return "leftover"
-    if _is_forbidden(work, node, port, source):
-        return "forbidden"
     if closes_cycle(work.roles, node, port, source):
         return "cycle"
     return "unasked" if types_fit(work.live, node, port, source) else "incompatible"
