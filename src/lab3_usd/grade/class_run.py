@@ -111,9 +111,10 @@ def _record(out: Path, handed: Handed, salt: str, answer: Json, rubric: Rubric) 
     if answer.get("status") == "known":
         return
     if "failed" in answer:
-        answer = not_judged(rubric, status_of(answer["failed"]), answer["failed"])
+        how = answer["failed"]
+        answer = not_judged(rubric, handed.student, status_of(how), how)
     elif "bug" in answer:
-        answer = not_judged(rubric, "tool failed", answer["bug"])
+        answer = not_judged(rubric, handed.student, "tool failed", answer["bug"])
     write_student(out, handed, salt, answer)
 
 

@@ -14,7 +14,6 @@ from pathlib import Path
 from lab3_usd.grade.limits import Limits
 
 _OPEN_FILES = 256
-_PROCESSES = 256
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NO_NEW_PRIVS = 38
 _CLONE_NEWUSER = 0x10000000
@@ -35,13 +34,16 @@ _TCP = 3  # bind and connect
 
 
 def limit_resources(limits: Limits) -> None:
-    """Limit memory, files and processes of this process; nothing where there are no limits."""
+    """Limit the memory and files of this process from now on; nothing where there are no limits.
+
+    What it has already, the modules that judge, does not count.
+    """
     try:
         import resource  # noqa: PLC0415 - not on Windows
     except ImportError:
         return
     wanted = {
-        resource.RLIMIT_AS: limits.memory,
+        resource.RLIMIT_AS: _address_space() + limits.memory,
         resource.RLIMIT_FSIZE: 2 * limits.total_size,
         resource.RLIMIT_CORE: 0,
         resource.RLIMIT_NOFILE: _OPEN_FILES,
@@ -51,6 +53,15 @@ def limit_resources(limits: Limits) -> None:
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
         with contextlib.suppress(ValueError, OSError):
             resource.setrlimit(name, (allowed, allowed))
+
+
+def _address_space() -> int:
+    """Return how many bytes of address space this process has; 0 where that is not known."""
+    try:
+        pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[0]
+    except OSError:
+        return 0
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
 
 
 def give_up_privileges() -> dict[str, bool]:

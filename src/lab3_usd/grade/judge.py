@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lab3_usd.check.checker import finding_of, ordered
-from lab3_usd.check.finding import Crash, Finding, Report, StageResult, Verdict
+from lab3_usd.check.finding import Crash, Finding, Report, StageResult, Submission, Verdict
 from lab3_usd.check.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.grade.archives import ArchiveError
@@ -23,7 +23,8 @@ from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.scoring import Grade, grade
 from lab3_usd.grade.staging import Source, stage_submission
 from lab3_usd.spec.spec import Lab
-from lab3_usd.stage.fence import Barred, Fence, fenced
+from lab3_usd.stage.fence import fenced
+from lab3_usd.stage.fence_layers import Barred, Fence
 
 Json = dict[str, Any]
 
@@ -67,9 +68,9 @@ def judge_task(course: Course, task: Task, scratch: Path, announce: Callable[[st
     try:
         staged = stage_submission(task.sources, scratch, course.limits)
     except TooLargeError as error:
-        return not_judged(course.rubric, "too large", str(error))
+        return not_judged(course.rubric, task.student, "too large", str(error))
     except ArchiveError as error:
-        return not_judged(course.rubric, "unreadable", str(error))
+        return not_judged(course.rubric, task.student, "unreadable", str(error))
     if task.known and task.known == staged.digest:
         return {"status": "known", "digest": staged.digest}
     fence = Fence(
@@ -115,10 +116,18 @@ def _not_pictured(results: Sequence[StageResult]) -> set[str]:
     }
 
 
-def not_judged(rubric: Rubric, status: str, reason: str) -> Json:
-    """Return the record of a submission of which nothing could be judged."""
+def not_judged(rubric: Rubric, student: str, status: str, reason: str) -> Json:
+    """Return the record of a submission of which nothing could be judged, with a report of why."""
     points = grade(rubric, ())
-    return {**_record(points, (status, reason)), "digest": "", "verdicts": {}, "reports": {}}
+    finding = _finding(all_rules()["Z01"], student, reason)
+    report = Report((), (Submission(student, (finding,)),))
+    return {
+        **_record(points, (status, reason)),
+        "digest": "",
+        "verdicts": {},
+        "crashes": [],
+        "reports": write_reports(report, rubric, points),
+    }
 
 
 def _record(points: Grade, status: tuple[str, str]) -> Json:

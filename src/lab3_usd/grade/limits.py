@@ -11,9 +11,9 @@ MEGABYTE = 1024 * 1024
 class Limits:
     """Limits of one submission.
 
-    `seconds` of silence end the judging of a file, `memory` is in bytes of address space. Of
-    files beyond `file_size` bytes only the name counts; `ratio` is how many times larger a
-    packed file may become, `nesting` how deep prims and values may lie in one another.
+    `seconds` of silence end the judging of a file, `memory` is in bytes beyond what a worker needs
+    to begin with. Files beyond `file_size` bytes are not opened; `ratio` is how many times larger
+    a packed file may become, `nesting` how deep prims and values may lie in one another.
     """
 
     seconds: float = 20.0

@@ -53,9 +53,9 @@ def _serve(settings: Json, tasks: BinaryIO, answers: BinaryIO) -> None:
 
     scratch = Path(settings["scratch"]).resolve()
     limits = Limits(**settings["limits"])
-    limit_resources(limits)
     given_up = give_up_privileges()
     course = make_course(settings, limits)
+    limit_resources(limits)
     readable = [*settings["readable"], *course.allowed, *_python(), *_NEEDED]
     given_up["files"] = fence_files([Path(each) for each in readable], [scratch, Path(os.devnull)])
     say({"ready": given_up})

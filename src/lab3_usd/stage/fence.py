@@ -3,62 +3,23 @@
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 
-from pxr import Sdf, Tf, Usd, UsdUtils
+from pxr import Usd, UsdUtils
 
 from lab3_usd.errors import StageError
-from lab3_usd.stage.barred import barred
+from lab3_usd.stage.fence_layers import (
+    Barred,
+    Fence,
+    close_openings,
+    honest_about_memory,
+    name_of,
+    open_layer,
+)
 from lab3_usd.stage.missing import find_unresolved
-from lab3_usd.stage.opening import ENDINGS, opener, quiet
-
-_ADDRESS = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # one letter is a drive of Windows
-_ABSOLUTE = re.compile(r"^([/\\]|[A-Za-z]:)")
-_FORMAT_ARGUMENTS = ":SDF_FORMAT_ARGS:"
-_CLIPS = "clips"
-_ATTEMPTS = 8
-_MOST_ASSETS = 500
-_Check = Callable[[Path], "bytes | None"]
-
-
-@dataclass(frozen=True, slots=True)
-class Barred:
-    """An asset that was not opened: the stage that asks for it, and why not.
-
-    `grave` ones are an error wherever they are; the others only where a graph hangs on them.
-    """
-
-    stage: str
-    asset: str
-    reason: str
-    grave: bool
-
-
-@dataclass(slots=True)
-class Fence:
-    """What may be opened while one submission is judged, and what came of it.
-
-    `check` looks at the bytes of a layer before usd-core does: it raises StageError, or returns
-    the text of a text layer. `broken` holds files that are not opened, and why; `announce` is
-    told of every stage before it is opened. `graphs` are paths at which a graph belongs. Stages in
-    `closed`, by their names in the submission, are not opened again.
-    """
-
-    root: Path
-    check: _Check
-    allowed: frozenset[str] = frozenset()
-    broken: Mapping[str, str] = field(default_factory=dict)
-    announce: Callable[[str], None] = lambda _name: None
-    graphs: Collection[str] = ()
-    nesting: int = 200
-    closed: set[str] = field(default_factory=set)
-    found: dict[tuple[str, str], Barred] = field(default_factory=dict)
-    layers: dict[str, Sdf.Layer] = field(default_factory=dict)
-    stages: dict[str, Usd.Stage] = field(default_factory=dict)
+from lab3_usd.stage.opening import opener, quiet
 
 
 @contextmanager
@@ -81,7 +42,7 @@ def files_of(stage_path: Path) -> frozenset[str]:
 
 def _open_within(fence: Fence, path: Path) -> Usd.Stage:
     real = os.path.realpath(path)
-    if fence.closed and _name(fence, real) in fence.closed:
+    if fence.closed and name_of(fence, real) in fence.closed:
         message = f"{path}: has been judged and is not opened again"
         raise StageError(message)
     if real not in fence.stages:
@@ -92,7 +53,7 @@ def _open_within(fence: Fence, path: Path) -> Usd.Stage:
 def _open_first(fence: Fence, path: Path, real: str) -> Usd.Stage:
     if real in fence.allowed:
         return Usd.Stage.Open(real, Usd.Stage.LoadAll)
-    name = _name(fence, real)
+    name = name_of(fence, real)
     if name is None:
         message = f"{path}: lies outside the submission and is not opened"
         raise StageError(message)
@@ -100,131 +61,13 @@ def _open_first(fence: Fence, path: Path, real: str) -> Usd.Stage:
     if name in fence.broken:
         message = f"{path}: {fence.broken[name]}"
         raise StageError(message)
-    root = _open_layer(fence, real, real)
-    _close_openings(fence, root, name)
-    stage = Usd.Stage.Open(root, Usd.Stage.LoadAll)
+    root = open_layer(fence, real, real)
+    close_openings(fence, root, name)
+    with honest_about_memory():
+        stage = Usd.Stage.Open(root, Usd.Stage.LoadAll)
     _check_used(fence, stage, path)
     _check_graphs(fence, stage, name)
     return stage
-
-
-def _name(fence: Fence, real: str) -> str | None:
-    """Return a path relative to the submission, None for what lies outside of it."""
-    inside = os.path.relpath(real, fence.root)
-    return None if inside == ".." or inside.startswith(f"..{os.sep}") else inside
-
-
-def _open_layer(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
-    """Look at the bytes of a layer, let usd-core read it, and drop the clips that are in it."""
-    text = b"" if file in fence.allowed else fence.check(Path(file))
-    layer = Sdf.Layer.FindOrOpen(identifier)
-    if layer is None:
-        message = f"{file}: usd-core opens no stage from it; save it again from Isaac Sim"
-        raise StageError(message)
-    fence.layers[layer.identifier] = layer
-    if text is None or _CLIPS.encode() in text:
-        _drop_clips(layer, fence.nesting)
-    return layer
-
-
-def _drop_clips(layer: Sdf.Layer, nesting: int) -> None:
-    """Value clips name layers that are opened while values are read; the lab has none."""
-    with_clips: list[Sdf.Path] = []
-
-    def visit(path: Sdf.Path) -> None:
-        if not path.IsPrimPath() and not path.IsPrimVariantSelectionPath():
-            return
-        if path.pathElementCount > nesting:
-            message = f"prims lie more than {nesting} levels deep in one another"
-            raise StageError(message)
-        if layer.GetObjectAtPath(path).HasInfo(_CLIPS):
-            with_clips.append(path)
-
-    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
-    for path in with_clips:
-        layer.GetObjectAtPath(path).ClearInfo(_CLIPS)
-
-
-def _close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
-    """Redirect everything that leads out, in this layer and in all it leads to, to nowhere."""
-    waiting, seen = [root], {root.identifier}
-    while waiting:
-        layer = waiting.pop()
-        is_trusted = os.path.realpath(layer.realPath) in fence.allowed
-        assets = [each for each in layer.GetCompositionAssetDependencies() if each]
-        if len(assets) > _MOST_ASSETS:
-            message = f"{root.realPath}: refers to {len(assets)} files; not opened"
-            raise StageError(message)
-        for asset in assets:
-            found = (
-                _trusted(fence, layer, asset) if is_trusted else _inspect(fence, layer, asset, name)
-            )
-            if isinstance(found, Barred):
-                fence.found.setdefault((name, asset), found)
-                _redirect(layer, asset)
-            elif found is not None and found.identifier not in seen:
-                seen.add(found.identifier)
-                waiting.append(found)
-
-
-def _inspect(fence: Fence, layer: Sdf.Layer, asset: str, name: str) -> Sdf.Layer | Barred | None:
-    """Return the layer that an asset is, why it is not opened, or None where there is no file."""
-    reason = _unlike_a_file(asset)
-    if reason:
-        return Barred(name, asset, reason, grave=True)
-    if _ADDRESS.match(asset):
-        return Barred(name, asset, "it is not on this computer", grave=False)
-    identifier = layer.ComputeAbsolutePath(asset)
-    file = os.path.realpath(identifier.partition("[")[0])
-    if file not in fence.allowed:
-        if _ABSOLUTE.match(asset):
-            return Barred(name, asset, "it is an absolute path", grave=False)
-        if _name(fence, file) is None:
-            return Barred(name, asset, "it leads out of the submission", grave=True)
-    return _layer_at(fence, identifier, file, Barred(name, asset, "", grave=True))
-
-
-def _trusted(fence: Fence, layer: Sdf.Layer, asset: str) -> Sdf.Layer | None:
-    """Return what a layer of the starter leads to; what is missing there stays missing."""
-    identifier = layer.ComputeAbsolutePath(asset)
-    file = os.path.realpath(identifier.partition("[")[0])
-    return _open_layer(fence, identifier, file) if file in fence.allowed else None
-
-
-def _unlike_a_file(asset: str) -> str:
-    if asset.startswith("`"):
-        return "it is an expression, not a path"
-    if _FORMAT_ARGUMENTS in asset:
-        return "it carries arguments for a file format"
-    return ""
-
-
-def _layer_at(
-    fence: Fence, identifier: str, file: str, unopened: Barred
-) -> Sdf.Layer | Barred | None:
-    if not Path(identifier).is_absolute() or not os.path.lexists(file):
-        return Barred(unopened.stage, unopened.asset, "it is not there", grave=False)
-    if identifier in fence.layers:
-        return fence.layers[identifier]
-    if not file.lower().endswith(ENDINGS):
-        return Barred(unopened.stage, unopened.asset, "it is no USD file", grave=True)
-    try:
-        return _open_layer(fence, identifier, file)
-    except StageError as error:
-        reason = str(error).rpartition(": ")[2]
-        return Barred(unopened.stage, unopened.asset, reason, grave=True)
-    except (Tf.ErrorException, RuntimeError, UnicodeError):
-        return Barred(unopened.stage, unopened.asset, "it is damaged", grave=True)
-
-
-def _redirect(layer: Sdf.Layer, asset: str) -> None:
-    """Rewrite an asset in memory; usd-core changes one kind of arc at a time, so ask again."""
-    for _ in range(_ATTEMPTS):
-        layer.UpdateCompositionAssetDependency(asset, barred(asset))
-        if asset not in layer.GetCompositionAssetDependencies():
-            return
-    message = f"the reference to {asset} cannot be taken out"
-    raise StageError(message)
 
 
 def _check_used(fence: Fence, stage: Usd.Stage, path: Path) -> None:
@@ -236,7 +79,7 @@ def _check_used(fence: Fence, stage: Usd.Stage, path: Path) -> None:
 
 
 def _check_graphs(fence: Fence, stage: Usd.Stage, name: str) -> None:
-    """Make barred assets grave where a graph hangs on them, and graphs of other files as well."""
+    """Make barred assets grave where a graph hangs on them."""
     if not any(stage_name == name for stage_name, _ in fence.found):
         return
     for missing in find_unresolved(stage):

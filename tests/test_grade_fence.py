@@ -1,0 +1,304 @@
+"""The fence around a submission: which files of it usd-core is let near, and which never."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+from pxr import Sdf, Usd
+
+from lab3_usd.check.checker import check_stage
+from lab3_usd.errors import StageError
+from lab3_usd.grade.guard import check_layer
+from lab3_usd.grade.limits import Limits
+from lab3_usd.stage.barred import asked_for, barred
+from lab3_usd.stage.fence import fenced, files_of
+from lab3_usd.stage.fence_layers import Fence
+from lab3_usd.stage.missing import find_unresolved
+from lab3_usd.stage.opening import open_stage
+
+INNER = """#usda 1.0
+(
+    defaultPrim = "World"
+)
+def Xform "World"
+{
+    def "inner"
+    {
+    }
+}
+"""
+GRAPH = "/World/ROS_Clock"
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    folder = tmp_path / "submission"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def fence(root: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Fence]:
+    """A fence around `root`, which is the working directory as it is when a worker judges."""
+    monkeypatch.chdir(root)
+    made = Fence(root.resolve(), partial(check_layer, limits=Limits()), graphs=(GRAPH,))
+    with fenced(made):
+        yield made
+
+
+def write(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def arc(kind: str, asset: str, prim: str = "World") -> str:
+    return f'#usda 1.0\ndef Xform "{prim}" (\n    prepend {kind} = @{asset}@</World>\n)\n{{\n}}\n'
+
+
+def sublayer(*assets: str) -> str:
+    return f"#usda 1.0\n(\n    subLayers = [{', '.join(f'@{asset}@' for asset in assets)}]\n)\n"
+
+
+def reasons(fence: Fence) -> dict[str, bool]:
+    """What was barred, and whether it is grave."""
+    return {each.asset: each.grave for each in fence.found.values()}
+
+
+def used(stage: Usd.Stage) -> set[str]:
+    return {Path(layer.realPath).name for layer in stage.GetUsedLayers() if not layer.anonymous}
+
+
+def test_a_stage_without_references_opens(root: Path, fence: Fence) -> None:
+    stage = open_stage(write(root / "a.usda", INNER))
+    assert stage.GetPrimAtPath("/World/inner")
+    assert reasons(fence) == {}
+
+
+@pytest.mark.parametrize("asset", ["b.usda", "./b.usda", "../submission/b.usda", "deep/../b.usda"])
+@pytest.mark.parametrize("kind", ["references", "payload"])
+def test_files_of_the_submission_are_read(root: Path, fence: Fence, kind: str, asset: str) -> None:
+    (root / "deep").mkdir()
+    write(root / "b.usda", INNER)
+    stage = open_stage(write(root / "a.usda", arc(kind, asset)))
+    assert stage.GetPrimAtPath("/World/inner")
+    assert reasons(fence) == {}
+
+
+def test_folders_of_the_submission_beside_the_stage_are_read(root: Path, fence: Fence) -> None:
+    write(root / "assets" / "b.usda", INNER)
+    stage = open_stage(write(root / "work" / "a.usda", sublayer("../assets/b.usda")))
+    assert used(stage) == {"a.usda", "b.usda"}
+    assert reasons(fence) == {}
+
+
+REACHING = {
+    "../outside.usda": True,
+    "./../outside.usda": True,
+    "../../../../../../../../etc/passwd": True,
+    "{outside}": False,
+    "/dev/null": False,
+    "C:/outside.usda": False,
+    "\\\\server\\share\\a.usda": False,
+    "file://{outside}": False,
+    "https://example.invalid/a.usd": False,
+    "omniverse://localhost/a.usd": False,
+    '`"${X}"`': True,
+    "b.usda:SDF_FORMAT_ARGS:a=b": True,
+    "look.mtlx": True,
+    "gone.usda": False,
+    "search/outside.usda": False,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("asset", REACHING)
+@pytest.mark.parametrize("kind", ["references", "payload", "sublayer"])
+def test_what_reaches_out_is_not_opened_and_still_known_by_its_name(
+    root: Path, fence: Fence, kind: str, asset: str
+) -> None:
+    outside = write(root.parent / "outside.usda", INNER)
+    write(root / "b.usda", INNER)
+    write(root / "look.mtlx", '<?xml version="1.0"?><materialx version="1.38"/>')
+    named = asset.replace("{outside}", str(outside))
+    text = sublayer(named) if kind == "sublayer" else arc(kind, named)
+    stage = open_stage(write(root / "a.usda", text))
+    assert used(stage) == {"a.usda"}
+    assert reasons(fence) == {named: REACHING[asset]}
+    assert [(each.asset, each.kind) for each in find_unresolved(stage)] == [
+        (named, kind.removesuffix("s"))
+    ]
+
+
+def test_the_same_file_in_two_kinds_of_arcs_is_barred_in_both(root: Path, fence: Fence) -> None:
+    write(root.parent / "outside.usda", INNER)
+    text = sublayer("../outside.usda") + arc("payload", "../outside.usda").partition("\n")[2]
+    stage = open_stage(write(root / "a.usda", text))
+    assert used(stage) == {"a.usda"}
+    assert len(find_unresolved(stage)) == 2
+    assert reasons(fence) == {"../outside.usda": True}
+
+
+def test_what_lies_behind_another_layer_is_barred(root: Path, fence: Fence) -> None:
+    write(root.parent / "outside.usda", INNER)
+    write(root / "b.usda", sublayer("../outside.usda"))
+    stage = open_stage(write(root / "a.usda", sublayer("b.usda")))
+    assert used(stage) == {"a.usda", "b.usda"}
+    assert reasons(fence) == {"../outside.usda": True}
+
+
+@pytest.mark.parametrize("selected", ["open", "shut"])
+def test_variants_are_barred_selected_or_not(root: Path, fence: Fence, selected: str) -> None:
+    layer = Sdf.Layer.CreateNew(str(root / "a.usda"))
+    stage = Usd.Stage.Open(layer)
+    write(root.parent / "outside.usda", INNER)
+    prim = stage.DefinePrim("/World")
+    variants = prim.GetVariantSets().AddVariantSet("door")
+    for name in ("open", "shut"):
+        variants.AddVariant(name)
+    variants.SetVariantSelection("open")
+    with variants.GetVariantEditContext():
+        prim.GetReferences().AddReference("../outside.usda")
+    variants.SetVariantSelection(selected)
+    layer.Save()
+    del stage, layer, prim, variants
+    assert used(open_stage(root / "a.usda")) == {"a.usda"}
+    assert reasons(fence) == {"../outside.usda": True}
+
+
+@pytest.mark.parametrize("ending", [".usda", ".usd"])
+def test_value_clips_are_dropped(root: Path, fence: Fence, ending: str) -> None:
+    write(root.parent / "outside.usda", INNER)
+    stage = Usd.Stage.CreateInMemory()
+    prim = stage.DefinePrim("/World")
+    prim.CreateAttribute("x", Sdf.ValueTypeNames.Double)
+    Usd.ClipsAPI(prim).SetClipAssetPaths([Sdf.AssetPath("../outside.usda")])
+    Usd.ClipsAPI(prim).SetClipPrimPath("/World")
+    Usd.ClipsAPI(prim).SetClipActive([(0, 0)])
+    stage.GetRootLayer().Export(str(root / f"a{ending}"))
+    opened = open_stage(root / f"a{ending}").GetPrimAtPath("/World")
+    assert not opened.HasAuthoredMetadata("clips")
+    assert opened.GetAttribute("x").Get(1) is None
+    assert fence.layers
+
+
+def test_a_pipe_is_never_waited_for(root: Path, fence: Fence) -> None:
+    os.mkfifo(root / "pipe.usda")
+    stage = open_stage(write(root / "a.usda", sublayer("pipe.usda")))
+    assert used(stage) == {"a.usda"}
+    assert reasons(fence) == {"pipe.usda": True}
+
+
+def test_a_link_that_leads_out_is_barred(root: Path, fence: Fence) -> None:
+    (root / "link.usda").symlink_to(write(root.parent / "outside.usda", INNER))
+    stage = open_stage(write(root / "a.usda", sublayer("link.usda")))
+    assert used(stage) == {"a.usda"}
+    assert reasons(fence) == {"link.usda": True}
+
+
+def test_a_stage_outside_is_not_opened(root: Path, fence: Fence) -> None:
+    outside = write(root.parent / "outside.usda", INNER)
+    with pytest.raises(StageError, match="outside the submission"):
+        open_stage(outside)
+    assert fence.layers == {}
+
+
+def test_a_damaged_layer_is_barred_and_the_stage_opens(root: Path, fence: Fence) -> None:
+    write(root / "b.usda", "#usda 1.0\ndef {{{")
+    assert used(open_stage(write(root / "a.usda", sublayer("b.usda")))) == {"a.usda"}
+    assert reasons(fence) == {"b.usda": True}
+
+
+def test_a_graph_that_hangs_on_what_is_barred_is_grave(root: Path, fence: Fence) -> None:
+    text = (
+        '#usda 1.0\ndef Xform "World"\n{\n    def "ROS_Clock" (\n'
+        "        prepend references = @https://example.invalid/clock.usd@\n    )\n    {\n    }\n"
+        '    def "lamp" (\n        prepend references = @https://example.invalid/lamp.usd@\n    )\n'
+        "    {\n    }\n}\n"
+    )
+    open_stage(write(root / "a.usda", text))
+    assert reasons(fence) == {
+        "https://example.invalid/clock.usd": True,
+        "https://example.invalid/lamp.usd": False,
+    }
+
+
+def test_files_of_the_starter_are_read_by_any_path(root: Path, fence: Fence) -> None:
+    write(root.parent / "given" / "robot.usda", INNER)
+    starter = write(root.parent / "given" / "starter.usda", sublayer("./robot.usda"))
+    solution = write(root.parent / "given" / "solution.usda", INNER)
+    fence.allowed = files_of(starter)
+    text = sublayer(str(starter), "../given/robot.usda", str(solution))
+    stage = open_stage(write(root / "a.usda", text))
+    assert used(stage) == {"a.usda", "robot.usda", "starter.usda"}
+    assert reasons(fence) == {str(solution): False}
+    assert used(open_stage(starter)) == {"robot.usda", "starter.usda"}
+
+
+def test_layers_that_refer_to_each_other_are_looked_at_once(root: Path, fence: Fence) -> None:
+    write(root / "b.usda", sublayer("a.usda"))
+    stage = open_stage(write(root / "a.usda", sublayer("b.usda")))
+    assert used(stage) == {"a.usda", "b.usda"}
+    assert len(fence.layers) == 2
+
+
+def test_a_layer_with_hundreds_of_assets_is_refused(root: Path, fence: Fence) -> None:
+    text = sublayer(*(f"gone_{index}.usda" for index in range(501)))
+    with pytest.raises(StageError, match="refers to 501 files"):
+        open_stage(write(root / "a.usda", text))
+    assert reasons(fence) == {}
+
+
+def test_a_stage_is_announced_before_it_is_opened_and_once(root: Path, fence: Fence) -> None:
+    told: list[str] = []
+    fence.announce = told.append
+    write(root / "work" / "a.usda", "damaged")
+    with pytest.raises(StageError):
+        open_stage(root / "work" / "a.usda")
+    write(root / "b.usda", INNER)
+    assert open_stage(root / "b.usda") is open_stage(root / "b.usda")
+    assert told == ["work/a.usda", "b.usda"]
+
+
+def test_broken_and_closed_stages_are_not_opened(root: Path, fence: Fence) -> None:
+    fence.broken = {"a.usda": "crashed usd-core"}
+    with pytest.raises(StageError, match="crashed usd-core"):
+        open_stage(write(root / "a.usda", INNER))
+    open_stage(write(root / "b.usda", INNER))
+    fence.closed = {"b.usda"}
+    with pytest.raises(StageError, match="has been judged"):
+        open_stage(root / "b.usda")
+
+
+def test_a_barred_reference_of_the_lidar_is_a_note_and_of_a_graph_an_error(
+    root: Path, fence: Fence
+) -> None:
+    text = (
+        '#usda 1.0\ndef Xform "turtlebot3_burger"\n{\n    def Xform "base_scan"\n    {\n'
+        '        def OmniLidar "Lidar2D" (\n'
+        "            prepend references = @https://example.invalid/lidar.usda@\n        )\n"
+        "        {\n        }\n    }\n}\n"
+    )
+    result = check_stage(write(root / "a.usda", text), "03")
+    (note,) = [each for each in result.findings if each.rule == "F02"]
+    assert (note.severity, note.actual) == ("note", "https://example.invalid/lidar.usda")
+    assert reasons(fence) == {"https://example.invalid/lidar.usda": False}
+
+
+def test_outside_a_fence_stages_open_as_ever(tmp_path: Path) -> None:
+    write(tmp_path / "b" / "outside.usda", INNER)
+    stage = open_stage(write(tmp_path / "a" / "a.usda", sublayer("../b/outside.usda")))
+    assert used(stage) == {"a.usda", "outside.usda"}
+
+
+@pytest.mark.parametrize(
+    "asset", ["a.usda", "../a", "/a/b", "https://a.b/c?d=e#f", "%2F", "ä ö", "x" * 400, "a@b"]
+)
+def test_a_barred_path_leads_nowhere_and_back_to_its_name(asset: str) -> None:
+    assert asked_for(barred(asset)) == asset
+    assert asked_for(asset) == asset
+    assert not os.path.lexists(barred(asset))
+    assert os.path.normpath(barred(asset)) == barred(asset)

@@ -1,0 +1,382 @@
+"""Worker processes: what is done about one that dies, hangs, grows or talks nonsense."""
+
+from __future__ import annotations
+
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from grade_files import starter, submission
+
+from lab3_usd.grade import worker_process
+from lab3_usd.grade.confine import fence_files
+from lab3_usd.grade.judge import Task, status_of
+from lab3_usd.grade.limits import MEGABYTE, Limits
+from lab3_usd.grade.pool import Seat, judge_in, message_of, run_tasks
+from lab3_usd.grade.staging import Source
+from lab3_usd.grade.worker import task_of
+from lab3_usd.grade.worker_process import (
+    DiedError,
+    PoolSettings,
+    Worker,
+    WorkerError,
+    ask,
+    end_worker,
+    start_worker,
+)
+
+# A worker that does what the student's name says; it is ready at once.
+ODD = """
+import json, os, signal, sys, time
+sys.stdin.readline()
+say = lambda message: print(json.dumps(message), flush=True)
+say({"ready": {}})
+for line in sys.stdin:
+    task = json.loads(line)
+    student, broken = task["student"], task["broken"]
+    say({"open": "first.usda"})
+    if student == "well" or "second.usda" in broken:
+        say({"done": {"status": "graded", "by": os.getpid(), "broken": broken}})
+        continue
+    if student != "early":
+        say({"open": "second.usda"})
+    if student == "crashes":
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if student == "killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if student == "leaves":
+        os._exit(7)
+    if student == "nonsense":
+        print("nonsense", flush=True)
+    if student == "list":
+        say([1])
+    if student == "grows":
+        say({"done": {"died": "ran out of memory"}})
+    if student == "endless":
+        sys.stdout.write("x" * 5000)
+        sys.stdout.flush()
+        os._exit(0)
+    time.sleep(600)
+"""
+STUDENT = Limits(seconds=0.6)
+
+
+@pytest.fixture
+def odd(monkeypatch: pytest.MonkeyPatch) -> PoolSettings:
+    """Settings whose workers are odd."""
+    monkeypatch.setattr(worker_process, "_MAIN", ODD.replace("{", "{{").replace("}", "}}"))
+    return PoolSettings(None, None, STUDENT)
+
+
+@pytest.fixture
+def worker(odd: PoolSettings) -> Iterator[Worker]:
+    made = start_worker(odd)
+    yield made
+    end_worker(made)
+
+
+def task(student: str) -> Task:
+    return Task(student, student, ())
+
+
+def never() -> bool:
+    return False
+
+
+@pytest.mark.parametrize(
+    ("student", "how"),
+    [
+        ("crashes", "crashed usd-core (SIGSEGV)"),
+        ("killed", "ran out of memory"),
+        ("leaves", "ended the worker (status 7)"),
+        ("hangs", "ran out of time (0.6 s)"),
+        ("nonsense", "answered nonsense"),
+        ("list", "answered nonsense"),
+        ("grows", "ran out of memory"),
+        ("endless", "ended the worker (status 0)"),
+    ],
+)
+def test_how_a_worker_ended_and_over_which_file_is_known(
+    worker: Worker, student: str, how: str
+) -> None:
+    with pytest.raises(DiedError) as died:
+        ask(worker, message_of(task(student)), never)
+    assert (died.value.how, died.value.file) == (how, "second.usda")
+
+
+def test_a_worker_that_is_stopped_is_left_at_once(worker: Worker) -> None:
+    with pytest.raises(DiedError, match="stopped"):
+        ask(worker, message_of(task("hangs")), lambda: True)
+
+
+@pytest.mark.parametrize(
+    ("how", "status"),
+    [
+        ("ran out of time (5 s)", "timeout"),
+        ("ran out of memory", "too large"),
+        ("too large: holds more than 9 files", "too large"),
+        ("crashed usd-core (SIGSEGV)", "crashed"),
+        ("answered nonsense", "crashed"),
+    ],
+)
+def test_how_a_worker_ended_gives_the_status(how: str, status: str) -> None:
+    assert status_of(how) == status
+
+
+def test_a_submission_is_judged_again_without_the_file_that_ended_the_worker(
+    odd: PoolSettings,
+) -> None:
+    seat = Seat(odd)
+    try:
+        judged, answer = judge_in(seat, task("crashes"), never)
+    finally:
+        seat.leave()
+    assert answer["broken"] == {"second.usda": "crashed usd-core (SIGSEGV)"}
+    assert judged.broken == answer["broken"]
+
+
+def test_a_submission_that_ends_every_worker_is_given_up(odd: PoolSettings) -> None:
+    seat = Seat(odd)
+    try:
+        _, answer = judge_in(seat, task("early"), never)
+    finally:
+        seat.leave()
+    assert answer == {"failed": "ran out of time (0.6 s)"}
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_all_others_are_judged_while_some_end_their_workers(odd: PoolSettings, jobs: int) -> None:
+    students = ["well"] * 4 + ["crashes", "early"] + ["well"] * 4
+    settings = PoolSettings(None, None, odd.limits, jobs=jobs)
+    answers = list(run_tasks(map(task, students), settings))
+    assert sorted(found.student for found, _ in answers) == sorted(students)
+    assert sum(answer.get("status") == "graded" for _, answer in answers) == 9
+
+
+def test_one_worker_judges_many_submissions(odd: PoolSettings) -> None:
+    answers = [answer for _, answer in run_tasks(map(task, ["well"] * 5), odd)]
+    assert len({answer["by"] for answer in answers}) == 1
+
+
+def test_a_worker_is_replaced_after_many_submissions(
+    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lab3_usd.grade.pool._TASKS_OF_A_WORKER", 2)
+    answers = [answer for _, answer in run_tasks(map(task, ["well"] * 4), odd)]
+    assert len({answer["by"] for answer in answers}) == 2
+
+
+def test_a_run_that_is_given_up_ends_its_workers(odd: PoolSettings) -> None:
+    answers = run_tasks(map(task, ["well", *["hangs"] * 20]), odd)
+    _, answer = next(answers)
+    answers.close()  # type: ignore[attr-defined]  # it is a generator
+    with pytest.raises(ProcessLookupError):
+        os.kill(answer["by"], 0)
+
+
+def test_a_worker_that_does_not_start_is_an_error_that_says_why(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(worker_process, "_MAIN", "raise SystemExit('no such module')")
+    with pytest.raises(WorkerError, match="no such module"):
+        list(run_tasks(map(task, ["well"]), PoolSettings(None, None, STUDENT)))
+
+
+def test_a_line_without_end_is_not_read_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker_process, "_LONGEST_LINE", 1000)
+    lines: queue.Queue[bytes | None] = queue.Queue()
+    inlet, outlet = os.pipe()
+    os.write(outlet, b"short\n" + b"x" * 5000)
+    os.close(outlet)
+    with open(inlet, "rb") as stream:  # noqa: PTH123 - a handle, not a path
+        worker_process._listen(stream, lines)
+    assert [lines.get(), lines.get()] == [b"short\n", None]
+
+
+def test_a_task_survives_the_way_to_a_worker() -> None:
+    sent = Task(
+        "jané", "jane-1", (Source(Path("/a b"), "c.usda"),), late=True, broken={"a": "b"}, known="k"
+    )
+    assert task_of(message_of(sent)) == sent
+
+
+def test_the_environment_of_a_worker_holds_no_plugin_path_and_no_secret(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("PXR_PLUGINPATH_NAME", "PYTHONPATH", "AWS_SECRET_ACCESS_KEY", "https_proxy"):
+        monkeypatch.setenv(name, str(tmp_path))
+    known = worker_process._environment(tmp_path)
+    assert set(known) <= {*worker_process._KEPT, "HOME", "TMPDIR", "PXR_WORK_THREAD_LIMIT"}
+
+
+# -- real workers
+
+
+def settings_for(place: Path, **limits: float) -> PoolSettings:
+    return PoolSettings(starter(), None, Limits(**limits), (place,))  # type: ignore[arg-type]
+
+
+def test_a_real_worker_judges_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    submission(tmp_path / "jane", "00", "01")
+    made = start_worker(settings_for(tmp_path))
+    try:
+        sent = Task("jane", "jane", (Source(tmp_path / "jane"),))
+        answer = ask(made, message_of(sent), never)
+        left = sorted(path.name for path in made.scratch.iterdir())
+    finally:
+        end_worker(made)
+    assert answer["verdicts"] == {"00": "pass", "01": "pass"}
+    assert left == ["stderr.txt"]
+    assert not made.scratch.exists()
+
+
+def test_a_worker_without_enough_memory_says_so(tmp_path: Path) -> None:
+    (tmp_path / "jane").mkdir()
+    numbers = ", ".join(["1"] * 6_000_000)
+    text = f'#usda 1.0\ndef "World" {{\n int[] x = [{numbers}]\n}}\n'
+    (tmp_path / "jane" / "Lab3_01_ros_clock.usda").write_text(text)
+    settings = settings_for(tmp_path, memory=300 * MEGABYTE, seconds=60)
+    ((_, answer),) = run_tasks([Task("jane", "jane", (Source(tmp_path / "jane"),))], settings)
+    assert answer["status"] == "too large"
+    assert "ran out of memory" in answer["reason"]
+
+
+def confined(code: str, *arguments: Path) -> str:
+    """What a process prints that has put a fence around `arguments[0]` before it runs `code`."""
+    opening = (
+        "import sys\nfrom pathlib import Path\n"
+        "from lab3_usd.grade.confine import *\n"
+        "place = Path(sys.argv[1])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", opening + code, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        timeout=60,
+    )
+    return done.stdout.strip() or done.stderr
+
+
+def landlock() -> bool:
+    return confined("print(fence_files([place], []))", Path("/")) == "True"
+
+
+@pytest.fixture
+def kernel_fence() -> None:
+    if not landlock():
+        pytest.skip("this kernel has no Landlock")
+
+
+ATTEMPT = """
+def attempt(what):
+    try:
+        what()
+    except OSError as error:
+        return type(error).__name__
+    return "done"
+fence_files([place], [place / "scratch"])
+print(attempt(lambda: {attempt}))
+"""
+
+
+@pytest.mark.usefixtures("kernel_fence")
+@pytest.mark.parametrize(
+    ("attempt", "outcome"),
+    [
+        ("(place / 'mine').read_bytes()", "done"),
+        ("(place / 'scratch' / 'new').write_bytes(b'x')", "done"),
+        ("(place / 'new').write_bytes(b'x')", "PermissionError"),
+        ("(place / 'mine').write_bytes(b'x')", "PermissionError"),
+        ("(place / 'mine').unlink()", "PermissionError"),
+        ("Path(sys.argv[2]).read_bytes()", "PermissionError"),
+        ("(place / 'scratch' / 'link').symlink_to(sys.argv[2])", "PermissionError"),
+        ("__import__('os').mkfifo(place / 'scratch' / 'pipe')", "PermissionError"),
+        ("__import__('subprocess').run(['/bin/true'])", "PermissionError"),
+    ],
+)
+def test_the_kernel_keeps_a_worker_inside_its_folders(
+    tmp_path: Path, attempt: str, outcome: str
+) -> None:
+    place = tmp_path / "place"
+    (place / "scratch").mkdir(parents=True)
+    (place / "mine").write_bytes(b"x")
+    (tmp_path / "secret").write_bytes(b"s")
+    code = ATTEMPT.replace("{attempt}", attempt)
+    assert confined(code, place, tmp_path / "secret") == outcome
+
+
+NETWORK = """
+import socket
+given = give_up_privileges()["network"]
+try:
+    socket.create_connection(("127.0.0.1", int(sys.argv[2])), timeout=5)
+    print(given, "reached")
+except OSError:
+    print(given, "not reached")
+"""
+
+
+def test_a_worker_reaches_no_network(tmp_path: Path) -> None:
+    import socket  # noqa: PLC0415 - only here
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = str(server.getsockname()[1])
+        said = confined(NETWORK, tmp_path, Path(port))
+    if said.startswith("False"):
+        pytest.skip("this platform lets no process give up its network")
+    assert said == "True not reached"
+
+
+@pytest.mark.parametrize(
+    ("code", "outcome"),
+    [
+        ("bytearray(600 << 20)", "MemoryError"),
+        ("bytearray(10 << 20)", "fine"),
+        ("[open(place) for _ in range(400)]", "OSError"),
+    ],
+)
+def test_a_worker_has_limits(tmp_path: Path, code: str, outcome: str) -> None:
+    pytest.importorskip("resource", reason="this platform has no limits for a process")
+    file = tmp_path / "file"
+    file.touch()
+    script = (
+        "from lab3_usd.grade.limits import Limits\nlimit_resources(Limits(memory=512 << 20))\n"
+        f"try:\n    {code}\n    print('fine')\n"
+        "except (MemoryError, OSError) as error:\n    print(type(error).__name__)\n"
+    )
+    assert confined(script, file) == outcome
+
+
+def test_where_there_is_no_landlock_nothing_is_fenced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lab3_usd.grade.confine.sys.platform", "darwin")
+    assert fence_files([Path("/")], []) is False
+
+
+def test_a_worker_dies_with_the_process_that_started_it(tmp_path: Path) -> None:
+    if sys.platform != "linux":
+        pytest.skip("only Linux ends a process with its parent")
+    code = (
+        "import os, time\nchild = os.fork()\nif not child:\n"
+        "    give_up_privileges()\n    (place / 'ready').touch()\n    time.sleep(60)\n"
+        "while not (place / 'ready').exists():\n    time.sleep(0.01)\nprint(child, flush=True)\n"
+        "os._exit(0)\n"
+    )
+    child = int(confined(code, tmp_path))
+    assert eventually(lambda: not Path(f"/proc/{child}").exists())
+
+
+def eventually(holds: Callable[[], bool]) -> bool:
+    until = time.monotonic() + 20
+    while not holds():
+        if time.monotonic() > until:
+            return False
+        threading.Event().wait(0.05)
+    return True
