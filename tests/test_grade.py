@@ -1,0 +1,366 @@
+"""`lab3 grade` from end to end: what is written, in which order it does not matter, and again."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from grade_files import cut_wire, files_below, stage, starter, submission
+
+from lab3_usd.commands.grade import command
+from lab3_usd.commands.rate import Rate, line
+from lab3_usd.errors import Lab3Error, StageError, UsageError
+from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
+from lab3_usd.grade.judge import Task
+from lab3_usd.grade.load_rubric import load_rubric
+from lab3_usd.grade.pool import run_tasks
+from lab3_usd.spec.loader import load_lab
+
+REPORTS = {"report.html", "report.json", "result.json", "results.json"}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A class: one complete, one with a fault, one late and zipped, one with a file of rubbish."""
+    folder = tmp_path_factory.mktemp("class") / "class"
+    submission(folder / "whole")
+    cut_wire(submission(folder / "fault", "00", "01") / "work" / stage("01").name)
+    submission(folder / "rubbish", "00", "01")
+    (folder / "rubbish" / "work" / stage("01").name).write_text("=cmd()")
+    with zipfile.ZipFile(folder / "doe_LATE_77_1_all.zip", "w") as packed:
+        packed.write(stage("00"), f"Lab3/work/{stage('00').name}")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def book(place: Path) -> Path:
+    """The gradebook of the class."""
+    out = place.parent / "book"
+    grade_class(ClassSettings(place, starter(), out))
+    return out
+
+
+def rows(out: Path) -> dict[str, dict[str, Any]]:
+    students = json.loads((out / "grades.json").read_text())["students"]
+    return {row["student"]: row for row in students}
+
+
+def result(out: Path, student: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((out / "students" / student / "result.json").read_text())
+    return found
+
+
+def test_every_student_has_a_row_and_a_report_folder(book: Path) -> None:
+    assert sorted(rows(book)) == ["77", "fault", "rubbish", "whole"]
+    assert sorted(path.name for path in book.iterdir()) == [
+        "grades.csv",
+        "grades.json",
+        "index.html",
+        "students",
+    ]
+    for student in rows(book):
+        assert {path.name for path in (book / "students" / student).iterdir()} == REPORTS
+
+
+def test_points_follow_what_is_right(book: Path) -> None:
+    found = rows(book)
+    assert found["whole"]["percent"] == 100.0
+    assert found["fault"]["earned"] == round(5 + 10 * 11 / 12, 2)
+    assert [each["requirement"] for each in found["fault"]["lost"][:2]] == [
+        "ROS_Clock/wire/ros2_publish_clock.execIn",
+        "checkpoint 02",
+    ]
+    assert found["rubbish"]["verdicts"] == {"00": "pass", "01": "unreadable"}
+    assert (found["77"]["late"], found["77"]["name"]) == (True, "doe")
+
+
+def test_the_table_can_be_read_by_a_spreadsheet(book: Path) -> None:
+    with (book / "grades.csv").open(newline="", encoding="utf-8") as file:
+        table = {row["student"]: row for row in csv.DictReader(file)}
+    assert table["whole"]["percent"] == "100.00"
+    assert table["fault"]["clock"] == "9.17"
+    assert table["77"]["late"] == "yes"
+    assert "clock: unreadable" in table["rubbish"]["remarks"]
+
+
+def test_no_cell_is_a_formula(tmp_path: Path) -> None:
+    submission(tmp_path / "class" / "=1+1", "00")
+    submission(tmp_path / "class" / "jane", "00")
+    grade_class(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
+    assert "'=1+1" in (tmp_path / "book" / "grades.csv").read_text()
+
+
+def test_paths_in_reports_are_those_of_the_submission(book: Path, place: Path) -> None:
+    for path in sorted((book / "students").rglob("*")):
+        if path.is_file():
+            text = path.read_text(encoding="utf-8")
+            assert str(place) not in text, path
+            assert "lab3-grade-" not in text, path
+    report = json.loads((book / "students" / "fault" / "report.json").read_text())
+    assert [each["path"] for each in report["results"]] == [
+        f"work/{stage(number).name}" for number in ("00", "01")
+    ]
+    finding = report["results"][1]["findings"][0]
+    assert finding["layer"].endswith(f"work/{stage('01').name}")
+    assert report["submissions"][0]["path"] == "fault"
+
+
+def test_gradescope_gets_the_points_of_the_rubric(book: Path) -> None:
+    document = json.loads((book / "students" / "fault" / "results.json").read_text())
+    tests = {each["name"]: each for each in document["tests"]}
+    clock = tests["/clock is publishing"]
+    assert document["score"] == rows(book)["fault"]["earned"]
+    assert (clock["score"], clock["max_score"], clock["status"]) == (9.17, 10.0, "failed")
+    assert "execIn" in clock["output"]
+    assert tests["/cmd_vel controls the robot"]["output"].startswith("missing")
+
+
+def test_the_same_class_gives_the_same_bytes(place: Path, book: Path, tmp_path: Path) -> None:
+    grade_class(ClassSettings(place, starter(), tmp_path / "again", jobs=3))
+    assert files_below(tmp_path / "again") == files_below(book)
+
+
+def test_no_hash_seed_changes_a_byte(place: Path, book: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys\nfrom pathlib import Path\n"
+        "from lab3_usd.grade.class_run import ClassSettings, grade_class\n"
+        "place, start, out = map(Path, sys.argv[1:])\n"
+        "grade_class(ClassSettings(place, start, out))\n"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code, str(place), str(starter()), str(tmp_path / "seeded")],
+        check=True,
+        env={**os.environ, "PYTHONHASHSEED": "4711", "PYTHONPATH": os.pathsep.join(sys.path)},
+        timeout=120,
+    )
+    assert files_below(tmp_path / "seeded") == files_below(book)
+
+
+def test_where_a_class_lies_changes_nothing(place: Path, book: Path, tmp_path: Path) -> None:
+    shutil.copytree(place, tmp_path / "elsewhere")
+    grade_class(ClassSettings(tmp_path / "elsewhere", starter(), tmp_path / "moved"))
+    assert files_below(tmp_path / "moved") == files_below(book)
+
+
+class StoppedError(Exception):
+    """Stands for Ctrl-C."""
+
+
+def interrupted(settings: ClassSettings, after: int) -> None:
+    def stop(done: int, total: int) -> None:
+        del total
+        if done == after:
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        grade_class(settings, stop)
+
+
+def judged(place: Path, out: Path, **changes: Any) -> list[str]:
+    """Resume a gradebook, and return whose submission was really judged."""
+    done: list[str] = []
+
+    def runner(tasks: Any, pool: Any) -> Any:
+        for task, answer in run_tasks(tasks, pool):
+            if answer.get("status") != "known":
+                done.append(task.student)
+            yield task, answer
+
+    settings = {"starter": starter(), **changes}
+    grade_class(ClassSettings(place, out=out, resume=True, runner=runner, **settings))
+    return done
+
+
+def test_an_interrupted_run_goes_on_where_it_was(place: Path, book: Path, tmp_path: Path) -> None:
+    out = tmp_path / "book"
+    interrupted(ClassSettings(place, starter(), out), after=2)
+    assert not (out / "grades.csv").exists()
+    assert len(list((out / "students").iterdir())) == 2
+    assert len(judged(place, out)) == 2
+    assert files_below(out) == files_below(book)
+
+
+def test_a_finished_run_repeats_nothing(place: Path, book: Path, tmp_path: Path) -> None:
+    shutil.copytree(book, tmp_path / "book")
+    before = files_below(tmp_path / "book")
+    assert judged(place, tmp_path / "book") == []
+    assert files_below(tmp_path / "book") == before
+
+
+def test_what_changed_is_judged_again(place: Path, book: Path, tmp_path: Path) -> None:
+    shutil.copytree(book, tmp_path / "book")
+    shutil.copytree(place, tmp_path / "class")
+    shutil.copyfile(stage("01"), tmp_path / "class" / "fault" / "work" / stage("01").name)
+    assert judged(tmp_path / "class", tmp_path / "book") == ["fault"]
+    assert rows(tmp_path / "book")["fault"]["earned"] == 15.0
+
+
+def test_another_starter_or_rubric_judges_everybody_again(
+    place: Path, book: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(book, tmp_path / "book")
+    other = tmp_path / "starter.usda"
+    other.write_text(starter().read_text() + "\n")
+    assert len(judged(place, tmp_path / "book", starter=other)) == 4
+    rubric = tmp_path / "mine.yaml"
+    rubric.write_text(
+        'title: T\nitems:\n  all: {title: All, checkpoint: "00", points: 1}\n', encoding="utf-8"
+    )
+    assert len(judged(place, tmp_path / "book", starter=other, rubric=rubric)) == 4
+
+
+def test_a_result_that_was_cut_short_is_judged_again(
+    place: Path, book: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(book, tmp_path / "book")
+    (tmp_path / "book" / "students" / "fault" / "result.json").write_text('{"version": 1')
+    assert judged(place, tmp_path / "book") == ["fault"]
+
+
+def test_what_ended_a_worker_is_judged_again(place: Path, book: Path, tmp_path: Path) -> None:
+    shutil.copytree(book, tmp_path / "book")
+    path = tmp_path / "book" / "students" / "fault" / "result.json"
+    path.write_text(json.dumps({**result(book, "fault"), "status": "timeout"}))
+    assert judged(place, tmp_path / "book") == ["fault"]
+
+
+def answered(answer: dict[str, Any]) -> Any:
+    def runner(tasks: Any, pool: Any) -> Any:
+        del pool
+        for task in tasks:
+            assert isinstance(task, Task)
+            yield task, answer
+
+    return runner
+
+
+@pytest.mark.parametrize(
+    ("answer", "status"),
+    [
+        ({"failed": "ran out of time (20 s)"}, "timeout"),
+        ({"failed": "ran out of memory"}, "too large"),
+        ({"failed": "crashed usd-core (SIGSEGV)"}, "crashed"),
+        ({"bug": "KeyError: 'x' at rules.py:1"}, "tool failed"),
+    ],
+)
+def test_a_submission_that_could_not_be_judged_has_a_status_and_a_report(
+    tmp_path: Path, answer: dict[str, str], status: str
+) -> None:
+    submission(tmp_path / "class" / "jane", "00")
+    submission(tmp_path / "class" / "ali", "00")
+    settings = ClassSettings(
+        tmp_path / "class", starter(), tmp_path / "book", runner=answered(answer)
+    )
+    first, _ = grade_class(settings)
+    (reason,) = answer.values()
+    assert (first["status"], first["reason"], first["earned"]) == (status, reason, 0.0)
+    assert set(first["reports"]) == REPORTS - {"result.json"}
+
+
+def test_a_crash_of_a_rule_is_the_tools_fault_and_no_grade(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "lab3_usd.grade.pool.run_tasks", answered({"bug": "KeyError at rules.py:1"})
+    )
+    done = CliRunner().invoke(
+        command, [str(place), "--starter", str(starter()), "-o", str(tmp_path / "book")]
+    )
+    assert done.exit_code == 3
+    assert "4 tool failed" in done.output
+
+
+def test_the_command_says_where_the_gradebook_is(place: Path, tmp_path: Path) -> None:
+    out = tmp_path / "book"
+    arguments = [str(place), "--starter", str(starter()), "-o", str(out), "--jobs", "1"]
+    done = CliRunner().invoke(command, arguments, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert done.output == f"4 submissions (4 graded): {out / 'index.html'}\n"
+    assert set(rows(out)) == {"77", "fault", "rubbish", "whole"}
+
+
+def refused(settings: ClassSettings, error: type[Lab3Error]) -> str:
+    with pytest.raises(error) as raised:
+        grade_class(settings)
+    assert "\n" not in str(raised.value)
+    return str(raised.value)
+
+
+def test_a_wrong_rubric_is_an_error_before_anything_is_written(place: Path, tmp_path: Path) -> None:
+    rubric = tmp_path / "mine.yaml"
+    rubric.write_text("title: T\nitems: {}\n")
+    out = tmp_path / "book"
+    assert "mine.yaml" in refused(ClassSettings(place, starter(), out, rubric=rubric), Lab3Error)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("content", [None, b"", b"#usda 1.0\ndef {{{"])
+def test_a_starter_that_cannot_be_opened_is_an_error(
+    place: Path, tmp_path: Path, content: bytes | None
+) -> None:
+    path = tmp_path / "starter.usda"
+    if content is not None:
+        path.write_bytes(content)
+    assert "starter.usda" in refused(ClassSettings(place, path, tmp_path / "book"), StageError)
+
+
+def test_a_folder_in_use_is_not_written_to(place: Path, tmp_path: Path) -> None:
+    (tmp_path / "book").mkdir()
+    (tmp_path / "book" / "thesis.tex").write_text("years of work")
+    settings = ClassSettings(place, starter(), tmp_path / "book")
+    assert "not empty" in refused(settings, UsageError)
+    again = ClassSettings(place, starter(), tmp_path / "book", resume=True)
+    assert "thesis.tex" in refused(again, UsageError)
+    file = ClassSettings(place, starter(), tmp_path / "book" / "thesis.tex")
+    assert "not a folder" in refused(file, UsageError)
+    assert files_below(tmp_path / "book") == {"thesis.tex": b"years of work"}
+
+
+def test_submissions_are_only_read(place: Path, book: Path) -> None:
+    before = files_below(place)
+    assert result(book, "whole")["percent"] == 100.0
+    assert files_below(place) == before
+    assert all(not path.name.startswith("lab3-") for path in place.parent.iterdir())
+
+
+def test_the_salt_stands_for_rubric_and_starter(tmp_path: Path) -> None:
+    rubric = load_rubric(None, load_lab())
+    other = tmp_path / "other.usda"
+    other.write_bytes(starter().read_bytes() + b"\n")
+    assert salt_of(rubric, starter()) != salt_of(rubric, other)
+
+
+@pytest.mark.parametrize(
+    ("done", "total", "seconds", "expected"),
+    [
+        (0, 10, 0.0, f"grading [{'-' * 30}] 0/10"),
+        (5, 10, 2.0, f"grading [{'#' * 15}{'-' * 15}] 5/10  2.5/s  2 s left"),
+        (1, 1000, 1.0, f"grading [{'-' * 30}] 1/1000  1.0/s  16 min 39 s left"),
+        (10, 10, 4.0, f"grading [{'#' * 30}] 10/10  2.5/s  0 s left"),
+    ],
+)
+def test_progress_says_how_far_how_fast_and_how_long(
+    done: int, total: int, seconds: float, expected: str
+) -> None:
+    assert line(done, total, seconds) == expected
+
+
+def test_progress_is_one_line_that_ends_when_all_is_done(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    rate = Rate(sys.stdout)
+    for done in range(4):
+        rate.show(done, 3)
+    said = capsys.readouterr().out
+    assert said.count("\n") == 1
+    assert said.endswith("0 s left\n")
+    assert "3/3" in said

@@ -1,0 +1,199 @@
+"""Who handed in what: folders, archives and files as learning platforms export them."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from lab3_usd.errors import UsageError
+from lab3_usd.grade.class_run import submissions_in
+from lab3_usd.grade.submissions import Handed, find_submissions
+
+STAGE = "Lab3_05_odometry_tf.usda"
+
+
+def handed(place: Path, *names: str) -> dict[str, Handed]:
+    """What is found where there are files of these names; a slash at the end makes a folder."""
+    for name in names:
+        path = place / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if name.endswith("/"):
+            path.mkdir(exist_ok=True)
+        else:
+            path.touch()
+    return {each.student: each for each in find_submissions(place)}
+
+
+def sources(found: Handed) -> list[tuple[str, str]]:
+    return [(source.path.name, source.name) for source in found.sources]
+
+
+def test_a_folder_for_each_student(tmp_path: Path) -> None:
+    found = handed(tmp_path, "jane/work/", "ali/work/", ".DS_Store", "__MACOSX/", "readme.txt")
+    assert list(found) == ["ali", "jane"]
+    assert sources(found["jane"]) == [("jane", "")]
+
+
+@pytest.mark.parametrize("name", ["jane.zip", "jane.tar.gz", "jane.tgz", "jane.rar"])
+def test_an_archive_for_each_student(tmp_path: Path, name: str) -> None:
+    assert sources(handed(tmp_path, name)["jane"]) == [(name, name)]
+
+
+def test_single_stages_of_one_student_belong_together(tmp_path: Path) -> None:
+    found = handed(tmp_path, f"jane_{STAGE}", "jane_Lab3_04_camera.usda", f"ali {STAGE}")
+    assert sorted(found) == ["ali", "jane"]
+    assert [name for _, name in sources(found["jane"])] == ["Lab3_04_camera.usda", STAGE]
+
+
+def test_a_stage_without_a_name_of_a_student_goes_by_its_own(tmp_path: Path) -> None:
+    assert list(handed(tmp_path, STAGE)) == ["Lab3_05_odometry_tf"]
+
+
+def test_a_submission_itself_is_a_class_of_one(tmp_path: Path) -> None:
+    found = handed(tmp_path / "jane", f"work/{STAGE}")
+    assert list(found) == ["jane"]
+    assert sources(found["jane"]) == [("jane", "")]
+
+
+def test_canvas_names(tmp_path: Path) -> None:
+    found = handed(
+        tmp_path,
+        "doejane_12345_678901_Lab3.zip",
+        "doejane_12345_678902_report.pdf",
+        "smithali_LATE_23456_678903_Lab3-2.zip",
+    )
+    assert list(found) == ["12345", "23456"]
+    jane, ali = found["12345"], found["23456"]
+    assert (jane.name, jane.late) == ("doejane", False)
+    assert [name for _, name in sources(jane)] == ["Lab3.zip", "report.pdf"]
+    assert (ali.name, ali.late) == ("smithali", True)
+    assert [name for _, name in sources(ali)] == ["Lab3.zip"]
+
+
+def test_moodle_folders(tmp_path: Path) -> None:
+    found = handed(
+        tmp_path,
+        "Jane Doe_1234567_assignsubmission_file_/work/",
+        "Jane Doe_1234567_assignsubmission_onlinetext_/onlinetext.html",
+        "Ali Smith_2345678_assignsubmission_file/Lab3.zip",
+    )
+    assert {student: each.name for student, each in found.items()} == {
+        "1234567": "Jane Doe",
+        "2345678": "Ali Smith",
+    }
+    assert len(found["1234567"].sources) == 2
+
+
+def test_moodle_files(tmp_path: Path) -> None:
+    found = handed(tmp_path, "Jane Doe_1234567_assignsubmission_file_Lab3.zip")
+    assert [name for _, name in sources(found["1234567"])] == ["Lab3.zip"]
+
+
+METADATA = """
+submission_11:
+  :submitters:
+  - :name: Jane Doe
+    :sid: '1001'
+    :email: jane@example.invalid
+  :created_at: 2026-11-20 10:00:00
+submission_12:
+  :submitters:
+  - :name: Ali Smith
+    :sid: ''
+    :email: ali@example.invalid
+  - :name: Bo Lee
+    :sid: '1003'
+submission_13: no mapping
+"""
+
+
+def test_gradescope_folders_are_named_by_their_metadata(tmp_path: Path) -> None:
+    (tmp_path / "submission_metadata.yml").write_text(METADATA)
+    found = handed(tmp_path, *(f"submission_{number}/work/" for number in (11, 12, 13)))
+    assert {student: each.name for student, each in found.items()} == {
+        "1001": "Jane Doe",
+        "ali@example.invalid+1003": "Ali Smith, Bo Lee",
+        "submission_13": "submission_13",
+    }
+
+
+@pytest.mark.parametrize("text", ["[", "- 1", "a: !!python/object:os.system x"])
+def test_gradescope_folders_keep_their_numbers_where_the_metadata_is_damaged(
+    tmp_path: Path, text: str
+) -> None:
+    (tmp_path / "submission_metadata.yml").write_text(text)
+    assert list(handed(tmp_path, "submission_11/work/")) == ["submission_11"]
+
+
+def test_report_folders_are_plain_and_never_shared(tmp_path: Path) -> None:
+    names = ["Jane", "jane", "a b", "a_b", "dots..", "=1+1", "ü", "x" * 200]
+    folders = [each.folder for each in handed(tmp_path, *(f"{name}/" for name in names)).values()]
+    assert len({folder.casefold() for folder in folders}) == len(names)
+    assert all(folder.isascii() and folder[0].isalnum() for folder in folders)
+    assert max(map(len, folders)) < 100
+
+
+def test_report_folders_do_not_depend_on_who_else_is_there(tmp_path: Path) -> None:
+    alone = handed(tmp_path / "one", "a b/")["a b"].folder
+    assert handed(tmp_path / "two", "a b/", "a_b/", "zoe/")["a b"].folder == alone
+
+
+def test_a_name_that_is_no_text_is_shown_as_its_bytes(tmp_path: Path) -> None:
+    import os  # noqa: PLC0415 - only here
+
+    (tmp_path / os.fsdecode(b"j\xff")).mkdir()
+    (found,) = find_submissions(tmp_path)
+    assert found.student == "j\\udcff"
+    assert found.folder.isascii()
+
+
+@pytest.mark.parametrize("name", ["gone", "file.txt"])
+def test_what_is_no_folder_is_an_error(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file.txt").touch()
+    with pytest.raises(UsageError, match="no such folder"):
+        find_submissions(tmp_path / name)
+
+
+def test_a_folder_without_submissions_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "readme.txt").touch()
+    with pytest.raises(UsageError, match="holds no submission"):
+        find_submissions(tmp_path)
+
+
+def class_zip(path: Path, *names: str) -> Path:
+    with zipfile.ZipFile(path, "w") as packed:
+        for name in names:
+            packed.writestr(name, b"")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "students"),
+    [
+        (["jane_1_2_a.zip", "ali_2_3_a.zip"], ["1", "2"]),
+        (["jane/work/a.usda", "ali/work/a.usda"], ["ali", "jane"]),
+        (["class/jane/work/a.usda", "class/ali/work/a.usda"], ["ali", "jane"]),
+        (["jane/work/a.usda"], ["jane"]),
+    ],
+)
+def test_the_archive_of_a_whole_class(
+    tmp_path: Path, names: list[str], students: list[str]
+) -> None:
+    with submissions_in(class_zip(tmp_path / "class.zip", *names)) as place:
+        assert isinstance(place, Path)
+        assert [each.student for each in find_submissions(place)] == students
+    assert not place.exists()
+
+
+@pytest.mark.parametrize("data", [b"", b"no zip"])
+def test_a_damaged_archive_of_a_class_is_an_error(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "class.zip").write_bytes(data)
+    with pytest.raises(UsageError, match="pack it again"), submissions_in(tmp_path / "class.zip"):
+        pytest.fail("it was opened")
+
+
+def test_a_missing_archive_of_a_class_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no such"), submissions_in(tmp_path / "class.zip"):
+        pytest.fail("it was opened")
