@@ -16,6 +16,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pxr import Usd
+
+from lab3_usd import build_checkpoint, check_stage
+
 RUNS = 15
 WARM_UPS = 2
 
@@ -64,7 +68,7 @@ def in_turn(
 def process(*arguments: str) -> Callable[[], object]:
     """Return a call that runs this Python with arguments and throws the output away."""
     command = [sys.executable, *arguments]
-    return lambda: subprocess.run(command, check=False, capture_output=True)  # noqa: S603 - ours
+    return lambda: subprocess.run(command, check=False, capture_output=True)
 
 
 def bench_check(folder: Path, runs: int) -> list[Ratio]:
@@ -83,10 +87,6 @@ def bench_check(folder: Path, runs: int) -> list[Ratio]:
 
 def bench_warm(folder: Path, runs: int) -> list[Ratio]:
     """Time opening, model and rules in process against opening alone."""
-    from pxr import Usd
-
-    from lab3_usd import check_stage
-
     stage = _built(folder, "05")
     check_stage(stage)
     return [
@@ -115,8 +115,6 @@ def bench_build(folder: Path, runs: int) -> list[Ratio]:
 
 
 def _built(folder: Path, checkpoint: str) -> Path:
-    from lab3_usd import build_checkpoint
-
     target = folder / f"Lab3_{checkpoint}_bench.usda"
     return target if target.exists() else build_checkpoint(None, checkpoint, target)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lab3_usd.check.model import GraphModel, Node, PortState, Prim, StageModel
 from lab3_usd.check.subject import Roles, StageSubject

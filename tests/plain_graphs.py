@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 
 from breaking import correct_stage, the_lab
+from msgspec.structs import replace
 
 from lab3_usd.check.checker import Judgement, judge, ordered
 from lab3_usd.check.finding import Finding

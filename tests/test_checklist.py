@@ -75,7 +75,7 @@ def test_everything_that_decides_a_line_exists(folder: Path) -> None:
             kind, _, target = name.partition(" ")
             commands = {(each.kind.name, each.target) for each in ROS.commands}
             assert (kind, target) in {*commands, ("goals", "")}, f"{line.text}: {name}"
-            assert kind in Evidence.__dataclass_fields__, f"{line.text}: {name}"
+            assert kind in Evidence.__struct_fields__, f"{line.text}: {name}"
 
 
 # -- what decides them

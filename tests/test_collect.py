@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 from ros_outputs import EDGES, STATUS, fake_ros2, frames_gv, good_outputs
 
 from lab3_usd.cli import lab3

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import models as m
 import pytest
+from msgspec.structs import replace
 
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Absent, Node, StageModel, Unresolved

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import models as m
 import pytest
+from msgspec.structs import replace
 
 from lab3_usd.check.frames import Edge, published_edges, tree, unknown_publishers
 from lab3_usd.check.model import GraphModel, PortState, Prim, StageModel, Unresolved

@@ -6,13 +6,13 @@ import re
 import subprocess
 import sys
 from base64 import b64encode
-from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import pytest
 from html_pages import CLOCK, DRIVE, Element, break_ten_times, judged, page, read, set_value, stages
+from msgspec.structs import replace
 from pxr import Usd
 from report_examples import (
     BROKEN,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import picture_geometry as geometry
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from lab3_usd.report.drawing import saved_places
 from lab3_usd.report.drawing.curves import around, points, through

@@ -7,7 +7,6 @@ import random
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import permutations, product
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import pytest
 from breaking import the_lab
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from plain_graphs import (
     doubled,
     errors_of,

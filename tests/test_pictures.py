@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import models
@@ -16,6 +15,7 @@ import picture_geometry as geometry
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from lab3_usd.check.finding import Finding
 from lab3_usd.check.frames import Edge

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from report_examples import LAYER, MISSING_WIRE, STAGE_TEXT, write_stage
 
 from lab3_usd.report.excerpt import Excerpt, read_excerpts

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from report_examples import FAILED, HOSTILE, LAYER, MISSING_WIRE, REPORT, hostile
 
 from lab3_usd.check.finding import Report

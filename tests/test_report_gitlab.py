@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import Any
 
 from jsonschema import Draft202012Validator
+from msgspec.structs import replace
 from report_examples import CRASHED, FAILED, LAYER, MISSING_WIRE, REPORT
 
 from lab3_usd.check.finding import Report

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
+from msgspec.structs import replace
 from report_examples import BROKEN, DRIVE, FAILED, HOSTILE, MISSING_WIRE, REPORT, hostile
 
 from lab3_usd.check.finding import Report

@@ -6,9 +6,9 @@ import csv
 import io
 import json
 import re
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 from report_examples import DRIVE, FAILED, HOSTILE, LAYER, MISSING_WIRE, REPORT, hostile
 
 from lab3_usd.check.finding import Report

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 from typing import Any
 
 import pytest
 from jsonschema.validators import validator_for
+from msgspec.structs import replace
 from report_examples import (
     CRASHED,
     DRIVE,

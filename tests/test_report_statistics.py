@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from msgspec.structs import replace
 from report_examples import EMPTY, FAILED, MISSING_WIRE, REPORT
 
 from lab3_usd.check.finding import Report

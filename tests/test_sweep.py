@@ -5,13 +5,13 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 from breaking import the_lab
+from msgspec.structs import replace
 from plain_graphs import (
     errors_of,
     graph_of,

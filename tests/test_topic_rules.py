@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import models as m
 import pytest
+from msgspec.structs import replace
 
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import GraphModel, Node, StageModel

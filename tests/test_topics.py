@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import models as m
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 
 from lab3_usd.check.model import Node, StageModel
 from lab3_usd.check.qos import Qos, decode

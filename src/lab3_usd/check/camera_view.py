@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from lab3_usd.check.model import Matrix, Prim
 from lab3_usd.check.poses import Vector, angle_between, view
@@ -13,8 +13,7 @@ from lab3_usd.check.subject import StageSubject
 SENSOR = "camera"
 
 
-@dataclass(frozen=True, slots=True)
-class View:
+class View(Struct, frozen=True):
     """A view that is wrong: what it is, and which slip leads to it."""
 
     property: str

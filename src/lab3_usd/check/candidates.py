@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lab3_usd.check.model import GraphModel, StageModel
 from lab3_usd.spec.spec import GraphSpec, Target

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 from lab3_usd.spec.submission_spec import StarterRules
 
@@ -13,8 +14,7 @@ KINDS: tuple[Kind, ...] = ("type", "schema", "physics", "place", "look")
 Site = tuple[str, str | None]
 
 
-@dataclass(frozen=True, slots=True)
-class Difference:
+class Difference(Struct, frozen=True):
     """One thing that is not as the starter has it; `property` is empty for types and schemas."""
 
     kind: Kind
@@ -24,8 +24,7 @@ class Difference:
     physics: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
+class Change(Struct, frozen=True):
     """One prim of the starter that is not as it was.
 
     `absent` says why the prim is not in the stage, empty where it is: then `count` prims went
@@ -43,8 +42,7 @@ class Change:
     body: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class StarterSubject:
+class StarterSubject(Struct, frozen=True):
     """A stage beside the starter it was made from.
 
     `blamed` holds the sites where other rules have found an error already.

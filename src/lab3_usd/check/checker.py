@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.candidates import find_graphs, relocated
 from lab3_usd.check.diagnosis import diagnose
@@ -84,8 +86,7 @@ def unreadable(path: str, checkpoint: str, reason: str) -> StageResult:
     return StageResult(path, checkpoint, "unreadable", Score(0.0, 0.0), (finding,))
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
+class Judgement(Struct, frozen=True):
     """What the rules say of a stage, before findings are given lines."""
 
     findings: tuple[Finding, ...]
@@ -116,8 +117,7 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     return Judgement(tuple(run.findings), tuple(requirements), tuple(run.crashes))
 
 
-@dataclass(frozen=True, slots=True)
-class _Run:
+class _Run(Struct, frozen=True):
     """The findings and crashes of one run, in the order in which the rules speak."""
 
     findings: list[Finding]

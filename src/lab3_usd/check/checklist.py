@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Literal
+
+from msgspec import Struct
 
 from lab3_usd.check.finding import ChecklistItem, Finding, Requirement, StageResult
 from lab3_usd.check.subjects_lab import Evidence
@@ -21,8 +22,7 @@ _ORDER: tuple[State, ...] = ("not met", "not shown", "person", "met")
 _EVIDENCE = "E"
 
 
-@dataclass(frozen=True, slots=True)
-class Known:
+class Known(Struct, frozen=True):
     """Everything that is known of a submission when its checklists are decided."""
 
     lab: Lab

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from lab3_usd.check.frame_names import frame_name, unique_names
 from lab3_usd.check.link_tree import Links, expansion
@@ -11,8 +11,7 @@ from lab3_usd.spec.catalog import TfPorts
 from lab3_usd.spec.spec import Lab
 
 
-@dataclass(frozen=True, slots=True)
-class Pair:
+class Pair(Struct, frozen=True):
     """A parent and a child frame that a list of target prims gives."""
 
     parent: str

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Literal
+
+from msgspec import Struct, field
 
 Severity = Literal["error", "warning", "note"]
 Verdict = Literal["pass", "fail", "unreadable"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
+class Problem(Struct, frozen=True):
     """What a rule yields: the site (prim and property) and what is wrong there.
 
     `severity` is None where the rule's own severity holds. `handout` names the section of the
@@ -29,8 +29,7 @@ class Problem:
     hint: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(Struct, frozen=True):
     """One fault at its place, as every report shows it (see `schema/report-1.json`)."""
 
     rule: str
@@ -49,16 +48,14 @@ class Finding:
     related: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Score:
+class Score(Struct, frozen=True):
     """Requirements met and asked, over one group or one file."""
 
     earned: float
     possible: float
 
 
-@dataclass(frozen=True, slots=True)
-class Requirement:
+class Requirement(Struct, frozen=True):
     """One thing a checkpoint asks for, and whether the stage meets it.
 
     `id` is stable across files (`ROS_Drive/wire/make_array.input0`); `group` is the graph or
@@ -73,16 +70,14 @@ class Requirement:
     handout: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Crash:
+class Crash(Struct, frozen=True):
     """A rule that failed itself: neither a pass nor a student's mistake."""
 
     rule: str
     error: str
 
 
-@dataclass(frozen=True, slots=True)
-class StageResult:
+class StageResult(Struct, frozen=True):
     """The judgement of one file at one checkpoint."""
 
     path: str
@@ -94,16 +89,14 @@ class StageResult:
     crashes: tuple[Crash, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
+class Report(Struct, frozen=True):
     """The results of one run, in the order the files were given."""
 
     results: tuple[StageResult, ...]
     submissions: tuple[Submission, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class ChecklistItem:
+class ChecklistItem(Struct, frozen=True):
     """One line of the handout's checklists: met, not met, not shown, or for a person to judge."""
 
     section: str
@@ -112,8 +105,7 @@ class ChecklistItem:
     because: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Submission:
+class Submission(Struct, frozen=True):
     """What is said of a student's folder as a whole, beside its stages."""
 
     path: str

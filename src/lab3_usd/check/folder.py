@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.checker import check_stage, checkpoint_of, ordered
 from lab3_usd.check.checklist import Known, decide
@@ -38,8 +40,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class FolderSettings:
+class FolderSettings(Struct, frozen=True):
     """What a folder is judged with: the supplied starter, and a folder of maps beside it.
 
     With `require_evidence`, saved output that is missing is an error instead of a note.
@@ -50,8 +51,7 @@ class FolderSettings:
     require_evidence: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class FolderResult:
+class FolderResult(Struct, frozen=True):
     """The results of the stages in the order of their checkpoints, and of the folder itself."""
 
     results: tuple[StageResult, ...]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.finding import Finding
 from lab3_usd.check.judged import Judged, join, run_family
@@ -22,8 +24,7 @@ from lab3_usd.spec.spec import Lab
 from lab3_usd.spec.submission_spec import SubmissionSpec
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
+class Given(Struct, frozen=True):
     """A folder, what it holds, and what it is judged by."""
 
     folder: Path

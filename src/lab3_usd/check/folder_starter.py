@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.model import StageModel
 from lab3_usd.check.submitted import Listing, StarterFile
@@ -13,8 +15,7 @@ from lab3_usd.errors import StageError
 from lab3_usd.spec.spec import Lab
 
 
-@dataclass(frozen=True, slots=True)
-class Starters:
+class Starters(Struct, frozen=True):
     """The starter to compare stages with, None for none, and the one in the submission."""
 
     compared: Starter | None = None

@@ -7,9 +7,10 @@ given, or a publisher (as before 6.0) looks at prims of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from lab3_usd.check.computed_frames import Pair, computed_pairs, tf_ports
 from lab3_usd.check.model import Node, StageModel
@@ -29,8 +30,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
 
-@dataclass(frozen=True, slots=True)
-class Edge:
+class Edge(Struct, frozen=True):
     """One transform that a stage publishes.
 
     `publisher` sends it, `cause` is the node whose settings name it (the same one, or the node
@@ -50,8 +50,7 @@ class Edge:
     expanded: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class _Scene:
+class _Scene(Struct, frozen=True):
     """What the computation looks things up in."""
 
     stage: StageModel

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.check.checker import finding_of
 from lab3_usd.check.finding import Crash, Finding
 from lab3_usd.check.registry import Scope, rules_of
 
 
-@dataclass(frozen=True, slots=True)
-class Judged:
+class Judged(Struct, frozen=True):
     """What rules found, and which of them failed themselves."""
 
     findings: tuple[Finding, ...] = ()

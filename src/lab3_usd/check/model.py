@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Literal
+
+from msgspec import Struct, field
 
 from lab3_usd.spec.catalog import NodeType, Value
 
 Matrix = tuple[float, ...]  # 16 numbers in rows, as USD multiplies: row vectors, translation last
 
 
-@dataclass(frozen=True, slots=True)
-class PortState:
+class PortState(Struct, frozen=True):
     """One port as the composed stage holds it.
 
     `value` is the authored value, None where the port was left alone; `usd_type` the declared
@@ -27,8 +27,7 @@ class PortState:
     targets: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Node:
+class Node(Struct, frozen=True):
     """A node prim that is active and defined.
 
     `type_name` is `node:type` as saved ('' where absent), `type` its catalog entry or None.
@@ -81,8 +80,7 @@ class Node:
         return self.type.port(port) is not None
 
 
-@dataclass(frozen=True, slots=True)
-class Absent:
+class Absent(Struct, frozen=True):
     """A prim that is in the file but not in the scene, and why."""
 
     path: str
@@ -91,8 +89,7 @@ class Absent:
     ports: Mapping[str, PortState] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class GraphModel:
+class GraphModel(Struct, frozen=True):
     """A graph prim with its nodes in the order of their paths."""
 
     path: str
@@ -108,8 +105,7 @@ class GraphModel:
         return self.path.rpartition("/")[2]
 
 
-@dataclass(frozen=True, slots=True)
-class Prim:
+class Prim(Struct, frozen=True):
     """A prim outside the graphs.
 
     `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
@@ -145,8 +141,7 @@ class Prim:
         return self.active and self.defined
 
 
-@dataclass(frozen=True, slots=True)
-class Unresolved:
+class Unresolved(Struct, frozen=True):
     """An asset that the stage asks for and that cannot be found from here."""
 
     prim: str
@@ -155,8 +150,7 @@ class Unresolved:
     layer: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Collider:
+class Collider(Struct, frozen=True):
     """The box around one collision shape in world space, in metres, and the body it moves with."""
 
     path: str
@@ -165,8 +159,7 @@ class Collider:
     high: tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StageModel:
+class StageModel(Struct, frozen=True, eq=False):
     """Everything the rules know of one stage.
 
     Two models are the same only when they are one: what is derived from one is remembered by it.

@@ -6,7 +6,8 @@ Matrices are 16 numbers in rows as USD multiplies: row vectors from the left, tr
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from lab3_usd.check.model import Matrix
 
@@ -17,8 +18,7 @@ IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 
 _AXES: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-@dataclass(frozen=True, slots=True)
-class Pose:
+class Pose(Struct, frozen=True):
     """A transform taken apart; a mirrored one has a negative scale along X."""
 
     translation: Vector

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
+
+from msgspec import Struct
 
 from lab3_usd.check.model import Matrix, Prim, StageModel
 from lab3_usd.check.poses import Vector, angles, decompose, distance, turn_between, turned
@@ -19,8 +20,7 @@ OPERATIONS: Mapping[Kind, tuple[str, ...]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Tolerance:
+class Tolerance(Struct, frozen=True):
     """What counts as the same pose: lengths in metres, degrees, factors.
 
     `metres` is the length of one stage unit. The handout gives lengths in metres and its stages
@@ -33,8 +33,7 @@ class Tolerance:
     metres: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class Misfit:
+class Misfit(Struct, frozen=True):
     """One part of a pose that is wrong, and the property that says so."""
 
     kind: Kind

@@ -9,7 +9,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.model import Node
 from lab3_usd.check.running import Nodes, effective, live_sources
@@ -21,8 +23,7 @@ PRESET = "inputs:createProfile"
 CUSTOM = "Custom"
 
 
-@dataclass(frozen=True, slots=True)
-class Qos:
+class Qos(Struct, frozen=True):
     """A QoS profile in the words of ROS 2; times in seconds, 0 for no limit.
 
     `depth` is None where it comes by a wire that nobody can read.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.finding import Finding
@@ -19,8 +20,7 @@ _ROTATE = "xformOp:rotate"
 _MISSING = ("S01", "S07", "L01", "L03", "C01", "C03")
 
 
-@dataclass(frozen=True, slots=True)
-class SceneItem:
+class SceneItem(Struct, frozen=True):
     """One thing asked of the scene.
 
     `prim` and `property` are the site at which `rules` report it; `also` are other properties that

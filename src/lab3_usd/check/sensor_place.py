@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.check.absence import is_at_or_below, is_hidden, why_absent
 from lab3_usd.check.finding import Problem
@@ -15,8 +16,7 @@ from lab3_usd.check.subject import StageSubject
 from lab3_usd.spec.spec import Lab
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(Struct, frozen=True):
     """The prim that is a required sensor, at its path or elsewhere; None where there is none.
 
     `stranger` is the prim of another type that stands at the path instead.

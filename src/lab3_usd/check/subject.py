@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
 
 from lab3_usd.check.model import GraphModel, Node, StageModel
 from lab3_usd.spec.spec import Checkpoint, GraphSpec, Lab
@@ -13,8 +14,7 @@ if TYPE_CHECKING:
     from lab3_usd.check.wire_fault import WireFault
 
 
-@dataclass(frozen=True, slots=True)
-class Roles:
+class Roles(Struct, frozen=True):
     """Which node of a stage plays which role of a graph spec.
 
     `graph` is None when the stage holds nothing that could be the graph. `stand_ins` maps a node
@@ -31,8 +31,7 @@ class Roles:
     retyped: Mapping[str, Node] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class GraphSubject:
+class GraphSubject(Struct, frozen=True):
     """One graph of the spec beside its graph in the stage.
 
     `live` holds the live nodes of the whole stage by path, `wire_faults` what is wrong with the
@@ -48,8 +47,7 @@ class GraphSubject:
     wire_faults: tuple[WireFault, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StageSubject:
+class StageSubject(Struct, frozen=True, eq=False):
     """The whole stage at one checkpoint.
 
     `blamed` holds the prims that already have an error from the rules of their graph: what

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Generic, TypeVar
+
+from msgspec import Struct, field
 
 from lab3_usd.check.finding import Problem
 from lab3_usd.spec.ros_spec import MapFacts, RosSpec
@@ -16,16 +18,14 @@ Message = Mapping[str, Scalar]
 Fact = TypeVar("Fact")
 
 
-@dataclass(frozen=True, slots=True)
-class Agreement:
+class Agreement(Struct, frozen=True):
     """How well map and walls agree, 0 to 1, for one guess of where the map's origin lies."""
 
     figure: float
     about: str
 
 
-@dataclass(frozen=True, slots=True)
-class MapSubject:
+class MapSubject(Struct, frozen=True):
     """A map as handed in. `values` is the YAML file as read; None where it cannot be read.
 
     Paths are relative to the submission; `size` is (width, height) in cells. An absolute
@@ -46,8 +46,7 @@ class MapSubject:
     agreements: tuple[Agreement, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(Struct, frozen=True):
     """One value of a parameter file: `node` and dotted `name` (`FollowPath.max_vel_x`)."""
 
     node: str
@@ -61,8 +60,7 @@ class Parameter:
         return self.name.rpartition(".")[2]
 
 
-@dataclass(frozen=True, slots=True)
-class NavigationSubject:
+class NavigationSubject(Struct, frozen=True):
     """A parameter file of Nav2 as handed in; `fault` says why it could not be read."""
 
     ros: RosSpec
@@ -80,16 +78,14 @@ class Shown(Generic[Fact]):
     file: str
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
+class Names(Struct, frozen=True):
     """Topics or nodes that a list names; `whole` unless the list was filtered."""
 
     names: tuple[str, ...]
     whole: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Endpoint:
+class Endpoint(Struct, frozen=True):
     """A publisher or subscription of a topic, its policies as `ros2 topic info --verbose` says."""
 
     node: str
@@ -99,24 +95,21 @@ class Endpoint:
     durability: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Lookup:
+class Lookup(Struct, frozen=True):
     """What `tf2_echo` printed: whether it found the transform, and the last translation (m)."""
 
     found: bool
     translation: tuple[float, float, float] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class GoalRun:
+class GoalRun(Struct, frozen=True):
     """One navigation goal: its status number, and how long it took in seconds when measured."""
 
     status: int
     seconds: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
+class Run(Struct, frozen=True):
     """One line of the manifest: what was run, how it ended, when it began, how long it took."""
 
     file: str
@@ -130,8 +123,7 @@ Edge = tuple[str, str]
 Outputs = Mapping[str, tuple[Shown[Fact], ...]]
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
+class Evidence(Struct, frozen=True):
     """What a folder of saved outputs shows, by kind of command and by what each was about.
 
     The names of the outputs are those of the kinds in `ros.yaml`. The keys are a topic, a node,
@@ -153,8 +145,7 @@ class Evidence:
     runs: tuple[Run, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class EvidenceSubject:
+class EvidenceSubject(Struct, frozen=True):
     """Saved diagnostics beside what they must show, up to the checkpoint `until`.
 
     With `required`, evidence that is missing is an error instead of a note.

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Literal
+
+from msgspec import Struct, field
 
 from lab3_usd.check.finding import StageResult
 from lab3_usd.spec.spec import Lab
 from lab3_usd.spec.submission_spec import SubmissionSpec
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """A file of the folder, by its path in it; `why_not` says why it is never opened."""
 
     path: str
@@ -29,8 +29,7 @@ class Entry:
         return self.path.rpartition("/")[0]
 
 
-@dataclass(frozen=True, slots=True)
-class StageFile:
+class StageFile(Struct, frozen=True):
     """The file that stands for one checkpoint, and how it is named.
 
     `slip` is a file that ends in what is no ending of USD. `others` are files with the same
@@ -43,8 +42,7 @@ class StageFile:
     others: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class StarterFile:
+class StarterFile(Struct, frozen=True):
     """The starter in the submission: why it cannot be opened, or what of the lab it holds."""
 
     path: str
@@ -52,8 +50,7 @@ class StarterFile:
     holds: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Listing:
+class Listing(Struct, frozen=True):
     """The files of a folder in the order of their paths.
 
     `stages` are by checkpoint, `found` by deliverable. `home` is the folder of the stages, '' for
@@ -68,8 +65,7 @@ class Listing:
     whole: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class SubmissionSubject:
+class SubmissionSubject(Struct, frozen=True):
     """A submission: its files, and the results of its stages by checkpoint.
 
     `digests` tell files apart, by checkpoint; `starter` is None where there is none.

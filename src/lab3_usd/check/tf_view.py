@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
+
+from msgspec import Struct
 
 from lab3_usd.check.computed_frames import computed_pairs, expands, tf_ports
 from lab3_usd.check.frames import Edge, published_edges
@@ -15,8 +16,7 @@ from lab3_usd.check.subject import StageSubject
 from lab3_usd.spec.spec import NodeSpec
 
 
-@dataclass(frozen=True, slots=True)
-class TfView:
+class TfView(Struct, frozen=True):
     """The transforms of a stage beside the roles of the nodes that publish them.
 
     `played` maps the path of a node to the spec of the role it plays.
@@ -99,8 +99,7 @@ def differs_from_spec(path: str, view: TfView) -> bool:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Maker:
+class Maker(Struct, frozen=True):
     """A node that must give frames, the port that lists their prims, and the prim of each frame."""
 
     node: Node

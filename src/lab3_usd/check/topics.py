@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
+
+from msgspec import Struct
 
 from lab3_usd.check.model import Node, StageModel
 from lab3_usd.check.names import resolved_topic
@@ -27,8 +28,7 @@ _MESSAGE = ("inputs:messagePackage", "inputs:messageSubfolder", "inputs:messageN
 _VALID = re.compile(r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")
 
 
-@dataclass(frozen=True, slots=True)
-class Endpoint:
+class Endpoint(Struct, frozen=True):
     """One topic of one node.
 
     `topic` is the resolved name, None where ROS 2 refuses it or a wire brings it; `written` is

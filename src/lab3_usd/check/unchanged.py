@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.changes import Site
 from lab3_usd.check.checker import judge, ordered
@@ -21,8 +23,7 @@ _EXCUSED = "S"  # the family of the scene, which the starter brings
 _Fault = tuple[str, str, str | None, str | None]
 
 
-@dataclass(frozen=True, slots=True)
-class Starter:
+class Starter(Struct, frozen=True):
     """An open starter, and what the rules of the scene say of it: no student's fault."""
 
     path: Path

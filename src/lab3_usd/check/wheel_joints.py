@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.check.absence import is_at_or_below, is_hidden
 from lab3_usd.check.model import Prim, StageModel
@@ -13,8 +14,7 @@ from lab3_usd.check.physics import BODIES, BODY_API, REVOLUTE, below, bodies, is
 from lab3_usd.check.subject import StageSubject
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WheelJoint:
+class WheelJoint(Struct, frozen=True, eq=False):
     """One wheel joint that the handout names, and the prim that plays it.
 
     `path` is where the handout shows it, `link` the path of its wheel. `prim` may be absent from

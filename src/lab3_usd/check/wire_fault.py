@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 from lab3_usd.check.model import Node
 from lab3_usd.spec.spec import Wire
@@ -14,8 +15,7 @@ Kind = Literal[
 ]  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class WireFault:
+class WireFault(Struct, frozen=True):
     """One faulty wire at the input where it ends.
 
     `expected` and `actual` are property paths; `wire` the wire of the spec that is not met, None

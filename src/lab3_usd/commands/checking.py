@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec.structs import replace
 
 from lab3_usd.check.checker import check_stage, checkpoint_of, ordered
 from lab3_usd.check.finding import Finding, Report, StageResult, Submission, Verdict

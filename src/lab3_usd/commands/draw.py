@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from msgspec import Struct
 
 from lab3_usd.commands.options import checkpoint_number
 from lab3_usd.errors import UsageError
@@ -91,8 +91,7 @@ def command(  # noqa: PLR0913, PLR0917 - one parameter per option
         sys.exit(EXIT_CRASH)
 
 
-@dataclass(frozen=True, slots=True)
-class Drawing:
+class Drawing(Struct, frozen=True):
     """The pictures of one target, what their file names begin with, and the rules that failed."""
 
     pictures: list[Picture]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from lab3_usd.check.subjects_lab import Evidence, GoalRun, Names, Run, Shown
 from lab3_usd.lab import evidence_outputs as outputs

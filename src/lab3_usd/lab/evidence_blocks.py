@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from lab3_usd.spec.ros_spec import Command, EvidenceKind, RosSpec, file_word
 
@@ -33,8 +34,7 @@ _NAMED = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(Struct, frozen=True):
     """The output of one command: its kind, what it was about, and whether it was not filtered."""
 
     kind: str

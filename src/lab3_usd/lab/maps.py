@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
+from msgspec import Struct
 
 from lab3_usd.errors import Lab3Error
 
@@ -35,8 +35,7 @@ class MapError(Lab3Error):
     """A map file cannot be read, or two maps cannot be compared."""
 
 
-@dataclass(frozen=True, slots=True)
-class MapFile:
+class MapFile(Struct, frozen=True):
     """What a map's YAML says; `image` as written there, lengths in metres, the turn in radians."""
 
     image: str
@@ -48,8 +47,7 @@ class MapFile:
     mode: str = "trinary"
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
+class Grid(Struct, frozen=True):
     """A map image: one byte for each cell, row 0 at the top."""
 
     width: int

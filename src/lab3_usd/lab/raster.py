@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from lab3_usd.errors import UsageError
 from lab3_usd.lab.maps import FREE, OCCUPIED, UNKNOWN, Grid
@@ -14,8 +15,7 @@ Point = tuple[float, float]
 _DIGITS = 6
 
 
-@dataclass(frozen=True, slots=True)
-class MapFrame:
+class MapFrame(Struct, frozen=True):
     """Where a map lies: the world's place of its lower left corner, in metres, and its cells."""
 
     resolution: float
@@ -32,8 +32,7 @@ class MapFrame:
         return (x, y)
 
 
-@dataclass(frozen=True, slots=True)
-class DrawnMap:
+class DrawnMap(Struct, frozen=True):
     """A map, and whether walls keep its free space from the edge."""
 
     grid: Grid

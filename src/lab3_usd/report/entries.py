@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from lab3_usd.check.finding import SEVERITIES, Crash, Finding, Report
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """A finding and where it was made: the path as given, and the checkpoint of a stage."""
 
     path: str
@@ -22,8 +22,7 @@ class Entry:
         return self.finding.layer or self.path
 
 
-@dataclass(frozen=True, slots=True)
-class Summary:
+class Summary(Struct, frozen=True):
     """How many files were checked and passed, and how many findings there are."""
 
     files: int

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from lab3_usd.check.finding import Finding
 
@@ -12,8 +13,7 @@ from lab3_usd.check.finding import Finding
 LINE_LIMIT = 100_000
 
 
-@dataclass(frozen=True, slots=True)
-class Excerpt:
+class Excerpt(Struct, frozen=True):
     """Lines of a layer as they are, without line ends; `first` is the number of the first."""
 
     first: int

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 from lab3_usd.check.finding import Report
 from lab3_usd.check.registry import Rule
@@ -15,8 +16,7 @@ Verbosity = Literal["quiet", "normal", "verbose"]
 Rules = Mapping[str, Rule]
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
+class Options(Struct, frozen=True):
     """What a renderer may be told.
 
     `color` and `width` (columns) describe the terminal, `statistics` adds the table of faults by
@@ -33,8 +33,7 @@ class Options:
     visibility: str = "visible"
 
 
-@dataclass(frozen=True, slots=True)
-class Format:
+class Format(Struct, frozen=True):
     """One output format: the module that renders it, what it is for, and its usual file name.
 
     `manual` says that the renderer quotes the rules' manuals, so that they are worth importing.

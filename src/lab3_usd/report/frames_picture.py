@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from lab3_usd.check.frames import Edge
 from lab3_usd.report.drawing.framing import framed
@@ -19,8 +20,7 @@ MOST_TITLE = 40
 GRAVE: tuple[State, ...] = ("wrong", "extra")
 
 
-@dataclass(frozen=True, slots=True)
-class Branch:
+class Branch(Struct, frozen=True):
     """One edge of the drawn tree: who publishes it, and how it was judged."""
 
     parent: str

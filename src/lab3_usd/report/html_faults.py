@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lab3_usd.check.finding import SEVERITIES, Finding
 from lab3_usd.report.excerpt import read_excerpts

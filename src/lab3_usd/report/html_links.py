@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from lab3_usd.check.finding import Finding
 from lab3_usd.report.drawing.framing import SIGN_LINE
@@ -16,8 +17,7 @@ ROUND = 30.0  # room around the box
 ABOVE = 14.0
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(Struct, frozen=True):
     """A place in a picture: the id of its element without prefix, and the view around it."""
 
     id: str

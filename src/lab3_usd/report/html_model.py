@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import PurePath
+
+from msgspec import Struct
 
 from lab3_usd.check.finding import (
     ChecklistItem,
@@ -20,8 +21,7 @@ from lab3_usd.report.excerpt import Excerpt
 Stages = tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+class Part(Struct, frozen=True):
     """Requirements met and asked of one graph or scene part."""
 
     name: str
@@ -29,8 +29,7 @@ class Part:
     asked: int
 
 
-@dataclass(frozen=True, slots=True)
-class Stage:
+class Stage(Struct, frozen=True):
     """One stage on the page; `index` is its number on the page, `label` its short name."""
 
     index: int
@@ -49,8 +48,7 @@ class Stage:
         return sum(each.severity == severity for each in self.result.findings)
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(Struct, frozen=True):
     """Stages that belong together: one submission, or the files that were given beside it."""
 
     id: str
@@ -107,8 +105,7 @@ def _run(stages: Sequence[Stage]) -> str:
     return f"{first}\N{EN DASH}{last}"
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
+class Fault(Struct, frozen=True):
     """A finding, and all the stages that have it.
 
     A fault that is carried along from file to file is one fault: `finding` is that of the first.
@@ -121,8 +118,7 @@ class Fault:
     places: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Link:
+class Link(Struct, frozen=True):
     """The way from a fault to its port: the element to go to, and the part of the picture.
 
     `view` is the box of an SVG view (`x y width height`), empty for the graph as a whole.
@@ -135,8 +131,7 @@ class Link:
     view: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Drawn:
+class Drawn(Struct, frozen=True):
     """One picture with the stages it shows; `svg` is None where the page has no room for it."""
 
     id: str
@@ -149,8 +144,7 @@ class Drawn:
     lines: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
+class Line(Struct, frozen=True):
     """One line of a code frame: the gutter, the text, and whether it is the line of the fault."""
 
     gutter: str
@@ -158,8 +152,7 @@ class Line:
     is_hit: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Card:
+class Card(Struct, frozen=True):
     """A fault as it is shown, with its code frame and its places in the pictures."""
 
     fault: Fault
@@ -168,40 +161,35 @@ class Card:
     links: tuple[Link, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Section:
+class Section(Struct, frozen=True):
     """The faults against one section of the handout."""
 
     name: str
     cards: tuple[Card, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Chapter:
+class Chapter(Struct, frozen=True):
     """The sections of one part of the handout."""
 
     title: str
     sections: tuple[Section, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Topic:
+class Topic(Struct, frozen=True):
     """One row of the topic table, and the stages that have it."""
 
     cells: tuple[str, ...]
     stages: Stages
 
 
-@dataclass(frozen=True, slots=True)
-class Checks:
+class Checks(Struct, frozen=True):
     """The lines of the handout's checklist for one section."""
 
     name: str
     items: tuple[ChecklistItem, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class View:
+class View(Struct, frozen=True):
     """Everything that the page shows of one block."""
 
     block: Block

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from lab3_usd.report.html_links import Place, place_of, related_places
 from lab3_usd.report.html_model import Block, Drawn, Fault, Link, Topic
@@ -19,16 +20,14 @@ OF_A_TOPIC = 800
 MOST_LINKS = 4  # from one fault, where its graph differs from stage to stage
 
 
-@dataclass(frozen=True, slots=True)
-class Gallery:
+class Gallery(Struct, frozen=True):
     """The pictures of a block, and from the id of each fault the ways into them."""
 
     pictures: tuple[Drawn, ...] = ()
     links: Mapping[str, tuple[Link, ...]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class _Frame:
+class _Frame(Struct, frozen=True):
     """A picture with the stages that it shows and its id on the page."""
 
     id: str

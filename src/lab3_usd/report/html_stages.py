@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from lab3_usd.check.finding import StageResult
 from lab3_usd.check.frames import published_edges, unknown_publishers
@@ -17,8 +18,7 @@ from lab3_usd.report.tree import TreeReport, as_text
 from lab3_usd.spec.spec import Lab
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
+class Seen(Struct, frozen=True):
     """What one stage holds: its pictures, its TF tree as text, its topics as cells of a table."""
 
     pictures: tuple[Picture, ...] = ()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from typing import Any, Literal
+
+from msgspec.structs import asdict
 
 from lab3_usd.check.finding import Crash, Finding, Report, StageResult, Submission
 from lab3_usd.report.entries import Summary, summarize

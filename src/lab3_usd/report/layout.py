@@ -7,7 +7,9 @@ a wire that runs backward passes below all boxes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.report.drawing.curves import around, through
 from lab3_usd.report.drawing.ordering import Columns, Link, Slot, SlotKey, ordered
@@ -26,8 +28,7 @@ BULGE = 26.0
 Placed = tuple[tuple[Box, ...], tuple[Curve, ...]]
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
+class Grid(Struct, frozen=True):
     """The columns: left edge and width of each, and the top of each slot."""
 
     lefts: tuple[float, ...]

@@ -5,8 +5,9 @@ Coordinates are in pixels at 100 %, x to the right and y downward, as in Isaac S
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 from lab3_usd.spec.catalog import INPUT, OUTPUT
 
@@ -19,8 +20,7 @@ STATES: tuple[State, ...] = ("ok", "wrong", "missing", "extra")
 HEADER = 44.0  # height of a box's coloured header, which holds title and subtitle
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(Struct, frozen=True):
     """One port of a box: its name, its value where that matters, and how it was judged.
 
     `value` and `expected` are the lines to show, `note` what a pointer resting on the row reads.
@@ -41,8 +41,7 @@ class Row:
     y: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Box:
+class Box(Struct, frozen=True):
     """A node or frame. `key` is its prim path, or the path a missing one would have.
 
     `more` is the line that says how many ports are not drawn. `at` is where the file (or the
@@ -75,16 +74,14 @@ class Box:
         return next((row for row in self.rows if row.port == port), None)
 
 
-@dataclass(frozen=True, slots=True)
-class End:
+class End(Struct, frozen=True):
     """One end of a curve: a box and one of its ports."""
 
     key: str
     port: str
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
+class Curve(Struct, frozen=True):
     """A wire, drawn as Bezier curves that follow each other; dashed where it carries execution."""
 
     source: End
@@ -95,8 +92,7 @@ class Curve:
     path: tuple[Bezier, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Sign:
+class Sign(Struct, frozen=True):
     """One entry of the legend: what it shows, what that means, and its place."""
 
     kind: str
@@ -105,16 +101,14 @@ class Sign:
     y: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Remark:
+class Remark(Struct, frozen=True):
     """A line below the title: a fault of the graph as a whole."""
 
     state: State
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Picture:
+class Picture(Struct, frozen=True):
     """A whole picture. `judged` says whether a stage was held against a spec.
 
     `path` is that of the graph prim, '' for a tree of frames.

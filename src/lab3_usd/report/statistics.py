@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from lab3_usd.check.finding import SEVERITIES, Report, Severity
 from lab3_usd.report.entries import Summary, entries
 from lab3_usd.report.escape import visible
 
 
-@dataclass(frozen=True, slots=True)
-class RuleCount:
+class RuleCount(Struct, frozen=True):
     """How often one rule found something of one severity, and in how many files."""
 
     rule: str

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from lab3_usd.check.finding import (
     SEVERITIES,
@@ -28,8 +29,7 @@ LABEL = 10
 INDENT = "  "
 
 
-@dataclass(frozen=True, slots=True)
-class _Page:
+class _Page(Struct, frozen=True):
     """What stays the same through one report."""
 
     options: Options

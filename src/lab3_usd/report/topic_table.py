@@ -6,7 +6,9 @@ import csv
 import io
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+
+from msgspec import Struct
+from msgspec.structs import asdict
 
 from lab3_usd.check.frames import Edge
 from lab3_usd.check.qos import PROFILE
@@ -20,8 +22,7 @@ _REFUSED = "not valid: the node does not work"
 _UNKNOWN = "not known: it comes by a wire"
 
 
-@dataclass(frozen=True, slots=True)
-class TopicReport:
+class TopicReport(Struct, frozen=True):
     """The topics of a stage, and the transforms that tell the frames of its TF publishers."""
 
     path: str

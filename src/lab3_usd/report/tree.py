@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+
+from msgspec import Struct, field
+from msgspec.structs import asdict
 
 from lab3_usd.check.frames import Edge
 from lab3_usd.check.rings import frames_in_rings
@@ -14,8 +16,7 @@ from lab3_usd.report.escape import visible
 _MARK = "  ! "
 
 
-@dataclass(frozen=True, slots=True)
-class TreeReport:
+class TreeReport(Struct, frozen=True):
     """What a stage publishes: its transforms, and the nodes whose transforms nobody can tell.
 
     `reserved` are the frames that only something outside the stage may place, with its name.
@@ -27,8 +28,7 @@ class TreeReport:
     reserved: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
+class Fault(Struct, frozen=True):
     """Something that tf2 cannot make a tree of, at one frame."""
 
     frame: str

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Literal, Union
+
+from msgspec import Struct, field
 
 Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated at run time
 INPUT = "inputs:"
 OUTPUT = "outputs:"
 
 
-@dataclass(frozen=True, slots=True)
-class Port:
+class Port(Struct, frozen=True):
     """One port of a node type.
 
     `name` is the name in a file (`inputs:topicName`); `ogn_type` OGN's own type word; `usd_type`
@@ -55,8 +55,7 @@ class Port:
         return self.name.startswith(OUTPUT) or self.output_only
 
 
-@dataclass(frozen=True, slots=True)
-class Dynamic:
+class Dynamic(Struct, frozen=True):
     """Ports that exist only once asked for: `prefix` + number, as many as `count` says."""
 
     prefix: str
@@ -64,8 +63,7 @@ class Dynamic:
     metadata: str
 
 
-@dataclass(frozen=True, slots=True)
-class TfPorts:
+class TfPorts(Struct, frozen=True):
     """Which ports of a type carry TF frames.
 
     `names`: parent and child frame ids. `arrays`: parents and children that come by wire.
@@ -79,8 +77,7 @@ class TfPorts:
     static: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class NodeType:
+class NodeType(Struct, frozen=True):
     """One node type of Isaac Sim 6.0.1.
 
     `message` maps the value of the port `type` to a message type; the key '' holds where the
@@ -132,8 +129,7 @@ class NodeType:
         return Port(INPUT + short, first.ogn_type, first.usd_type, accepts=first.accepts)
 
 
-@dataclass(frozen=True, slots=True)
-class GraphAttribute:
+class GraphAttribute(Struct, frozen=True):
     """An attribute of a graph prim: how it is saved, and which values are as good."""
 
     name: str
@@ -144,8 +140,7 @@ class GraphAttribute:
     handout: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class GraphForm:
+class GraphForm(Struct, frozen=True):
     """How Isaac Sim saves graph and node prims."""
 
     type: str
@@ -155,8 +150,7 @@ class GraphForm:
     ignored_below: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Catalog:
+class Catalog(Struct, frozen=True):
     """Every node type the lab knows, by its name in 6.0.1, and the names that mean another."""
 
     types: Mapping[str, NodeType]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -85,8 +84,8 @@ _KINDS: dict[str, type | tuple[type, ...]] = {
 
 
 def _plain(kind: type[_Plain], data: Mapping[str, Any], where: str) -> _Plain:
-    """Make a dataclass of `data`: lists become tuples, plain fields are checked by their type."""
-    expected = {f.name: str(f.type) for f in fields(kind)}  # type: ignore[arg-type]  # a dataclass
+    """Make a record of `data`: lists become tuples, plain fields are checked by their type."""
+    expected = {name: str(annotation) for name, annotation in kind.__annotations__.items()}
     known_keys(data, tuple(expected), where)
     values: dict[str, Any] = {}
     for name, annotation in expected.items():

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.data import data_folder
 from lab3_usd.spec.submission_spec import (
@@ -60,24 +61,25 @@ def _checklist(sections: Mapping[str, Any]) -> list[ChecklistSpec]:
     return lines
 
 
-def _plain(kind: type, data: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Return the fields of a dataclass out of the file: lists become tuples of texts.
+def _plain(kind: type[Struct], data: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return the fields of a record out of the file: lists become tuples of texts.
 
     Raises:
         SpecError: a field is missing, of another kind, or unknown.
     """
     place = f"{FILE}: {where}"
-    fields = kind.__dataclass_fields__  # type: ignore[attr-defined]  # a dataclass
-    known_keys(data, tuple(fields), place)
+    fields = kind.__struct_fields__
+    optional = fields[len(fields) - len(kind.__struct_defaults__) :]
+    known_keys(data, fields, place)
     values: dict[str, Any] = {}
-    for name, field in fields.items():
-        is_optional = field.default is not MISSING
-        if name not in data and is_optional:
+    for name in fields:
+        if name not in data and name in optional:
             continue
-        if field.type == "tuple[str, ...]":
+        annotation = kind.__annotations__[name]
+        if annotation == "tuple[str, ...]":
             values[name] = texts(data, name, place)
         else:
-            values[name] = need(data, name, _KINDS.get(field.type, list), place)
+            values[name] = need(data, name, _KINDS.get(annotation, list), place)
     return values
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 
-@dataclass(frozen=True, slots=True)
-class MapFacts:
+class MapFacts(Struct, frozen=True):
     """The map that the handout asks for; lengths in metres, the size in cells."""
 
     yaml: str
@@ -33,8 +33,7 @@ class MapFacts:
         return self.origin[1]
 
 
-@dataclass(frozen=True, slots=True)
-class TopicSpec:
+class TopicSpec(Struct, frozen=True):
     """A topic of the running system; None where the handout asks for nothing.
 
     `rate` is the section that asks for a rate above zero, `fields` what one message must say,
@@ -53,16 +52,14 @@ class TopicSpec:
     optional: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(Struct, frozen=True):
     """Where the handout asks for something, and from which checkpoint on."""
 
     since: str
     handout: str
 
 
-@dataclass(frozen=True, slots=True)
-class EvidenceKind:
+class EvidenceKind(Struct, frozen=True):
     """One kind of diagnostic command: its words, the name of its output, its limit in seconds."""
 
     name: str
@@ -71,8 +68,7 @@ class EvidenceKind:
     seconds: int
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(Struct, frozen=True):
     """One diagnostic command; `extra` ones are recorded although the handout does not ask."""
 
     kind: EvidenceKind
@@ -98,8 +94,7 @@ class Command:
         return f"{self.of} {self.to}".strip()
 
 
-@dataclass(frozen=True, slots=True)
-class GoalSpec:
+class GoalSpec(Struct, frozen=True):
     """How a navigation goal shows: its topics, and what its status numbers and log lines mean.
 
     `names` are the names of the status numbers from 0 on.
@@ -120,8 +115,7 @@ class GoalSpec:
         return self.names[status] if 0 <= status < len(self.names) else str(status)
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterNames:
+class ParameterNames(Struct, frozen=True):
     """The names by which Nav2 calls the parameters that are judged."""
 
     sim_time: str
@@ -137,8 +131,7 @@ class ParameterNames:
     laser: str
 
 
-@dataclass(frozen=True, slots=True)
-class NavigationSpec:
+class NavigationSpec(Struct, frozen=True):
     """What Nav2 is told; metres, metres and radians per second, and per second squared.
 
     `frames` are (node, parameter, frame), `behaviors` plugins by name, `rviz` topics by display.
@@ -168,8 +161,7 @@ class NavigationSpec:
         return (self.planner, *self.behaviors.values())
 
 
-@dataclass(frozen=True, slots=True)
-class SystemSpec:
+class SystemSpec(Struct, frozen=True):
     """The software of 4.1 and where it lies; `packages` maps ROS packages to their usual names.
 
     `topics` are those that every ROS 2 system has.
@@ -184,8 +176,7 @@ class SystemSpec:
     packages: Mapping[str, str]
 
 
-@dataclass(frozen=True, slots=True)
-class RosSpec:
+class RosSpec(Struct, frozen=True):
     """Everything that `ros.yaml` says."""
 
     system: SystemSpec

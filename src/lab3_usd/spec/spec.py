@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct, field
 
 from lab3_usd.spec.catalog import Catalog, NodeType, Value
 from lab3_usd.spec.ros_spec import TopicSpec
 
 
-@dataclass(frozen=True, slots=True)
-class Setting:
+class Setting(Struct, frozen=True):
     """A value that the handout asks for at one input."""
 
     port: str
@@ -20,8 +20,7 @@ class Setting:
     handout: str
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
+class Target(Struct, frozen=True):
     """The prims that one relationship of a node must name, in the order of the handout."""
 
     port: str
@@ -29,8 +28,7 @@ class Target:
     handout: str
 
 
-@dataclass(frozen=True, slots=True)
-class NodeSpec:
+class NodeSpec(Struct, frozen=True):
     """One node of a graph. `role` names it in the spec; prims may be named otherwise.
 
     `keep` are the inputs the handout says to leave alone, `grown` the dynamic inputs it adds,
@@ -49,8 +47,7 @@ class NodeSpec:
     frames_from: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class PortRef:
+class PortRef(Struct, frozen=True):
     """A port of a role; `port` is the full name in a file (`inputs:execIn`)."""
 
     role: str
@@ -62,8 +59,7 @@ class PortRef:
         return f"{self.role}.{self.port.partition(':')[2]}"
 
 
-@dataclass(frozen=True, slots=True)
-class Wire:
+class Wire(Struct, frozen=True):
     """A connection from a source port to the input that it feeds."""
 
     source: PortRef
@@ -75,8 +71,7 @@ class Wire:
         return f"{self.source.short} -> {self.target.short}"
 
 
-@dataclass(frozen=True, slots=True)
-class GraphSpec:
+class GraphSpec(Struct, frozen=True):
     """One Action Graph: its path, its nodes by role, its wires in the order of the handout."""
 
     name: str
@@ -92,8 +87,7 @@ class GraphSpec:
         return (wire for wire in self.wires if wire.target.role == role)
 
 
-@dataclass(frozen=True, slots=True)
-class Checkpoint:
+class Checkpoint(Struct, frozen=True):
     """One checkpoint: its number, file name without ending, and everything it must hold.
 
     `graphs` and `sensors` are cumulative; `new` names the graphs this checkpoint adds.
@@ -112,8 +106,7 @@ class Checkpoint:
     localization: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Policy:
+class Policy(Struct, frozen=True):
     """What holds for every graph: inputs that stay at their defaults, topics that may be shared."""
 
     keep_default: tuple[str, ...]
@@ -125,8 +118,7 @@ class Policy:
     tick: str
 
 
-@dataclass(frozen=True, slots=True)
-class FrameSpec:
+class FrameSpec(Struct, frozen=True):
     """The TF tree: edges as (parent, child), what is forbidden, and what localization adds."""
 
     handout: str
@@ -142,11 +134,10 @@ class FrameSpec:
     chain: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Lab:
-    """Everything that `graphs/` says, loaded once. `scene` is the scene file as plain, checked data.
+class Lab(Struct, frozen=True, eq=False):
+    """Everything that `graphs/` says, loaded once.
 
-    `topics` are the topics of the running system by name, with their message types and QoS.
+    `scene` is the scene file as plain, checked data; `topics` are the topics of the running system by name, with their message types and QoS.
     """
 
     folder: Path

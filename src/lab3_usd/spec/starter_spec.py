@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.scene_spec import SCENE_FILE, check_scene
@@ -30,8 +32,7 @@ _POSE_KEYS = ("translate", "rotate", "scale")
 Number3 = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class PoseSpec:
+class PoseSpec(Struct, frozen=True):
     """Where a prim stands in its parent: metres, degrees about X then Y then Z, factors."""
 
     translate: Number3 = (0.0, 0.0, 0.0)
@@ -39,8 +40,7 @@ class PoseSpec:
     scale: Number3 = (1.0, 1.0, 1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class AttributeSpec:
+class AttributeSpec(Struct, frozen=True):
     """A value of a prim; `type` is None where USD's own schemas know the attribute."""
 
     name: str
@@ -48,8 +48,7 @@ class AttributeSpec:
     type: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class PrimSpec:
+class PrimSpec(Struct, frozen=True):
     """One prim of the starter; an `over` is a library that other prims refer to."""
 
     path: str
@@ -63,8 +62,7 @@ class PrimSpec:
     targets: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class StarterSpec:
+class StarterSpec(Struct, frozen=True):
     """The whole starter; `prims` holds parents before children, in the order of the file."""
 
     doc: str

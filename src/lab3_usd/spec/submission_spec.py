@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 
-@dataclass(frozen=True, slots=True)
-class FolderNames:
+class FolderNames(Struct, frozen=True):
     """The folders of a submission by what lies in them (4.3); `shown` holds saved output."""
 
     handout: str
@@ -17,8 +17,7 @@ class FolderNames:
     shown: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class StageFiles:
+class StageFiles(Struct, frozen=True):
     """How stage files are named.
 
     `endings` are the handout's, the first preferred; `openable` ones USD opens as well; `slips`
@@ -33,8 +32,7 @@ class StageFiles:
     starter: str
 
 
-@dataclass(frozen=True, slots=True)
-class Deliverable:
+class Deliverable(Struct, frozen=True):
     """Something to hand in beside the stages.
 
     A file counts by its ending; where `names` and `links` are given, also by its name when it
@@ -52,8 +50,7 @@ class Deliverable:
     folder: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class StarterRules:
+class StarterRules(Struct, frozen=True):
     """Which properties of the starter are compared, and what a change of them is.
 
     Patterns have `*`. `never` ones are not compared, `physics` and `shapes` of collisions are
@@ -78,8 +75,7 @@ class StarterRules:
     together: tuple[tuple[str, ...], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ChecklistSpec:
+class ChecklistSpec(Struct, frozen=True):
     """One line of the handout's checklists, and what decides it.
 
     `requirements` are patterns of requirement ids and `rules` rule ids, both of the last stage;
@@ -97,8 +93,7 @@ class ChecklistSpec:
     person: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class SubmissionSpec:
+class SubmissionSpec(Struct, frozen=True):
     """Everything that `submission.yaml` says."""
 
     folders: FolderNames

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
+from msgspec import Struct
 from pxr import Sdf, Usd
 
 from lab3_usd.errors import Lab3Error, StageError, UsageError
@@ -33,8 +33,7 @@ class StarterError(Lab3Error):
         super().__init__(f"{path}: this starter cannot carry the lab")
 
 
-@dataclass(frozen=True, slots=True)
-class BuildOptions:
+class BuildOptions(Struct, frozen=True):
     """How to build: the text or the binary form, whose lidar, and whether to replace files."""
 
     form: str = "usda"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
+from msgspec import Struct
 from pxr import Usd, UsdGeom
 
 from lab3_usd.check.changes import Change
@@ -20,8 +20,7 @@ from lab3_usd.stage.compare_terms import (
 _Added = dict[tuple[str, str], list[Usd.Prim]]
 
 
-@dataclass(frozen=True, slots=True)
-class Pair:
+class Pair(Struct, frozen=True):
     """A starter and the stage made from it; below the `hidden` prims the stage lacks an asset."""
 
     starter: Usd.Stage

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from fnmatch import translate
 from functools import cache, lru_cache
 from typing import Literal
 
+from msgspec import Struct
 from pxr import Usd, UsdGeom
 
 from lab3_usd.spec.submission_spec import StarterRules
@@ -17,8 +17,7 @@ Class = Literal["never", "physics", "pose", "shape", "look", "other"]
 _POSE = "xformOp"
 
 
-@dataclass(frozen=True, slots=True)
-class Terms:
+class Terms(Struct, frozen=True):
     """How prims are compared.
 
     `classes` tells what a property is about, `limits` are a length in stage units, an angle in

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from msgspec import Struct
 from pxr import Usd, UsdGeom
 
 # A circle of 96 corners misses the true one by 0.05 % of its radius.
@@ -17,8 +17,7 @@ Number3 = tuple[float, float, float]
 Profile = list[tuple[float, float]]
 
 
-@dataclass(frozen=True, slots=True)
-class Faces:
+class Faces(Struct, frozen=True):
     """A surface: points, and the corners of each face as indices into them."""
 
     points: Sequence[Sequence[float]]

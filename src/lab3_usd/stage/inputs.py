@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
+from msgspec import Struct
 from pxr import Ar, Sdf, Tf, Usd
 
 from lab3_usd.stage.opening import quiet
@@ -14,8 +14,7 @@ from lab3_usd.stage.opening import quiet
 _ONE_SLASH = re.compile(r"^(\w{2,}):/(?=[^/])")
 
 
-@dataclass(frozen=True, slots=True)
-class Inputs:
+class Inputs(Struct, frozen=True):
     """The files of a stage, links followed, and what could not be found or read, in order."""
 
     files: frozenset[Path]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from msgspec import Struct
 from pxr import Sdf, Usd
 
 from lab3_usd.stage.usda_scan import scan_text
@@ -19,8 +19,7 @@ _OPINIONS = ("default", "timeSamples", "spline", "connectionPaths", "targetPaths
 Site = tuple[str, str | None]
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(Struct, frozen=True):
     """Where something is written; line and column count from 1, in characters.
 
     `layer` is the root layer's path as it was given, or the path of another layer from the same
@@ -92,8 +91,7 @@ def _name(layer: Sdf.Layer, root: Sdf.Layer, given: str) -> str:
     return os.path.normpath(Path(given).parent / relative)
 
 
-@dataclass(frozen=True, slots=True)
-class _Text:
+class _Text(Struct, frozen=True):
     """Where specs and lines begin in a text layer, as offsets."""
 
     specs: Mapping[str, int]

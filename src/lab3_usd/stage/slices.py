@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from msgspec import Struct
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.errors import UsageError
@@ -15,8 +15,7 @@ Point = tuple[float, float]
 Segment = tuple[Point, Point]
 
 
-@dataclass(frozen=True, slots=True)
-class StageSlice:
+class StageSlice(Struct, frozen=True):
     """A cut through a stage, in metres of a world whose Z points up.
 
     `robot` is where the robot stands, None in a stage without it. `not_cut` names shapes of a
@@ -30,8 +29,7 @@ class StageSlice:
     missing: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class CutAt:
+class CutAt(Struct, frozen=True):
     """Where to cut: the robot to leave out, and the height in metres or the link that has it."""
 
     robot: str

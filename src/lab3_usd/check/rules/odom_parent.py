@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from lab3_usd.check.computed_frames import tf_ports
 from lab3_usd.check.finding import Problem
@@ -18,8 +19,7 @@ from lab3_usd.spec.catalog import NodeType, TfPorts
 _DELETED = "deactivated"
 
 
-@dataclass(frozen=True, slots=True)
-class _Placement:
+class _Placement(Struct, frozen=True):
     """A node that places `odom`: below which frame, and whether anything drives it."""
 
     node: str

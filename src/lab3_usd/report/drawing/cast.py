@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from lab3_usd.check.model import GraphModel, Node
 from lab3_usd.check.subject import Roles
@@ -11,8 +12,7 @@ from lab3_usd.report.picture_model import End
 from lab3_usd.spec.spec import GraphSpec, PortRef
 
 
-@dataclass(frozen=True, slots=True)
-class Cast:
+class Cast(Struct, frozen=True):
     """The key of each role's box, and which roles nobody plays (the keys in `ghosts`).
 
     `own` are the live nodes by path; `idle` the paths of those that play no role and stand in

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from lab3_usd.check.finding import SEVERITIES, Finding
 from lab3_usd.report.picture_model import State, is_port
@@ -11,8 +12,7 @@ from lab3_usd.report.picture_model import State, is_port
 Site = tuple[str, str | None]
 
 
-@dataclass(frozen=True, slots=True)
-class Faults:
+class Faults(Struct, frozen=True):
     """The findings at each site, the gravest first."""
 
     at: Mapping[Site, tuple[Finding, ...]] = field(default_factory=dict)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lab3_usd.report.drawing.curves import points
 from lab3_usd.report.drawing.text_width import text_width

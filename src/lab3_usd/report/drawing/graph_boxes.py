@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lab3_usd.report.drawing.measure import measured
 from lab3_usd.report.drawing.rows import Plan, rows, short

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lab3_usd.report.drawing.text_width import text_width
 from lab3_usd.report.picture_model import HEADER, Box, Row

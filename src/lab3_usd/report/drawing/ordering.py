@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 SWEEPS = 16
 MANY = 1000  # more slots are ordered in less time
@@ -12,8 +13,7 @@ SlotKey = tuple[str, ...]
 Columns = tuple[tuple["Slot", ...], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Slot:
+class Slot(Struct, frozen=True):
     """What takes up room in a column: a box, or the lane of a wire that passes."""
 
     key: SlotKey
@@ -22,8 +22,7 @@ class Slot:
     lane: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Link:
+class Link(Struct, frozen=True):
     """A piece of wire from one column to the next; heights are from the top of each slot."""
 
     left: SlotKey

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from lab3_usd.check.model import Node
 from lab3_usd.report.drawing.faults import Faults
@@ -18,8 +19,7 @@ MOST_NOTE = 400
 MOST_LINES = 24
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(Struct, frozen=True):
     """What the rows of one box are made of; `spec` is None for a node that plays no role."""
 
     key: str

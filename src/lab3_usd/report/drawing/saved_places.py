@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lab3_usd.report.drawing.routing import routed
 from lab3_usd.report.layout import Placed

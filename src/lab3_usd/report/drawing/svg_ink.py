@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from html import escape
+
+from msgspec import Struct
 
 from lab3_usd.report.escape import visible
 from lab3_usd.report.picture_model import State, port_id
@@ -18,8 +19,7 @@ STROKES: Mapping[State, tuple[float, float, str]] = {
 MARK = 8
 
 
-@dataclass(frozen=True, slots=True)
-class Ink:
+class Ink(Struct, frozen=True):
     """What every part is drawn with: a prefix for ids, and where each id links to.
 
     With `links` only the ids it names are written; without, every port and node has its id.
