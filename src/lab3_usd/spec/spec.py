@@ -137,7 +137,8 @@ class FrameSpec(Struct, frozen=True):
 class Lab(Struct, frozen=True, eq=False):
     """Everything that `graphs/` says, loaded once.
 
-    `scene` is the scene file as plain, checked data; `topics` are the topics of the running system by name, with their message types and QoS.
+    `scene` is the scene file as plain, checked data; `topics` are the topics of the running
+    system by name, with their message types and QoS.
     """
 
     folder: Path
