@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import sys
-import traceback
 from pathlib import Path
 from typing import Literal, NoReturn
 
@@ -79,6 +79,9 @@ def main() -> None:
 
     Where JSON was asked for, JSON is what comes, on every exit status.
     """
+    # A command lives for a moment: looking for garbage in the meantime only costs time.
+    gc.freeze()
+    gc.set_threshold(100_000)
     try:
         lab3.main(prog_name="lab3", standalone_mode=False)
     except click.exceptions.Abort:
@@ -105,6 +108,8 @@ def _usage_line(error: click.UsageError) -> str:
 
 def _described(error: Exception) -> str:
     """Name an exception and the line of ours that raised it."""
+    import traceback  # noqa: PLC0415 - only when something failed
+
     frames = traceback.extract_tb(error.__traceback__)
     place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
     try:
