@@ -6,7 +6,6 @@ import statistics
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import jinja2
 from markupsafe import Markup
+from msgspec import Struct
 
 from lab3_usd.report.escape import visible
 from lab3_usd.report.tool import NAME, tool_version
@@ -25,8 +25,7 @@ _HARDEST = 20
 Row = Mapping[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Bar:
+class Bar(Struct, frozen=True):
     """One bar of the distribution: from which per cent, how many, and how high (0 to 1)."""
 
     start: int
@@ -34,17 +33,15 @@ class Bar:
     height: float
 
 
-@dataclass(frozen=True, slots=True)
-class Hard:
-    """A requirement, the item it belongs to, and how many students lost it."""
+class Hard(Struct, frozen=True):
+    """A requirement, the graph or part of the scene it belongs to, and how many lost it."""
 
     title: str
-    item: str
+    group: str
     count: int
 
 
-@dataclass(frozen=True, slots=True)
-class ItemSummary:
+class ItemSummary(Struct, frozen=True):
     """How one item of the rubric went: the mean share of its points, and the counts by state."""
 
     title: str
@@ -65,7 +62,7 @@ def render_class(title: str, items: Sequence[Row], rows: Sequence[Row]) -> str:
         rows=rows,
         items=items,
         bars=list(distribution(percents)),
-        hardest=hardest(rows, items),
+        hardest=hardest(rows),
         summaries=[_summary(item, rows) for item in items],
         statuses=sorted(Counter(row["status"] for row in rows).items()),
         median=statistics.median(percents) if percents else None,
@@ -87,14 +84,19 @@ def distribution(percents: Sequence[float]) -> Iterator[Bar]:
         yield Bar(start, counts[start], counts[start] / highest)
 
 
-def hardest(rows: Sequence[Row], items: Sequence[Row]) -> list[Hard]:
-    """Return the requirements that most students lost, the most frequent first."""
-    titles = {item["id"]: item["title"] for item in items}
+def hardest(rows: Sequence[Row]) -> list[Hard]:
+    """Return the requirements that most students lost, the most frequent first.
+
+    At which item a student lost one does not matter here.
+    """
     counts: Counter[tuple[str, str]] = Counter()
     for row in rows:
-        counts.update((lost["item"], lost["title"]) for lost in row["lost"])
+        counts.update((lost["requirement"], lost["title"]) for lost in row["lost"])
     ordered = sorted(counts.items(), key=lambda pair: (-pair[1], pair[0]))
-    return [Hard(title, titles[item], count) for (item, title), count in ordered[:_HARDEST]]
+    return [
+        Hard(title, name.partition("/")[0] if "/" in name else "", count)
+        for (name, title), count in ordered[:_HARDEST]
+    ]
 
 
 def _summary(item: Row, rows: Sequence[Row]) -> ItemSummary:

@@ -1,0 +1,157 @@
+"""The page of a class: figures, what was hardest, a row for each student, nothing unsafe."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from typing import Any
+
+import pytest
+
+from lab3_usd.report.class_page import distribution, hardest, render_class
+
+ITEMS = [
+    {"id": "clock", "title": "/clock is publishing", "points": 10.0, "optional": False},
+    {"id": "tree", "title": "The TF tree is connected", "points": 5.0, "optional": False},
+]
+EVIL = "<script>alert(1)</script>\x1b[2J{{ 7 * 7 }}\" onmouseover='x'"
+
+
+def row(student: str, percent: float | None = 100.0, **changes: Any) -> dict[str, Any]:
+    states = {"clock": ("full", 10.0, 10.0), "tree": ("blocked", 0.0, 0.0)}
+    items = [
+        {"id": name, "state": state, "earned": earned, "possible": possible, "because": ""}
+        for name, (state, earned, possible) in states.items()
+    ]
+    return {
+        "student": student,
+        "name": f"Name of {student}",
+        "folder": student,
+        "status": "graded",
+        "reason": "",
+        "because": [],
+        "late": False,
+        "percent": percent,
+        "earned": 10.0,
+        "possible": 10.0,
+        "items": items,
+        "lost": [],
+        "reports": ["report.html"],
+        **changes,
+    }
+
+
+class Page(HTMLParser):
+    """What stands on a page: its tags with their attributes, and its text outside of scripts."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[str] = []
+        self._inside = ""
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        self._inside = tag
+
+    def handle_endtag(self, tag: str) -> None:
+        del tag
+        self._inside = ""
+
+    def handle_data(self, data: str) -> None:
+        if self._inside not in {"script", "style"}:
+            self.text.append(data)
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+@pytest.mark.parametrize(
+    ("percents", "counts"),
+    [
+        ([], [0] * 10),
+        ([0.0, 9.99, 10.0], [2, 1, 0, 0, 0, 0, 0, 0, 0, 0]),
+        ([99.9, 100.0, 105.0], [0, 0, 0, 0, 0, 0, 0, 0, 0, 3]),
+    ],
+)
+def test_the_distribution_counts_steps_of_ten(percents: list[float], counts: list[int]) -> None:
+    bars = list(distribution(percents))
+    assert [bar.count for bar in bars] == counts
+    assert max(bar.height for bar in bars) == (1 if percents else 0)
+
+
+def test_the_hardest_requirements_come_first() -> None:
+    rows = [
+        row("a", lost=[{"item": "clock", "requirement": "ROS_Clock/wire/x", "title": "x"}]),
+        row("b", lost=[{"item": "tree", "requirement": "ROS_Clock/wire/x", "title": "x"}]),
+        row("c", lost=[{"item": "tree", "requirement": "ROS_Drive/wire/x", "title": "x"}]),
+        row("d", lost=[{"item": "tree", "requirement": "checkpoint 05", "title": "missing"}]),
+    ]
+    assert [(each.group, each.title, each.count) for each in hardest(rows)] == [
+        ("ROS_Clock", "x", 2),
+        ("ROS_Drive", "x", 1),
+        ("", "missing", 1),
+    ]
+
+
+def test_every_student_has_a_line_with_a_link_to_the_report() -> None:
+    page = Page(render_class("Lab 3", ITEMS, [row("jane"), row("ali", reports=[])]))
+    links = [each["href"] for each in page.all("a")]
+    assert links == ["#students", "students/jane/report.html"]
+    assert {"jane", "Name of ali"} <= {text.strip() for text in page.text}
+
+
+def test_figures_and_states_can_be_read_without_a_script() -> None:
+    rows = [row("a", 50.0), row("b", 100.0), row("c", None, status="timeout", reason="too slow")]
+    page = Page(render_class("Lab 3", ITEMS, rows))
+    text = " ".join(" ".join(page.text).split())
+    assert "75.0 % median" in text
+    assert "1 timeout" in text
+    assert "too slow" in text
+    assert "blocked" in text
+    assert [each for each in page.all("form") if "hidden" in each]
+
+
+def test_columns_sort_by_numbers_where_they_hold_numbers() -> None:
+    page = Page(render_class("Lab 3", ITEMS, [row("a", 9.5), row("b", 100.0)]))
+    values = [each["data-value"] for each in page.all("td") if "data-value" in each]
+    assert values[0] == "9.5"
+    assert [each["data-status"] for each in page.all("tr") if "data-status" in each] == [
+        "graded",
+        "graded",
+    ]
+
+
+def test_an_empty_class_has_a_page() -> None:
+    assert "0 submissions" in render_class("Lab 3", ITEMS, [])
+
+
+def test_nothing_that_a_student_wrote_is_markup() -> None:
+    lost = [{"item": "clock", "requirement": "1", "title": EVIL}]
+    changes = {"name": EVIL, "reason": EVIL, "status": EVIL, "because": [EVIL], "lost": lost}
+    html = render_class(EVIL, ITEMS, [row("a", **changes)])
+    page = Page(html)
+    assert len(page.all("script")) == 1
+    assert not any("onmouseover" in attributes for _, attributes in page.tags)
+    assert "\x1b" not in html
+    assert "49" not in "".join(page.text)
+    assert sum("<script>alert(1)</script>" in text for text in page.text) >= 5
+
+
+def test_the_page_fetches_nothing_and_allows_only_its_own_style_and_script() -> None:
+    html = render_class("Lab 3", ITEMS, [row("a")])
+    page = Page(html)
+    (policy,) = [each["content"] for each in page.all("meta") if "http-equiv" in each]
+    assert policy is not None
+    assert policy.startswith("default-src 'none'")
+    assert "unsafe" not in policy
+    assert not any("style" in attributes for _, attributes in page.tags)
+    assert not re.findall(r"(?:src|href)=\"https?:", html)
+    assert not re.findall(r"\bon\w+=", html.partition("<body>")[2].partition("<script>")[0])
+
+
+def test_every_control_has_a_name() -> None:
+    page = Page(render_class("Lab 3", ITEMS, [row("a")]))
+    assert len(page.all("label")) == len(page.all("input")) + len(page.all("select"))
+    assert [each["lang"] for each in page.all("html")] == ["en"]
