@@ -191,8 +191,12 @@ def ordered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def _with_places(findings: tuple[Finding, ...], path: str, stage: Any) -> Iterator[Finding]:  # noqa: ANN401
-    """Add layer, line and column; the text is only looked at when there is a finding."""
-    if not findings:
+    """Add layer, line and column where there is something to repair.
+
+    Notes alone ask for no repair: a stage that passes is not read a second time for them.
+    """
+    if all(each.severity == "note" for each in findings):
+        yield from findings
         return
     from lab3_usd.stage.lines import locate  # noqa: PLC0415 - only when it is needed
 
