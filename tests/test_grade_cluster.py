@@ -1,0 +1,222 @@
+"""Judging on more than one machine: the same grades, also when a machine goes away half-way."""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from grade_files import cut_wire, files_below, stage, starter, submission
+
+from lab3_usd.errors import UsageError
+from lab3_usd.grade.class_run import ClassSettings, grade_class
+from lab3_usd.grade.cluster import cluster_runner, judge_here
+from lab3_usd.grade.intake import TooLargeError
+from lab3_usd.grade.judge import Task
+from lab3_usd.grade.limits import Limits
+from lab3_usd.grade.pool import run_tasks
+from lab3_usd.grade.remote import entries_at, fetched, is_address
+from lab3_usd.grade.staging import Source
+from lab3_usd.grade.worker_process import PoolSettings
+
+STUDENTS = 8
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A class of several students, one of them with a fault, one with a file of rubbish."""
+    folder = tmp_path_factory.mktemp("class") / "class"
+    for number in range(STUDENTS):
+        submission(folder / f"s{number}", "00", "01")
+    cut_wire(folder / "s1" / "work" / stage("01").name)
+    (folder / "s2" / "work" / stage("01").name).write_text("rubbish")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def alone(place: Path) -> dict[str, bytes]:
+    """The gradebook of a run on this computer alone."""
+    out = place.parent / "alone"
+    grade_class(ClassSettings(place, starter(), out))
+    return files_below(out)
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """A scheduler and two worker processes."""
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    dask = pytest.importorskip("dask")
+    with (
+        dask.config.set({"distributed.admin.log-format": "", "logging.distributed": "critical"}),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as running,
+    ):
+        yield running
+
+
+def graded_on(cluster: Any, place: Path | str, out: Path, **changes: Any) -> dict[str, bytes]:
+    runner = cluster_runner(cluster.scheduler_address)
+    grade_class(ClassSettings(place, starter(), out, runner=runner), **changes)
+    return files_below(out)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_loses_a_machine_gives_the_same_gradebook(
+    cluster: Any, place: Path, alone: dict[str, bytes], tmp_path: Path
+) -> None:
+    killed: list[int] = []
+
+    def kill(done: int, total: int) -> None:
+        del total
+        if done == 2:
+            victim = next(iter(cluster.workers.values())).pid
+            os.kill(victim, signal.SIGKILL)
+            killed.append(victim)
+
+    found = graded_on(cluster, place, tmp_path / "book", progress=kill)
+    assert len(killed) == 1
+    assert found == alone
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_submissions_by_address_give_the_same_gradebook(
+    cluster: Any, place: Path, alone: dict[str, bytes], tmp_path: Path
+) -> None:
+    assert graded_on(cluster, place.as_uri(), tmp_path / "book") == alone
+
+
+def test_submissions_by_address_are_judged_without_a_cluster(
+    place: Path, alone: dict[str, bytes], tmp_path: Path
+) -> None:
+    pytest.importorskip("fsspec", reason="fsspec is not installed")
+    grade_class(ClassSettings(place.as_uri(), starter(), tmp_path / "book"))
+    assert files_below(tmp_path / "book") == alone
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_is_not_there_is_an_error(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    monkeypatch.setattr("lab3_usd.grade.cluster._SECONDS_TO_CONNECT", 1)
+    runner = cluster_runner("tcp://127.0.0.1:1")
+    with pytest.raises(UsageError, match="no Dask scheduler"):
+        grade_class(ClassSettings(place, starter(), tmp_path / "book", runner=runner))
+    gc.collect()  # what Dask leaves of a client that never was is its own affair
+
+
+@pytest.mark.parametrize("missing", ["distributed", "fsspec.core"])
+def test_without_the_extra_the_error_says_what_to_install(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    really = importlib.import_module
+
+    def without(name: str) -> Any:
+        if name == missing:
+            raise ImportError(name)
+        return really(name)
+
+    monkeypatch.setattr(importlib, "import_module", without)
+    settings = ClassSettings(
+        place if missing == "distributed" else place.as_uri(),
+        starter(),
+        tmp_path / "book",
+        runner=cluster_runner("tcp://127.0.0.1:1") if missing == "distributed" else run_tasks,
+    )
+    with pytest.raises(UsageError, match=r"lab3-usd\[cluster\]"):
+        grade_class(settings)
+
+
+def test_addresses_are_told_from_paths() -> None:
+    assert is_address("s3://course/lab3")
+    assert not is_address("/course/lab3")
+    assert not is_address("C:\\course")
+
+
+@pytest.mark.parametrize("address", ["nonsense://course", "file:///no/such/folder"])
+def test_an_address_that_cannot_be_listed_is_an_error(address: str) -> None:
+    pytest.importorskip("fsspec", reason="fsspec is not installed")
+    with pytest.raises(UsageError, match=address):
+        entries_at(address)
+
+
+def memory_file(path: str, data: bytes) -> str:
+    """Put a file into fsspec's storage in memory, and return its address."""
+    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
+    fsspec.filesystem("memory").pipe_file(path, data)
+    return f"memory:/{path}"
+
+
+def test_a_file_and_a_folder_are_fetched_and_a_task_at_hand_is_left_alone(tmp_path: Path) -> None:
+    single = memory_file("/fetch/a.zip", b"PK")
+    memory_file("/fetch/jane/work/a.usda", b"#usda 1.0")
+    sources = (
+        Source(Path("a.zip"), "a.zip", single),
+        Source(Path("jane"), "", "memory://fetch/jane"),
+    )
+    with fetched(Task("jane", "jane", sources), tmp_path, Limits()) as here:
+        assert [(source.path.name, source.name) for source in here.sources] == [
+            ("a.zip", "a.zip"),
+            ("jane", ""),
+        ]
+        assert sorted(files_below(tmp_path).values()) == [b"#usda 1.0", b"PK"]
+    at_hand = Task("jane", "jane", (Source(tmp_path),))
+    with fetched(at_hand, tmp_path, Limits()) as here:
+        assert here is at_hand
+
+
+def test_a_key_with_dots_is_not_written_outside(tmp_path: Path) -> None:
+    memory_file("/dots/jane/../../../escaped.usda", b"x")
+    memory_file("/dots/jane/good.usda", b"y")
+    source = Source(Path("jane"), "", "memory://dots/jane")
+    target = tmp_path / "target"
+    with fetched(Task("jane", "jane", (source,)), target, Limits()):
+        assert list(files_below(target).values()) == [b"y"]
+    assert not list(tmp_path.rglob("escaped.usda"))
+
+
+@pytest.mark.parametrize("limits", [Limits(files=1), Limits(total_size=3)])
+def test_more_than_a_submission_may_hold_is_not_fetched(tmp_path: Path, limits: Limits) -> None:
+    for name in ("a", "b"):
+        memory_file(f"/many/jane/{name}.usda", b"#usda")
+    source = Source(Path("jane"), "", "memory://many/jane")
+    with (
+        pytest.raises(TooLargeError),
+        fetched(Task("jane", "jane", (source,)), tmp_path, limits),
+    ):
+        pytest.fail("it was fetched")
+    assert files_below(tmp_path) == {}
+
+
+def test_what_is_too_much_to_fetch_is_recorded(tmp_path: Path) -> None:
+    memory_file("/much/jane/a.usda", bytes(100))
+    source = Source(Path("jane"), "", "memory://much/jane")
+    settings = PoolSettings(starter(), None, Limits(total_size=10), (tmp_path,))
+    ((_, answer),) = run_tasks([Task("jane", "jane", (source,))], settings)
+    assert answer["failed"].startswith("too large: holds more than")
+
+
+def test_a_machine_with_another_version_refuses_to_judge() -> None:
+    from lab3_usd.grade.cluster import Shipment  # noqa: PLC0415 - only here
+
+    settings = PoolSettings(None, None, Limits())
+    shipment = Shipment("0.0.0", (), "starter.usda", None, settings)
+    with pytest.raises(UsageError, match=r"not 0\.0\.0"):
+        judge_here(shipment, Task("jane", "jane", ()))
+
+
+def test_a_machine_that_cannot_reach_a_submission_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    from lab3_usd.grade import cluster  # noqa: PLC0415 - only here
+
+    monkeypatch.setattr(cluster, "tool_version", lambda: "1")
+    settings = PoolSettings(None, None, Limits())
+    shipment = cluster.Shipment("1", (), "starter.usda", None, settings)
+    task = Task("jane", "jane", (Source(Path("/no/such/folder")),))
+    with pytest.raises(UsageError, match="/no/such/folder"):
+        judge_here(shipment, task)
