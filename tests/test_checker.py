@@ -157,6 +157,14 @@ def test_each_frame_that_is_published_counts(targets: list[str], unmet: set[str]
     assert {each.id for each in requirements if not each.met} == unmet
 
 
+def test_frames_below_another_parent_do_not_count() -> None:
+    parent = TARGETS.replace("targetPrims", "parentPrim")
+    requirements = judged(broken("05", [{"targets": [parent, "/World"]}]), "05").requirements
+    unmet = {each.id for each in requirements if not each.met}
+    frames = {f"TF/frame/{frame}" for frame in [*LINKS, "Camera_1"]}
+    assert unmet == {"ROS_OdomTF/target/isaac_compute_transform_tree.parentPrim"} | frames
+
+
 def test_a_stand_in_meets_the_requirement_of_its_wire() -> None:
     steps: list[dict[str, object]] = [
         {"copy": ["ROS_Clock/ros2_context", "ROS_Clock/again"]},

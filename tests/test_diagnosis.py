@@ -172,6 +172,22 @@ def test_on_tick_instead_of_on_playback_tick() -> None:
     assert_words(finding, "omni.graph.action.OnTick", "On Playback Tick")
 
 
+def test_a_node_of_no_type_is_told_as_that() -> None:
+    finding = the_only({"clear": "ROS_Drive/scale_linear_velocity.node:type"})
+    assert finding.rule == "N03"
+    assert_words(finding, "of no type", "Scale To/From Stage Units")
+
+
+@pytest.mark.parametrize("parent", ["world", "odom", "map"])
+def test_a_transform_that_nobody_may_publish_is_told_once(parent: str) -> None:
+    raw = "ROS_OdomTF/ros2_publish_raw_transform_tree"
+    findings = told(
+        {"set": [f"{raw}.inputs:parentFrameId", parent]},
+        {"set": [f"{raw}.inputs:childFrameId", "odom"]},
+    )
+    assert [each.rule[0] for each in findings] == ["T"]
+
+
 def test_a_graph_at_the_wrong_path_is_known_by_its_content() -> None:
     finding = the_only({"move": ["ROS_Clock", "/World/ActionGraph"]})
     assert (finding.rule, finding.prim) == ("G02", "/World/ActionGraph")
