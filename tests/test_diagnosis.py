@@ -397,6 +397,21 @@ def test_a_misplaced_sensor_takes_its_graph_along(sensor: str, home: str, rule: 
     assert [(each.rule, each.prim) for each in findings] == [(rule, home)]
 
 
+@pytest.mark.parametrize(("checkpoint", "rule"), [("05", "P04"), ("06", "Q04")])
+def test_a_profile_by_wire_is_told_once_in_every_checkpoint(checkpoint: str, rule: str) -> None:
+    steps: list[dict[str, Any]] = [
+        {"node": ["ROS_Clock/profile", "isaacsim.ros2.bridge.ROS2QoSProfile"]},
+        {
+            "connect": [
+                "ROS_Clock/ros2_publish_clock.inputs:qosProfile",
+                "ROS_Clock/profile.outputs:qosProfile",
+            ]
+        },
+    ]
+    findings = judged(broken(checkpoint, steps), checkpoint).findings
+    assert [each.rule for each in findings if each.severity == "error"] == [rule]
+
+
 def test_every_finding_says_what_to_do() -> None:
     findings = told(
         {"remove": "ROS_Clock"},

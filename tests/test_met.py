@@ -113,6 +113,11 @@ def test_a_value_is_followed_through_a_wire(source: str, value: str) -> None:
     assert setting_value(NODES, helper, "inputs:type") == value
 
 
+def test_a_node_of_an_unknown_type_takes_what_a_constant_brings() -> None:
+    unknown = node("not.known", text=state("own", "/g/unknown.inputs:value"))
+    assert setting_value(NODES, unknown, "inputs:text") == "/other"
+
+
 def test_what_is_known_at_run_time_only_is_no_value() -> None:
     wheels = "isaacsim.robot.wheeled_robots.DifferentialController"
     controller = node(wheels, wheelRadius=state(0.025, "/g/time.outputs:simulationTime"))
