@@ -249,7 +249,7 @@ def answered(answer: dict[str, Any]) -> Any:
         ({"failed": "ran out of time (20 s)"}, "timeout"),
         ({"failed": "ran out of memory"}, "too large"),
         ({"failed": "crashed usd-core (SIGSEGV)"}, "crashed"),
-        ({"bug": "KeyError: 'x' at rules.py:1"}, "tool failed"),
+        ({"failed": "tool failed: KeyError at rules.py:1: 'x'"}, "tool failed"),
     ],
 )
 def test_a_submission_that_could_not_be_judged_has_a_status_and_a_report(
@@ -270,7 +270,7 @@ def test_a_crash_of_a_rule_is_the_tools_fault_and_no_grade(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "lab3_usd.grade.pool.run_tasks", answered({"bug": "KeyError at rules.py:1"})
+        "lab3_usd.grade.pool.run_tasks", answered({"failed": "tool failed: KeyError at rules.py:1"})
     )
     done = CliRunner().invoke(
         command, [str(place), "--starter", str(starter()), "-o", str(tmp_path / "book")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import queue
+import re
 import subprocess
 import sys
 import threading
@@ -13,14 +14,16 @@ from pathlib import Path
 
 import pytest
 from grade_files import starter, submission
+from pxr import Sdf, Tf
 
 from lab3_usd.grade import worker_process
 from lab3_usd.grade.confine import fence_files
-from lab3_usd.grade.judge import Task, status_of
+from lab3_usd.grade.judge import Task
 from lab3_usd.grade.limits import MEGABYTE, Limits
+from lab3_usd.grade.outcome import status_of
 from lab3_usd.grade.pool import Seat, judge_in, message_of, run_tasks
 from lab3_usd.grade.staging import Source
-from lab3_usd.grade.worker import task_of
+from lab3_usd.grade.worker import _how, task_of
 from lab3_usd.grade.worker_process import (
     DiedError,
     PoolSettings,
@@ -121,6 +124,7 @@ def test_a_worker_that_is_stopped_is_left_at_once(worker: Worker) -> None:
         ("ran out of time (5 s)", "timeout"),
         ("ran out of memory", "too large"),
         ("too large: holds more than 9 files", "too large"),
+        ("tool failed: KeyError at rules.py:1: 'x'", "tool failed"),
         ("crashed usd-core (SIGSEGV)", "crashed"),
         ("answered nonsense", "crashed"),
     ],
@@ -380,3 +384,18 @@ def eventually(holds: Callable[[], bool]) -> bool:
             return False
         threading.Event().wait(0.05)
     return True
+
+
+def test_what_usd_core_raises_over_a_file_is_no_failure_of_ours() -> None:
+    layer = Sdf.Layer.CreateAnonymous()
+    with pytest.raises(Tf.ErrorException) as raised:
+        layer.ImportFromString("no layer")
+    assert _how(raised.value) == "crashed usd-core (ErrorException)"
+
+
+def test_a_failure_of_ours_says_what_and_where() -> None:
+    with pytest.raises(KeyError) as raised:
+        {}["x"]
+    how = _how(raised.value)
+    assert re.fullmatch(r"tool failed: KeyError at test_grade_workers\.py:\d+: 'x'", how)
+    assert status_of(how) == "tool failed"

@@ -6,18 +6,20 @@ import hashlib
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct, field
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.grade.archives import ArchiveError, is_archive, unpack
 from lab3_usd.grade.gradebook import check_target, known_digest, write_student, write_tables
 from lab3_usd.grade.intake import Intake, TooLargeError
-from lab3_usd.grade.judge import Json, Task, not_judged, status_of
+from lab3_usd.grade.judge import Json, Task, not_judged
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.load_rubric import load_rubric
+from lab3_usd.grade.outcome import status_of
 from lab3_usd.grade.pool import run_tasks
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.submissions import Handed, find_submissions, within_wrapper
@@ -30,8 +32,7 @@ Runner = Callable[[Iterable[Task], PoolSettings], Iterator[tuple[Task, Json]]]
 _CLASS = Limits(files=200_000, total_size=16 << 30, file_size=1 << 30)
 
 
-@dataclass(frozen=True, slots=True)
-class ClassSettings:
+class ClassSettings(Struct, frozen=True):
     """What to grade, with what, and where to write; `runner` has the tasks judged."""
 
     submissions: Path | str
@@ -113,8 +114,6 @@ def _record(out: Path, handed: Handed, salt: str, answer: Json, rubric: Rubric) 
     if "failed" in answer:
         how = answer["failed"]
         answer = not_judged(rubric, handed.student, status_of(how), how)
-    elif "bug" in answer:
-        answer = not_judged(rubric, handed.student, "tool failed", answer["bug"])
     write_student(out, handed, salt, answer)
 
 

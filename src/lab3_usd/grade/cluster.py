@@ -7,9 +7,11 @@ import importlib
 import tempfile
 import threading
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import Runner
@@ -24,8 +26,7 @@ _SECONDS_TO_CONNECT = 20
 _local = threading.local()
 
 
-@dataclass(frozen=True, slots=True)
-class Shipment:
+class Shipment(Struct, frozen=True):
     """What a machine of the cluster needs to judge: the files themselves, not where they lie.
 
     `files` are the starter and its assets by their paths below the starter's folder.

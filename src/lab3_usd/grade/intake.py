@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
+from msgspec import Struct
+
 from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.limits import Limits
 
@@ -21,8 +23,7 @@ class TooLargeError(Lab3Error):
     """A submission holds more than the limits allow; none of it is judged."""
 
 
-@dataclass(frozen=True, slots=True)
-class Refused:
+class Refused(Struct, frozen=True):
     """A file of a submission that is not taken in, by its path there, and why."""
 
     path: str

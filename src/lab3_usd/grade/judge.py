@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct, to_builtins
+from msgspec.structs import replace
 
 from lab3_usd.check.checker import finding_of, ordered
 from lab3_usd.check.finding import Crash, Finding, Report, StageResult, Submission, Verdict
@@ -18,6 +20,7 @@ from lab3_usd.grade.archives import ArchiveError
 from lab3_usd.grade.guard import check_layer
 from lab3_usd.grade.intake import Refused, TooLargeError
 from lab3_usd.grade.limits import Limits
+from lab3_usd.grade.outcome import status_of
 from lab3_usd.grade.reports import write_reports
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.scoring import Grade, grade
@@ -29,8 +32,7 @@ from lab3_usd.stage.fence_layers import Barred, Fence
 Json = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Course:
+class Course(Struct, frozen=True):
     """What every submission of a class is judged with.
 
     `allowed` are the files of the starter, `salt` stands for all of this in the keys of results.
@@ -44,8 +46,7 @@ class Course:
     salt: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
+class Task(Struct, frozen=True):
     """One submission to judge: whose it is, what it consists of, and what is known of it.
 
     `folder` is the student's place in the gradebook. `broken` names files that ended a worker,
@@ -131,7 +132,7 @@ def not_judged(rubric: Rubric, student: str, status: str, reason: str) -> Json:
 
 
 def _record(points: Grade, status: tuple[str, str]) -> Json:
-    record = asdict(points)
+    record: Json = to_builtins(points)
     return {"status": status[0], "reason": status[1], **record}
 
 
@@ -150,13 +151,6 @@ def _status(
     if _crashes(found):
         return "tool failed", "a rule of the checker failed; please report it"
     return "graded", ""
-
-
-def status_of(how: str) -> str:
-    """Return the status of a submission that ended a worker, from how that ended."""
-    if "out of time" in how:
-        return "timeout"
-    return "too large" if "out of memory" in how or "too large" in how else "crashed"
 
 
 def _crashes(found: FolderResult) -> Sequence[Crash]:

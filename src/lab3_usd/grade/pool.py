@@ -7,10 +7,13 @@ import queue
 import shutil
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec.structs import replace
 
 from lab3_usd.grade.intake import TooLargeError
 from lab3_usd.grade.judge import Json, Task
+from lab3_usd.grade.outcome import TOO_LARGE
 from lab3_usd.grade.remote import fetched
 from lab3_usd.grade.worker_process import (
     DiedError,
@@ -21,7 +24,6 @@ from lab3_usd.grade.worker_process import (
     start_worker,
 )
 
-TOO_LARGE = "too large"
 _MOST_BROKEN = 12  # files that end a worker, after which the rest is not tried
 _TASKS_OF_A_WORKER = 250  # what usd-core keeps for itself goes with the worker
 _Answer = tuple[Task, Json]

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+
+from msgspec import Struct, field
 
 from lab3_usd.check.finding import Requirement
 
 VISIBILITIES = ("visible", "hidden", "after_due_date", "after_published")
 
 
-@dataclass(frozen=True, slots=True)
-class Item:
+class Item(Struct, frozen=True):
     """One line of the gradebook: points for requirements of a checkpoint, or for a checklist line.
 
     `groups` and `requirements` are patterns of requirement groups and ids; `checklist` is the
@@ -38,8 +38,7 @@ class Item:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Cap:
+class Cap(Struct, frozen=True):
     """An error of one of `rules` limits `items` (all where none is named) to a share."""
 
     rules: tuple[str, ...]
@@ -48,16 +47,14 @@ class Cap:
     because: str
 
 
-@dataclass(frozen=True, slots=True)
-class Late:
+class Late(Struct, frozen=True):
     """What a late submission may earn, and who was late beside those that the names tell."""
 
     at_most: float = 1.0
     students: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Rubric:
+class Rubric(Struct, frozen=True):
     """Everything that a rubric file says.
 
     `asked` holds the requirements of each item, none of them met. `digest` tells two rubrics

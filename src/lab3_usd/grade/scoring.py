@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Literal
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.finding import ChecklistItem, StageResult
 from lab3_usd.grade.rubric import Item, Rubric
@@ -12,8 +14,7 @@ from lab3_usd.grade.rubric import Item, Rubric
 State = Literal["full", "part", "none", "missing", "unreadable", "blocked", "open"]
 
 
-@dataclass(frozen=True, slots=True)
-class ItemGrade:
+class ItemGrade(Struct, frozen=True):
     """What one item earned, of what was possible after what is blocked has left.
 
     `open` items are for a person to judge: nothing earned, nothing possible yet.
@@ -27,8 +28,7 @@ class ItemGrade:
     because: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Lost:
+class Lost(Struct, frozen=True):
     """A requirement that cost points, at the item where it did."""
 
     item: str
@@ -36,8 +36,7 @@ class Lost:
     title: str
 
 
-@dataclass(frozen=True, slots=True)
-class Grade:
+class Grade(Struct, frozen=True):
     """The points of one submission; `percent` is None where nothing could be judged."""
 
     items: tuple[ItemGrade, ...]

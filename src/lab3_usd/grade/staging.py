@@ -7,9 +7,10 @@ import re
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
+
+from msgspec import Struct
 
 from lab3_usd.check.folder import is_submission
 from lab3_usd.grade.archives import OTHER_ENDINGS, ArchiveError, is_archive, unpack
@@ -30,8 +31,7 @@ _MOST_ALIASES = 50  # a few lines of aliases of aliases unfold to gigabytes
 _MOST_BRACKETS = 60
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
+class Source(Struct, frozen=True):
     """A file, folder or archive that a submission consists of, and its name there ('' for all).
 
     `address` says where it is to be fetched from when it is not on this computer.
@@ -42,8 +42,7 @@ class Source:
     address: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Staged:
+class Staged(Struct, frozen=True):
     """The copy of a submission: its folder, its digest, and what was left out."""
 
     folder: Path

@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.folder import is_submission
 from lab3_usd.errors import UsageError
@@ -30,8 +32,7 @@ _SLUG = re.compile(r"[^A-Za-z0-9._-]+")
 _LONGEST_SLUG = 80
 
 
-@dataclass(frozen=True, slots=True)
-class Handed:
+class Handed(Struct, frozen=True):
     """What one student handed in.
 
     `student` is the number or name that the platform gives, `folder` the name of the report
@@ -45,8 +46,7 @@ class Handed:
     late: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
+class _Part(Struct, frozen=True):
     student: str
     name: str
     source: Source

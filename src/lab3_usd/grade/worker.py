@@ -21,6 +21,7 @@ from lab3_usd.grade.confine import fence_files, give_up_privileges, limit_resour
 from lab3_usd.grade.judge import Course, Json, Task, judge_task
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.load_rubric import load_rubric
+from lab3_usd.grade.outcome import CRASHED, OUT_OF_MEMORY, TOOL_FAILED
 from lab3_usd.grade.staging import Source
 from lab3_usd.spec.loader import load_lab
 
@@ -94,13 +95,21 @@ def answer(
     try:
         return judge_task(course, task, folder, announce)
     except MemoryError:
-        return {"died": "ran out of memory"}
+        return {"died": OUT_OF_MEMORY}
     except Exception as error:  # noqa: BLE001 - our own failure is recorded, and never a grade
-        frame = traceback.extract_tb(error.__traceback__)[-1]
-        place = f"{Path(frame.filename).name}:{frame.lineno}"
-        return {"bug": f"{type(error).__name__}: {error} at {place}"}
+        return {"died": _how(error)}
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _how(error: Exception) -> str:
+    """Tell what usd-core raises over a damaged file from a failure of our own."""
+    kind = type(error)
+    if kind.__module__.startswith("pxr."):
+        return f"{CRASHED} ({kind.__name__})"
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    said = " ".join(str(error).split())
+    return f"{TOOL_FAILED}: {kind.__name__} at {Path(frame.filename).name}:{frame.lineno}: {said}"
 
 
 def task_of(message: Json) -> Task:

@@ -14,13 +14,17 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
+
+from msgspec import Struct
+from msgspec.structs import asdict
 
 from lab3_usd.data import PACKAGE
 from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.limits import Limits
+from lab3_usd.grade.outcome import CRASHED, OUT_OF_MEMORY, OUT_OF_TIME
 
 Json = dict[str, Any]
 _START_SECONDS = 120.0
@@ -30,7 +34,6 @@ _LONGEST_LINE = 64 << 20
 _MAIN = "import sys; sys.path[:0] = {path!r}; from lab3_usd.grade.worker import main; main()"
 _KEPT = ("PATH", "LANG", "LC_ALL", "LD_LIBRARY_PATH", "SYSTEMROOT", "TZ")
 _STDERR = "stderr.txt"
-OUT_OF_TIME, OUT_OF_MEMORY = "ran out of time", "ran out of memory"
 STOPPED, NONSENSE = "stopped", "answered nonsense"
 
 
@@ -48,8 +51,7 @@ class DiedError(Exception):
         self.file = file
 
 
-@dataclass(frozen=True, slots=True)
-class PoolSettings:
+class PoolSettings(Struct, frozen=True):
     """How to judge: with which starter and rubric, and what workers may use and read."""
 
     starter: Path | None
@@ -154,7 +156,7 @@ def ask(worker: Worker, message: Json, stopped: Callable[[], bool]) -> Json:
         if "open" in said:
             file = said["open"]
         elif "died" in said.get("done", {}):
-            raise DiedError(said["done"]["died"], file)
+            raise DiedError(str(said["done"]["died"]), file)
         elif "done" in said:
             done: Json = said["done"]
             return done
@@ -193,7 +195,7 @@ def _how_it_ended(worker: Worker) -> str:
         return OUT_OF_MEMORY
     if status < 0:
         with contextlib.suppress(ValueError):
-            return f"crashed usd-core ({signal.Signals(-status).name})"
+            return f"{CRASHED} ({signal.Signals(-status).name})"
     return f"ended the worker (status {status})"
 
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from msgspec import Struct
 from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
@@ -25,8 +26,7 @@ _MOST_ASSETS = 500
 _Check = Callable[[Path], "bytes | None"]
 
 
-@dataclass(frozen=True, slots=True)
-class Barred:
+class Barred(Struct, frozen=True):
     """An asset that was not opened: the stage that asks for it, and why not.
 
     `grave` ones are an error wherever they are; the others only where a graph hangs on them.

@@ -38,7 +38,10 @@ def _operation(prim: Usd.Prim, name: str) -> Gf.Matrix4d | None:
     attribute = prim.GetAttribute(name)
     value = attribute.Get() if attribute else None
     make = _MAKERS.get(name.split(":")[1]) if value is not None and ":" in name else None
-    return None if make is None else make(value)
+    try:
+        return None if make is None else make(value)
+    except (TypeError, ValueError):  # a value of a type that the operation does not take
+        return None
 
 
 def _translation(value: Any) -> Gf.Matrix4d:  # noqa: ANN401 - of any precision
