@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec.structs import replace
 
-from lab3_usd.check.checker import check_stage, checkpoint_of, ordered
+from lab3_usd.check.checker import UNREADABLE, check_stage, checkpoint_of, ordered
 from lab3_usd.check.finding import Finding, Report, StageResult, Submission, Verdict
 from lab3_usd.commands.options import checkpoint_number, chosen, wants_color, width
 from lab3_usd.errors import UsageError
@@ -38,6 +38,7 @@ def run(paths: list[str], options: Mapping[str, Any]) -> int:
     format_named(options["form"])
     lab = load_lab()
     _check_inputs(paths, options)
+    _check_output(paths, options)
     work = [entry for path in paths for entry in _plan(path, options, lab)]
     results: list[StageResult] = []
     submissions: list[Submission] = []
@@ -57,6 +58,23 @@ def _check_inputs(paths: Iterable[str], options: Mapping[str, Any]) -> None:
         if not Path(path).exists():
             message = f"{path}: there is no such file or folder"
             raise UsageError(message)
+
+
+def _check_output(paths: Iterable[str], options: Mapping[str, Any]) -> None:
+    """Refuse to write the report over anything that this call reads.
+
+    Raises:
+        UsageError: the output is a stage, a given file, or a file that a given folder holds.
+    """
+    if options["output"] is None:
+        return
+    output = Path(options["output"])
+    named = [*paths, *(each for each in (options["starter"], options["maps"]) if each)]
+    read = {Path(each).resolve() for each in named}
+    is_read = output.exists() and not read.isdisjoint({output.resolve(), *output.resolve().parents})
+    if is_read or output.suffix.lower() in STAGE_ENDINGS:
+        message = f"{output}: is, or may be, a file that is checked; write the report elsewhere"
+        raise UsageError(message)
 
 
 def _plan(path: str, options: Mapping[str, Any], lab: Lab) -> Iterator[tuple[str, bool]]:
@@ -166,7 +184,12 @@ def _filtered_submission(found: Submission, options: Mapping[str, Any]) -> Submi
 
 
 def _wanted(findings: tuple[Finding, ...], options: Mapping[str, Any]) -> tuple[Finding, ...]:
-    return tuple(each for each in findings if chosen(each, options["select"], options["ignore"]))
+    """Return the findings asked for; that a file could not be read is said in any case."""
+    return tuple(
+        each
+        for each in findings
+        if each.rule == UNREADABLE or chosen(each, options["select"], options["ignore"])
+    )
 
 
 def _progress(work: list[tuple[str, bool]], options: Mapping[str, Any]) -> Any:  # noqa: ANN401

@@ -1,0 +1,191 @@
+"""`lab3 check` as a person and a script meet it: paths, exit statuses, what is written where."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pxr import Usd
+from report_schema import assert_valid
+
+from lab3_usd import build_checkpoint
+from lab3_usd.check import checker
+from lab3_usd.check.registry import Rule
+
+CLOCK = "Lab3_01_ros_clock.usda"
+TOPIC = "/World/ROS_Clock/ros2_publish_clock.inputs:topicName"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A correct checkpoint 01."""
+    return build_checkpoint(None, "01", tmp_path_factory.mktemp("built") / CLOCK)
+
+
+@pytest.fixture
+def clock(built: Path, tmp_path: Path) -> Path:
+    """A correct checkpoint 01 of this test's own."""
+    return Path(shutil.copy(built, tmp_path / CLOCK))
+
+
+@pytest.fixture
+def wrong(clock: Path) -> Path:
+    """The same with another topic."""
+    stage = Usd.Stage.Open(str(clock))
+    stage.GetAttributeAtPath(TOPIC).Set("/other")
+    stage.Save()
+    return clock
+
+
+def check(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lab3_usd", "check", *map(str, arguments)]
+    return subprocess.run(command, check=False, capture_output=True, text=True)
+
+
+def report_of(*arguments: object) -> dict[str, object]:
+    report = json.loads(check(*arguments, "--format", "json").stdout)
+    assert_valid(report)
+    return report
+
+
+def test_a_correct_stage_passes(clock: Path) -> None:
+    assert check(clock).returncode == 0
+
+
+def test_a_fault_is_exit_status_1(wrong: Path) -> None:
+    done = check(wrong)
+    assert done.returncode == 1
+    assert "P01" in done.stdout
+
+
+def test_exit_zero_says_all_the_same(wrong: Path) -> None:
+    done = check(wrong, "--exit-zero")
+    assert done.returncode == 0
+    assert "P01" in done.stdout
+
+
+def test_warnings_fail_only_where_they_are_asked_to(clock: Path) -> None:
+    stage = Usd.Stage.Open(str(clock))
+    stage.GetAttributeAtPath(
+        "/World/ROS_Clock/isaac_read_simulation_time.inputs:referenceTimeNumerator"
+    ).Set(3)
+    stage.Save()
+    assert check(clock).returncode == 0
+    assert check(clock, "--fail-on", "warning").returncode == 1
+
+
+def test_rules_are_chosen_by_id_and_by_family(wrong: Path) -> None:
+    assert check(wrong, "--select", "W").returncode == 0
+    assert check(wrong, "--ignore", "p01").returncode == 0
+    assert check(wrong, "--select", "P01,W").returncode == 1
+
+
+def test_the_checkpoint_may_be_given_for_any_name(clock: Path, tmp_path: Path) -> None:
+    other = Path(shutil.copy(clock, tmp_path / "mine.usda"))
+    assert check(other).returncode == 2
+    assert check(other, "--checkpoint", "1").returncode == 0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("nowhere.usda",), (), ("--checkpoint", "77", "."), ("--format", "other", ".")],
+    ids=["no such path", "no path", "no such checkpoint", "no such format"],
+)
+def test_wrong_usage_is_exit_status_2_in_one_line(arguments: tuple[str, ...]) -> None:
+    done = check(*arguments)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"#usda 1.0\n\0", b"#usda 1.0\n\xff", b"PXR-USDC"])
+@pytest.mark.parametrize("name", [CLOCK, "Lab3_01_ros_clock.uda"])
+def test_what_cannot_be_read_is_a_result(tmp_path: Path, name: str, content: bytes) -> None:
+    broken = tmp_path / name
+    broken.write_bytes(content)
+    report = report_of(broken)
+    (result,) = report["results"]
+    assert (result["verdict"], result["path"]) == ("unreadable", str(broken))
+    assert [each["severity"] for each in result["findings"]] == ["error"]
+    assert check(broken).returncode == 1
+
+
+@pytest.mark.parametrize("choice", [("--select", "W"), ("--ignore", "F01")])
+def test_no_choice_of_rules_passes_what_cannot_be_read(
+    tmp_path: Path, choice: tuple[str, str]
+) -> None:
+    broken = tmp_path / CLOCK
+    broken.write_bytes(b"no stage")
+    assert check(broken, *choice).returncode == 1
+
+
+def test_json_comes_with_every_exit_status(wrong: Path, clock: Path) -> None:
+    assert report_of(wrong)["summary"]["errors"] == 1
+    assert report_of("nowhere")["error"]["kind"] == "usage"
+    assert report_of(clock, "--checkpoint", "xx")["error"]["kind"] == "usage"
+
+
+def test_results_come_in_the_order_given(clock: Path, tmp_path: Path) -> None:
+    start = build_checkpoint(None, "00", tmp_path / "Lab3_00_student_start.usda")
+    report = report_of(clock, start, clock)
+    assert [each["path"] for each in report["results"]] == [str(clock), str(start), str(clock)]
+
+
+def test_a_folder_of_other_names_is_its_stages(clock: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "stages"
+    folder.mkdir()
+    for name in ("b.usda", "a.usda"):
+        shutil.copy(clock, folder / name)
+    report = report_of(folder, "--checkpoint", "01")
+    assert [Path(each["path"]).name for each in report["results"]] == ["a.usda", "b.usda"]
+
+
+def test_an_empty_folder_is_wrong_usage(tmp_path: Path) -> None:
+    assert check(tmp_path).returncode == 2
+
+
+def test_the_report_is_written_to_a_file(wrong: Path, tmp_path: Path) -> None:
+    output = tmp_path / "report.json"
+    done = check(wrong, "--format", "json", "--output", output)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert_valid(json.loads(output.read_text()))
+
+
+def test_the_report_never_replaces_what_is_checked(clock: Path, tmp_path: Path) -> None:
+    before = clock.read_bytes()
+    link = tmp_path / "report.txt"
+    link.symlink_to(clock)
+    for output in (clock, link, tmp_path / "new.usda"):
+        assert check(clock, "--output", output).returncode == 2
+    assert clock.read_bytes() == before
+    assert not (tmp_path / "new.usda").exists()
+
+
+def test_the_report_never_replaces_the_starter_or_a_file_of_a_folder(
+    clock: Path, tmp_path: Path
+) -> None:
+    starter = build_checkpoint(None, "00", tmp_path / "starter" / "starter.usda")
+    notes = clock.parent / "results.txt"
+    notes.write_text("what the student saved")
+    assert check(clock, "--starter", starter, "--output", starter).returncode == 2
+    assert check(clock.parent, "--checkpoint", "01", "--output", notes).returncode == 2
+    assert notes.read_text() == "what the student saved"
+
+
+def test_a_rule_that_crashes_is_never_a_pass(clock: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def crash(subject: object) -> list[object]:
+        raise ZeroDivisionError(str(type(subject)))
+
+    broken = Rule("W99", "broken", "error", "graph", crash)
+    usual = checker.rules_of
+    monkeypatch.setattr(checker, "rules_of", lambda *scope: [*usual(*scope), broken])
+    result = checker.check_stage(clock)
+    assert result.verdict == "fail"
+    assert {each.rule for each in result.crashes} == {"W99"}
+
+
+def test_two_runs_give_the_same_bytes(wrong: Path) -> None:
+    assert check(wrong, "--format", "json").stdout == check(wrong, "--format", "json").stdout
