@@ -423,3 +423,16 @@ def test_every_finding_says_what_to_do() -> None:
     )
     assert len(findings) == 6
     assert [each.rule for each in findings if not each.hint or not each.handout] == []
+
+
+def test_a_twin_may_take_the_place_of_a_source_but_not_stand_beside_it() -> None:
+    tick, publisher = "ROS_Clock/on_playback_tick", "ROS_Clock/ros2_publish_clock"
+    twin = {"copy": [tick, f"{tick}_01"]}
+    beside = {"add_source": [f"{publisher}.inputs:execIn", f"{tick}_01.outputs:tick"]}
+    found = {(each.rule, each.severity, each.prim) for each in told(twin, beside)}
+    assert ("W04", "error", place(publisher)) in found
+
+
+def test_helpers_that_keep_their_stamps_as_the_clock_does_are_right() -> None:
+    helper = "ROS_Lidar2D/ros2_rtx_lidar_helper"
+    assert told({"set": [f"{helper}.inputs:resetSimulationTimeOnStop", False]}) == ()

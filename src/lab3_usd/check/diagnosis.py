@@ -202,8 +202,10 @@ def _seconds(work: _Work, wire: Wire) -> Iterator[WireFault]:
     _, target = _ends(work, wire)
     port = wire.target.port
     accepted = _accepted(work, wire)
+    # A node with the same settings may take the first one's place, not stand beside it.
+    right = next(path for path in accepted if path in target.sources(port))
     for actual in target.sources(port):
-        if actual in accepted or (target.path, port, actual) in work.explained:
+        if actual == right or (target.path, port, actual) in work.explained:
             continue
         work.explained.add((target.path, port, actual))
         yield WireFault(

@@ -86,7 +86,8 @@ def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
     policy = subject.lab.policy
     left = (*policy.keep_default, policy.namespace)
     for node, spec, port, value in _changed(subject):
-        if port.short not in left:
+        agrees = port.short in policy.stamp_ports and value is False
+        if port.short not in left and not agrees:
             message = (
                 f"{port.name} is {shown(value)}, the handout leaves it at {shown(port.default)}"
             )
