@@ -17,7 +17,7 @@ def shown(value: Value | None) -> str:
     if isinstance(value, bool):
         return str(value)
     if isinstance(value, float):
-        return f"{value:.10g}"
+        return f"{value:.7g}"  # as many digits as a float32 holds
     if isinstance(value, tuple):
         return f"[{_first(tuple(shown(item) for item in value[: MOST_ITEMS + 1]), len(value))}]"
     return _quoted(value) if isinstance(value, str) else str(value)

@@ -174,7 +174,11 @@ def wrong_value_type(subject: GraphSubject) -> Iterator[Problem]:
         declared = _wrong_type(found.node, port)
         if declared is not None and port is not None:
             message = f"{port.name} is of type {declared}, expected {port.usd_type}"
-            yield setting_problem(found, message)
+            problem = setting_problem(found, message)
+            hint = (
+                f"delete {titled(found.spec)}, add it again from the node list and set its fields"
+            )
+            yield replace(problem, expected=port.usd_type, actual=declared, hint=hint)
 
 
 @rule("P07", "swapped-values", scope="graph")
