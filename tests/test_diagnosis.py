@@ -428,7 +428,7 @@ def test_every_finding_says_what_to_do() -> None:
 def test_a_twin_may_take_the_place_of_a_source_but_not_stand_beside_it() -> None:
     tick, publisher = "ROS_Clock/on_playback_tick", "ROS_Clock/ros2_publish_clock"
     twin = {"copy": [tick, f"{tick}_01"]}
-    beside = {"add_source": [f"{publisher}.inputs:execIn", f"{tick}_01.outputs:tick"]}
+    beside = {"add source": [f"{publisher}.inputs:execIn", f"{tick}_01.outputs:tick"]}
     found = {(each.rule, each.severity, each.prim) for each in told(twin, beside)}
     assert ("W04", "error", place(publisher)) in found
 
