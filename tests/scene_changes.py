@@ -75,6 +75,17 @@ def with_api(path: str, api: str) -> Change:
     return lambda stage: void(stage.GetPrimAtPath(path).AddAppliedSchema(api))
 
 
+def weld(path: str, kind: str = "PhysicsFixedJoint", **ends: str) -> Change:
+    """Add a joint; a body that is not given is the world."""
+
+    def change(stage: Usd.Stage) -> None:
+        joint = stage.DefinePrim(path, kind)
+        for name, target in ends.items():
+            joint.CreateRelationship(f"physics:{name}", custom=False).SetTargets([target])
+
+    return change
+
+
 def aim(path: str, name: str, *targets: str) -> Change:
     return lambda stage: void(stage.GetPrimAtPath(path).GetRelationship(name).SetTargets(targets))
 

@@ -29,6 +29,7 @@ from scene_changes import (
     turn,
     undefine,
     void,
+    weld,
     with_api,
     without_api,
 )
@@ -192,7 +193,9 @@ def _twin(name: str) -> str:
 
 
 def _loose() -> list[Sabotage]:
-    return [
+    hold = f"{JOINTS}/root_joint"
+    held = weld(hold, body1=f"{ROBOT}/base_footprint")
+    found = [
         Sabotage(f"no {joint}", "02", remove(f"{JOINTS}/{joint}"), (f"{ROBOT}/{link}", None))
         for joint, link in (
             ("base_joint", "base_link"),
@@ -200,6 +203,7 @@ def _loose() -> list[Sabotage]:
             ("caster_back_joint", "caster_back_link"),
         )
     ]
+    return [*found, Sabotage("robot held by the world", "02", held, (hold, "physics:body0"))]
 
 
 def _world() -> list[Sabotage]:

@@ -34,6 +34,7 @@ from scene_changes import (
     several,
     switch,
     turn,
+    weld,
     with_api,
     without_api,
 )
@@ -510,3 +511,46 @@ def test_a_deactivated_world_is_not_also_said_to_lack_its_camera() -> None:
     stage = built("00")
     deactivate("/World")(stage)
     assert told(stage, "00") == [("S01", "/World", None)]
+
+
+HOLD = f"{JOINTS}/root_joint"
+BASE = f"{ROBOT}/base_footprint"
+
+
+@pytest.mark.parametrize(
+    ("change", "end"),
+    [
+        (weld(HOLD, body1=BASE), "physics:body0"),
+        (weld(HOLD, body0=BASE), "physics:body1"),
+        (weld(HOLD, body0=ROBOT, body1=BASE), "physics:body0"),
+        (weld(HOLD, body0=FLOOR, body1=f"{ROBOT}/base_link"), "physics:body0"),
+        (weld(HOLD, "PhysicsPrismaticJoint", body1=f"{BASE}/shape"), "physics:body0"),
+    ],
+)
+def test_a_joint_that_holds_the_robot_is_one_error(change: Change, end: str) -> None:
+    stage = built("05")
+    change(stage)
+    assert told(stage, "05") == [("S21", HOLD, end)]
+
+
+def test_a_link_held_by_the_world_is_not_said_to_be_loose_as_well() -> None:
+    stage = built("02")
+    aim(f"{JOINTS}/scan_joint", "physics:body0")(stage)
+    assert told(stage, "02") == [("S21", f"{JOINTS}/scan_joint", "physics:body0")]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        several(weld(HOLD, body1=BASE), switch(HOLD, "physics:jointEnabled")),
+        several(weld(HOLD, body1=BASE), deactivate(HOLD)),
+        weld(HOLD, body0=f"{ROBOT}/base_link", body1=BASE),
+        weld(HOLD),
+        weld("/World/door", body1="/World/leaf"),
+        several(with_api(ROBOT, "PhysicsRigidBodyAPI"), weld(HOLD, body0=ROBOT, body1=BASE)),
+    ],
+)
+def test_a_joint_that_holds_no_part_of_the_robot_is_no_fault(change: Change) -> None:
+    stage = built("05")
+    change(stage)
+    assert [each for each in told(stage, "05") if each[0] == "S21"] == []

@@ -70,7 +70,16 @@ def _robot_items(lab: Lab, checkpoint: Checkpoint) -> Iterator[SceneItem]:
         target["handout"],
         ("S11",),
     )
-    yield SceneItem("Scene/rest", _SCENE, "robot rests on the ground", path, None, "A5", ("S19",))
+    yield SceneItem(
+        "Scene/rest",
+        _SCENE,
+        "robot rests on the ground",
+        path,
+        None,
+        "A5",
+        ("S19", "S21"),
+        ("physics:body",),
+    )
 
 
 def _link_items(

@@ -10,6 +10,8 @@ from lab3_usd.check.model import Prim
 from lab3_usd.check.physics import (
     ARTICULATION_API,
     ARTICULATION_ENABLED,
+    BODIES,
+    BODY_API,
     below,
     bodies,
     is_switched_off,
@@ -17,7 +19,7 @@ from lab3_usd.check.physics import (
 )
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import StageSubject
-from lab3_usd.check.wheel_joints import could_hide_joints, has_no_joints
+from lab3_usd.check.wheel_joints import could_hide_joints, has_no_joints, wheel_joints
 
 
 @rule("S11", "articulation", scope="stage")
@@ -80,13 +82,70 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
     if could_hide_joints(subject) or has_no_joints(subject) or base not in present:
         return
     groups = _groups(subject, present)
-    told = [groups[base]]
+    # A link that is held by the world is S21's.
+    told = [groups[base], *(groups[_link_of(each, links)] for each in _held_bodies(subject))]
     for name in robot["links"]:
         path = f"{robot['path']}/{name}"
         if path in present and name not in wheels and groups[path] not in told:
             told.append(groups[path])
             message = f"no joint ties {name} to {robot['base_frame']}"
             yield Problem(path, message, None, base, None, robot["links"][name]["handout"])
+
+
+@rule("S21", "held-by-the-world", scope="stage")
+def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
+    """A joint ties the robot to the world, or to a prim that is no part of the robot.
+
+    Why: the robot is held where it stands: the wheels turn and odometry stays at zero. A body
+    that is empty stands for the world. Joints of the wheels are the business of their own rules.
+
+    Fix: delete the joint, or switch off Joint Enabled in the Property panel. A robot imported from
+    a URDF file gets such a joint from the option Static Base; the supplied robot has none.
+
+    Example: `/turtlebot3_burger/joints/root_joint`, a fixed joint with `physics:body1`
+    `base_footprint` and no `physics:body0`.
+    """
+    robot = subject.lab.scene["robot"]["path"]
+    for joint, side in _holds(subject):
+        ends = bodies(joint)
+        other = ends[1 - side]
+        message = f"{joint.name} ties {ends[side]} to {other or 'the world'}"
+        yield Problem(
+            joint.path,
+            message,
+            BODIES[1 - side],
+            "a link of the robot, or no such joint",
+            other or "no prim",
+            "A5",
+            (robot,),
+        )
+
+
+def _holds(subject: StageSubject) -> Iterator[tuple[Prim, int]]:
+    """Yield each joint with one body on the robot and one off it, and which one is on it."""
+    stage = subject.stage
+    wheels = [joint.prim for joint in wheel_joints(subject)]
+    for joint in joints(stage):
+        ends = bodies(joint)
+        on_robot = [_is_on_robot(end, subject) for end in ends]
+        may_be_tied = not all(ends) and is_hidden(stage, joint.path)
+        if on_robot.count(True) == 1 and joint not in wheels and not may_be_tied:
+            yield joint, on_robot.index(True)
+
+
+def _is_on_robot(body: str, subject: StageSubject) -> bool:
+    """Whether a joint's target is below the robot's root, or is the root and moves itself.
+
+    A root that is no body stands for the world, as whatever has no body above it does.
+    """
+    path = subject.lab.scene["robot"]["path"]
+    root = subject.stage.prim(path)
+    moves = root is not None and BODY_API in root.apis
+    return is_at_or_below(body, path) and (body != path or moves)
+
+
+def _held_bodies(subject: StageSubject) -> list[str]:
+    return [bodies(joint)[side] for joint, side in _holds(subject)]
 
 
 def _groups(subject: StageSubject, links: list[str]) -> dict[str, str]:
