@@ -312,6 +312,21 @@ def test_the_publisher_of_the_lab_that_competes_is_one_finding() -> None:
     assert sites(raw("map", "odom")) == [("T08", RAW, "inputs:parentFrameId")]
 
 
+@pytest.mark.parametrize(("parent", "rule_id"), [("world", "T07"), ("map", "T08")])
+def test_the_publisher_of_the_lab_is_to_be_set_and_not_deleted(parent: str, rule_id: str) -> None:
+    (problem,) = problems(raw(parent, "odom"), "08")[rule_id]
+    assert problem.expected == "odom -> base_footprint"
+    assert str(problem.hint).startswith(
+        "set Parent Frame ID to `odom` and Child Frame ID to `base_footprint`"
+    )
+
+
+@pytest.mark.parametrize(("parent", "rule_id"), [("world", "T07"), ("map", "T08")])
+def test_a_publisher_beside_that_of_the_lab_is_to_be_deleted(parent: str, rule_id: str) -> None:
+    (problem,) = problems(beside((parent, "odom")), "08")[rule_id]
+    assert (problem.expected, problem.hint) == ("no such publisher", None)
+
+
 def test_isaacs_menu_for_odometry_is_found_below_graph() -> None:
     stage = beside(("world", "odom"), ("odom", "base_link"))
     assert sites(stage) == [("T03", f"{SENDER}_01", None), ("T07", SENDER, "inputs:parentFrameId")]

@@ -36,9 +36,9 @@ def odom_below_another_frame(subject: StageSubject) -> Iterator[Problem]:
     navigation loses the robot. This holds for a publisher that nothing drives, too: one wire later
     it publishes. A deactivated one is a note.
 
-    Fix: delete or deactivate the transform publisher. Isaac Sim's own menu for odometry makes one
-    named TFWorld2Odom below `/Graph/ROS_Odometry`. Where it is the publisher of F8, set Parent
-    Frame ID to `odom` and Child Frame ID to `base_footprint`.
+    Fix: where it is the publisher of F8, set Parent Frame ID to `odom` and Child Frame ID to
+    `base_footprint`. Delete or deactivate any other: Isaac Sim's own menu for odometry makes one
+    named TFWorld2Odom below `/Graph/ROS_Odometry`.
 
     Example: `/Graph/ROS_Odometry/TFWorld2Odom` publishes `world -> odom`.
     """
@@ -83,19 +83,33 @@ def _wrong_port(parent: str | None, ports: TfPorts, view: TfView) -> str | None:
     return ports.prims[1] if ports.prims else None
 
 
+def _asked(placement: _Placement, view: TfView) -> tuple[str, str | None]:
+    """Return what is expected of the node, and the hint where it is one that the lab needs.
+
+    The publisher that the lab asks for must not be deleted: it places the robot in `odom`.
+    """
+    if placement.node not in view.played:
+        return "no such publisher", None
+    up, down = next(edge for edge in view.subject.lab.frames.edges if edge[0] == view.odom)
+    hint = f"set Parent Frame ID to `{up}` and Child Frame ID to `{down}`; keep the node"
+    has_names = bool(tf_ports(view.live[placement.node]).names)
+    return f"{up} -> {down}", hint if has_names else None
+
+
 def _placed(placement: _Placement, view: TfView) -> Problem:
     frames = view.subject.lab.frames
     parent = "an unknown frame" if placement.parent is None else placement.parent
-    asked = next(f"{up} -> {down}" for up, down in frames.edges if up == view.odom)
+    asked, hint = _asked(placement, view)
     undriven = "" if placement.driven else ", though nothing drives it"
     return Problem(
         placement.node,
         f"publishes {parent} -> {view.odom}{undriven}; only {frames.localization_by} may place "
         f"'{view.odom}'",
         property=placement.port,
-        expected=asked if placement.node in view.played else "no such publisher",
+        expected=asked,
         actual=f"{parent} -> {view.odom}",
         handout=frames.forbidden_handout,
+        hint=hint,
     )
 
 
@@ -145,7 +159,8 @@ def competes_with_localization(subject: StageSubject) -> Iterator[Problem]:
     Why: AMCL corrects the robot's place by moving `odom` in `map`. A second publisher of the same
     transform sets it back with every frame, and the robot jumps.
 
-    Fix: delete the publisher from the stage; AMCL publishes `map -> odom` in part H.
+    Fix: where it is the publisher of F8, set Parent Frame ID to `odom` and Child Frame ID to
+    `base_footprint`. Delete any other from the stage; AMCL publishes `map -> odom` in part H.
 
     Example: a Publish Raw Transform Tree has Parent Frame ID `map` and Child Frame ID `odom`.
     """
@@ -156,11 +171,13 @@ def competes_with_localization(subject: StageSubject) -> Iterator[Problem]:
     by = subject.lab.frames.localization_by
     for placement in _placements(view):
         if placement.parent == parent:
+            asked, hint = _asked(placement, view)
             yield Problem(
                 placement.node,
                 f"publishes {parent} -> {child}, which {by} publishes",
                 property=placement.port,
-                expected="no such publisher",
+                expected=asked,
                 actual=f"{parent} -> {child}",
                 handout=subject.lab.frames.localization_handout,
+                hint=hint,
             )
