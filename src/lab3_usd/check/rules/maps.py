@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import PurePosixPath, PureWindowsPath
+from posixpath import normpath
 
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.registry import rule
@@ -52,7 +53,7 @@ def map_image_path(subject: MapSubject) -> Iterator[Problem]:
     elif subject.image_absolute:
         message = f"'image' is the absolute path '{image}', which exists on one computer only"
         yield Problem(subject.file, message, "image", expected, image, "8.13")
-    elif PurePosixPath(image).name != image:
+    elif normpath(image) != PurePosixPath(image).name:
         message = f"'image' is '{image}', in another folder than the map file"
         yield Problem(subject.file, message, "image", expected, image, "8.13")
 
@@ -211,9 +212,18 @@ def map_not_given(subject: MapSubject) -> Iterator[Problem]:
 
 
 def _same(actual: object, expected: object) -> bool:
+    actual = _number(actual)
     if isinstance(actual, (int, float)) and isinstance(expected, (int, float)):
         return math.isclose(actual, expected, rel_tol=1e-6, abs_tol=1e-9)
     return actual == expected
+
+
+def _number(value: object) -> object:
+    """Return the number that a text is: YAML 1.1 takes `5e-2`, without a point, for text."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def _numbers(values: Sequence[float]) -> str:
