@@ -31,7 +31,7 @@ class Roles(Struct, frozen=True):
     retyped: Mapping[str, Node] = field(default_factory=dict)
 
 
-class GraphSubject(Struct, frozen=True):
+class GraphSubject(Struct, frozen=True, eq=False):
     """One graph of the spec beside its graph in the stage.
 
     `live` holds the live nodes of the whole stage by path, `wire_faults` what is wrong with the

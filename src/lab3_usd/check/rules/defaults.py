@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.finding import Problem
@@ -57,7 +58,15 @@ def _kept_problem(node: Node, spec: NodeSpec, port: Port, actual: str) -> Proble
     return Problem(node.path, message, port.name, expected, actual, section, hint=hint)
 
 
-def _changed(subject: GraphSubject) -> Iterator[tuple[Node, NodeSpec, Port, Value | None]]:
+_Changed = tuple[Node, NodeSpec, Port, Value | None]
+
+
+@lru_cache(maxsize=8)  # every rule asks for the same, graph after graph
+def _changed(subject: GraphSubject) -> tuple[_Changed, ...]:
+    return tuple(_find_changed(subject))
+
+
+def _find_changed(subject: GraphSubject) -> Iterator[_Changed]:
     """Yield the inputs that the handout does not set and that are away from their default."""
     for role, spec in subject.spec.nodes.items():
         node = subject.roles.node_of[role]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
 
@@ -38,8 +39,13 @@ class Found(NamedTuple):
         return setting_met(self.node, self.setting, self.value)
 
 
-def settings_of(subject: GraphSubject) -> Iterator[Found]:
-    """Yield every setting of every matched node."""
+@lru_cache(maxsize=8)  # every rule asks for the same, graph after graph
+def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
+    """Return every setting of every matched node."""
+    return tuple(_find_settings(subject))
+
+
+def _find_settings(subject: GraphSubject) -> Iterator[Found]:
     for role, spec in subject.spec.nodes.items():
         node = subject.roles.node_of[role]
         for setting in spec.settings if node is not None else ():
