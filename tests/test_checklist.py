@@ -139,7 +139,7 @@ NOT_MET: list[tuple[str, Fault, str]] = [
     ),
     (
         "The TF tree contains map → odom → base_footprint",
-        put("results/view_frames.txt", view_frames(*EDGES[1:])),
+        put("results/view_frames.txt", view_frames(EDGES[0], *EDGES[2:])),
         "E11",
     ),
     (
@@ -181,6 +181,13 @@ def test_what_is_not_handed_in_is_not_shown(
     found = item(folder, text)
     assert found.state == "not shown"
     assert because in found.because
+
+
+def test_a_tree_from_before_localization_does_not_show_the_final_one(folder: Path) -> None:
+    (folder / "results" / "view_frames.txt").write_text(view_frames(*EDGES[1:]))
+    found = item(folder, "The TF tree contains map → odom → base_footprint")
+    assert found.state == "not shown"
+    assert "E11" in found.because
 
 
 def test_a_goal_that_was_not_reached_decides_both_lists(folder: Path) -> None:

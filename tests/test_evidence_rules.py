@@ -236,3 +236,28 @@ def test_extra_commands_may_be_missing(tmp_path: Path) -> None:
 def test_an_active_node_is_told_by_its_number_too(tmp_path: Path) -> None:
     files = {**good_files(), "lifecycle_amcl.txt": ACTIVE.replace("3", "2")}
     assert list(problems(subject(tmp_path, files))) == ["E08"]
+
+
+def test_a_tree_from_before_localization_is_a_note(tmp_path: Path) -> None:
+    files = {**good_files(), "view_frames.txt": view_frames(*EDGES[1:])}
+    given = subject(tmp_path, files)
+    assert [p.severity for p in problems(given)["E11"]] == ["note"]
+    required = problems(replace(given, required=True))
+    assert [p.severity for p in required["E11"]] == ["error"]
+
+
+@pytest.mark.parametrize("edges", [EDGES[:-1], (("base_link", "odom"), *EDGES[1:])])
+def test_a_tree_that_lacks_a_frame_or_has_a_wrong_parent_is_an_error(
+    tmp_path: Path, edges: tuple[tuple[str, str], ...]
+) -> None:
+    found = problems(subject(tmp_path, {**good_files(), "view_frames.txt": view_frames(*edges)}))
+    assert [p.severity for p in found["E11"]] == [None]
+
+
+def test_an_early_list_of_topics_is_one_finding(tmp_path: Path) -> None:
+    early = "/clock\n/parameter_events\n/rosout\n"
+    (problem,) = problems(subject(tmp_path, {**good_files(), "topic_list.txt": early}))["E03"]
+    assert problem.property is None
+    assert str(problem.expected).split(", ") == [
+        name for name in ROS.topics if name not in {"/clock", "/tf_static"}
+    ]

@@ -118,6 +118,11 @@ def _rules(rules: tuple[str, ...], known: Known) -> Iterator[_Verdict]:
         if found.rule in rules:
             yield "not met", f"{found.rule}: {found.message}"
             return
+    for found in known.findings:
+        # A note on saved output says that it does not show what it is there for.
+        if found.rule in rules and found.rule.startswith(_EVIDENCE) and found.severity == "note":
+            yield "not shown", f"{found.rule}: {found.message}"
+            return
 
 
 def _shown(name: str, known: Known) -> _Verdict:

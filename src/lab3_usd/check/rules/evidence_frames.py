@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from msgspec.structs import replace
+
 from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subjects_lab import Edge, EvidenceSubject, Lookup, Shown, best
@@ -34,7 +36,8 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     """The saved TF tree lacks a required frame, or hangs it below another parent.
 
     Why: whatever needs the way from `map` to `base_scan`, and Nav2 needs it for every scan, waits
-    for ever.
+    for ever. A tree that only lacks `map -> odom` may be from before localization, as F11 and F14
+    ask for one: it does not show J5, which is a note, or an error where evidence is required.
 
     Fix: set the initial pose when `map -> odom` is missing; repair the odometry and TF graph when
     a frame of the robot is. Then run `view_frames` again while Isaac Sim plays.
@@ -49,9 +52,20 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
         if not shown.fact:
             return [Problem(shown.file, "the TF tree is empty", handout="J5")]
         parents = {child: parent for parent, child in shown.fact}
-        return list(_missing(required, parents, subject.frames.deeper_under, shown.file))
+        found = list(_missing(required, parents, subject.frames.deeper_under, shown.file))
+        return [_before_localization(subject, each) for each in found]
 
     yield from best(subject.evidence.view_frames.get("", ()), judge)
+
+
+def _before_localization(subject: EvidenceSubject, problem: Problem) -> Problem:
+    """Make a note of the transform that a tree from before localization cannot show."""
+    parent, child = subject.frames.localization_edge
+    if problem.property != f"{parent} -> {child}" or problem.actual is not None:
+        return problem
+    severity: Severity = "error" if subject.required else "note"
+    message = f"the TF tree does not show {parent} -> {child}; was it saved before localization?"
+    return replace(problem, message=message, severity=severity)
 
 
 def _missing(

@@ -46,7 +46,7 @@ def topic_type_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 
 @rule("E03", "topic-not-listed", scope="evidence", severity="warning")
 def topic_not_listed(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A topic of the lab is in none of the topic lists.
+    """Topics of the lab are in none of the topic lists.
 
     Why: the final list (J2) is taken while everything runs; what it lacks was not published.
 
@@ -58,10 +58,14 @@ def topic_not_listed(subject: EvidenceSubject) -> Iterator[Problem]:
     if not lists:
         return
     names = {name for shown in lists for name in shown.fact.names}
-    for topic in _topics(subject):
-        if not topic.optional and topic.name not in names:
-            message = f"{topic.name} is not in the list of topics"
-            yield Problem(lists[-1].file, message, topic.name, handout=topic.handout)
+    missing = [t for t in _topics(subject) if not t.optional and t.name not in names]
+    if len(missing) == 1:
+        message = f"{missing[0].name} is not in the list of topics"
+        yield Problem(lists[-1].file, message, missing[0].name, handout=missing[0].handout)
+    elif missing:
+        absent = ", ".join(topic.name for topic in missing)
+        message = f"{len(missing)} topics are not in the list of topics; was it saved early?"
+        yield Problem(lists[-1].file, message, expected=absent, handout="J2")
 
 
 @rule("E04", "topic-rate", scope="evidence")
