@@ -14,9 +14,9 @@ LEAST_SHARE = 0.5  # of a spec's nodes that a graph must hold to be recognised b
 
 
 def relocated(spec: GraphSpec, homes: Mapping[str, str]) -> GraphSpec:
-    """Return the spec as it reads where a sensor stands elsewhere than the handout asks.
+    """Return the spec as it reads where a sensor or the robot stands elsewhere than asked.
 
-    `homes` maps the path of such a sensor to where it really is: a rule of its own says so, and
+    `homes` maps the path of such a prim to where it really is: a rule of its own says so, and
     the graph and the targets that went along are no further mistakes.
     """
     if not homes:
@@ -25,17 +25,21 @@ def relocated(spec: GraphSpec, homes: Mapping[str, str]) -> GraphSpec:
         role: replace(node, targets=tuple(_retargeted(target, homes) for target in node.targets))
         for role, node in spec.nodes.items()
     }
-    return replace(spec, path=_moved(spec.path, homes), nodes=nodes)
+    return replace(spec, path=moved(spec.path, homes), nodes=nodes)
 
 
 def _retargeted(target: Target, homes: Mapping[str, str]) -> Target:
-    return replace(target, prims=tuple(_moved(prim, homes) for prim in target.prims))
+    return replace(target, prims=tuple(moved(prim, homes) for prim in target.prims))
 
 
-def _moved(path: str, homes: Mapping[str, str]) -> str:
+def moved(path: str, homes: Mapping[str, str]) -> str:
+    """Return where `path` is when the prims of `homes` stand elsewhere, one move after the other.
+
+    A prim below another that was moved is expected where the other one stands.
+    """
     for expected, home in homes.items():
         if path == expected or path.startswith(f"{expected}/"):
-            return home + path[len(expected) :]
+            path = home + path[len(expected) :]
     return path
 
 

@@ -30,6 +30,7 @@ from lab3_usd.check.requirements import (
     scene_requirements,
     score,
 )
+from lab3_usd.check.robot_place import lab_at, robot_homes
 from lab3_usd.check.sensor_place import sensor_homes
 from lab3_usd.check.subject import GraphSubject, Roles, StageSubject
 from lab3_usd.errors import StageError, UsageError
@@ -97,22 +98,25 @@ class Judgement(Struct, frozen=True):
 def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     """Run every rule over a stage that was read."""
     live = {node.path: node for node in stage.nodes()}
-    subjects = [*_graph_subjects(lab, checkpoint, stage, live)]
+    homes = robot_homes(lab, stage)
+    placed = lab_at(lab, homes)
+    subjects = [*_graph_subjects(placed, checkpoint, stage, live)]
     run = _Run([], [])
     for found in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
             run.rule(found, subject)
     whole = StageSubject(
-        lab=lab,
+        lab=placed,
         checkpoint=checkpoint,
         stage=stage,
         roles={subject.spec.name: subject.roles for subject in subjects},
         blamed=frozenset(each.prim for each in run.findings if each.severity == "error"),
+        homes=homes,
     )
     for found in rules_of("stage", *STAGE_FAMILIES):
         run.rule(found, whole)
     requirements = [item for subject in subjects for item in graph_requirements(subject)]
-    requirements += scene_requirements(whole, run.findings)
+    requirements += scene_requirements(whole, run.findings, lab)
     requirements += frame_requirements(whole)
     return Judgement(tuple(run.findings), tuple(requirements), tuple(run.crashes))
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
+from msgspec.structs import replace
+
+from lab3_usd.check.candidates import moved
 from lab3_usd.check.finding import Finding, Requirement, Score
 from lab3_usd.check.frames import published_edges
 from lab3_usd.check.met import setting_met, setting_value, source_path, target_met
@@ -12,7 +15,7 @@ from lab3_usd.check.say import shown, titled
 from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_items import scene_items
 from lab3_usd.check.subject import GraphSubject, StageSubject
-from lab3_usd.spec.spec import NodeSpec, Setting, Target, Wire
+from lab3_usd.spec.spec import Lab, NodeSpec, Setting, Target, Wire
 
 
 def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
@@ -78,12 +81,27 @@ def _fed(subject: GraphSubject, wire: Wire, source: Node, target: Node) -> bool:
     return any(path in target.sources(wire.target.port) for path in paths)
 
 
-def scene_requirements(subject: StageSubject, findings: Iterable[Finding]) -> Iterator[Requirement]:
-    """Yield every scene item and frame; one is met when no error names its site."""
+def scene_requirements(
+    subject: StageSubject, findings: Iterable[Finding], lab: Lab
+) -> Iterator[Requirement]:
+    """Yield every scene item; one is met when no error names its site.
+
+    The items read as in `lab`, whose prims are looked up where they really stand.
+    """
     told = [each for each in findings if each.severity == "error"]
-    for item in scene_items(subject.lab, subject.checkpoint):
-        met = is_met(item, told)
+    robot = lab.scene["robot"]["path"]
+    for item in scene_items(lab, subject.checkpoint):
+        met = is_met(replace(item, prim=_stands(item.prim, robot, subject.homes)), told)
         yield Requirement(item.id, item.group, "scene", item.title, met, item.handout)
+
+
+def _stands(path: str, robot: str, homes: Mapping[str, str]) -> str:
+    """Return where a prim of the lab stands; a link that stands elsewhere is where it is missed."""
+    for expected, home in homes.items():
+        if path == expected != robot:
+            return path
+        path = moved(path, {expected: home})
+    return path
 
 
 def frame_requirements(subject: StageSubject) -> Iterator[Requirement]:

@@ -48,7 +48,9 @@ def _concerns(item: SceneItem, found: Finding) -> bool:
     if found.rule in item.rules and (item.anywhere or item.prim in (found.prim, *found.related)):
         is_site = item.anywhere or found.property == item.property
         return is_site or _is_other_name(item, found.property)
-    is_gone = found.rule in _MISSING and found.property is None
+    # What stands elsewhere relates to the place where it is expected, and is not gone.
+    is_elsewhere = found.expected in found.related
+    is_gone = found.rule in _MISSING and found.property is None and not is_elsewhere
     return is_gone and is_at_or_below(item.prim, found.prim)
 
 

@@ -51,7 +51,8 @@ class StageSubject(Struct, frozen=True, eq=False):
     """The whole stage at one checkpoint.
 
     `blamed` holds the prims that already have an error from the rules of their graph: what
-    follows from that error is not said again.
+    follows from that error is not said again. `homes` maps where the handout has the robot and
+    its links to where they stand instead; `lab` reads as if they belonged there.
     """
 
     lab: Lab
@@ -59,3 +60,4 @@ class StageSubject(Struct, frozen=True, eq=False):
     stage: StageModel
     roles: Mapping[str, Roles]
     blamed: frozenset[str] = frozenset()
+    homes: Mapping[str, str] = field(default_factory=dict)

@@ -9,6 +9,7 @@ from lab3_usd.check.finding import Finding
 from lab3_usd.check.frames import published_edges
 from lab3_usd.check.matcher import match
 from lab3_usd.check.model import StageModel
+from lab3_usd.check.robot_place import lab_at, robot_homes
 from lab3_usd.check.sensor_place import sensor_homes
 from lab3_usd.report.frames_picture import frames_picture
 from lab3_usd.report.picture_model import Picture
@@ -29,6 +30,7 @@ def stage_pictures(
     The tree is left out where neither the checkpoint asks for one nor the stage publishes any.
     Without a checkpoint every graph is drawn as it is.
     """
+    lab = lab_at(lab, robot_homes(lab, stage))
     homes = sensor_homes(lab, stage)
     specs = {name: relocated(spec, homes) for name, spec in lab.graphs.items()}
     graphs = {} if checkpoint is None else find_graphs(specs, stage)

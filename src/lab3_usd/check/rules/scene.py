@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.absence import is_at_or_below, is_hidden, why_absent
+from lab3_usd.check.absence import is_hidden, why_absent
 from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.poses import IDENTITY, decompose, relative
 from lab3_usd.check.posing import is_near, misfits, pose_property, root_tolerance, text, vector
 from lab3_usd.check.registry import rule
+from lab3_usd.check.robot_place import namesakes
 from lab3_usd.check.rules import (  # noqa: F401 - registers their rules
     articulation,
     drives,
@@ -25,10 +26,10 @@ FIRST = "00"
 
 @rule("S01", "missing-prim", scope="stage")
 def missing_prim(subject: StageSubject) -> Iterator[Problem]:
-    """The robot, one of its links, or the parent of the graphs is not in the scene.
+    """The robot, one of its links, or the parent of the graphs is not in the scene or not in place.
 
     Why: graphs, sensors and TF name these prims by their paths. What hangs below a missing prim is
-    not reported one by one.
+    not reported one by one; what went along with a robot that was moved is judged where it is.
 
     Fix: undo the deletion, or activate the prim (right-click in the Stage panel, Activate). If it
     was deleted long ago, open the supplied file again and repeat the steps from there.
@@ -37,6 +38,7 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     """
     scene, stage = subject.lab.scene, subject.stage
     root = scene["robot"]
+    yield from _robot_elsewhere(subject)
     wanted = {scene["world"]["graph_parent"]["path"]: scene["world"]["graph_parent"]["handout"]}
     wanted[root["path"]] = root["handout"]
     if stage.prim(root["path"]) is not None:
@@ -44,17 +46,31 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     for path, handout in wanted.items():
         if stage.prim(path) is None and not is_hidden(stage, path):
             why = why_absent(stage, path)
-            others = _namesakes(subject, path)
-            hint = f"; a prim of that name is at {others[0]}" if others else ""
-            yield Problem(path, f"{path} {why}{hint}", None, path, why, handout, others)
+            others = _places(subject, path)
+            at, hint = "", None
+            if others:
+                at = f"; it seems to be the prim at {others[0]}"
+                hint = f"rename or drag {others[0]} back to {path} in the Stage panel"
+            yield Problem(path, f"{path} {why}{at}", None, path, why, handout, others, hint=hint)
 
 
-def _namesakes(subject: StageSubject, path: str) -> tuple[str, ...]:
-    """Return the prims below the robot that have the name of a missing link."""
+def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
+    """Yield that the robot has another name or parent; everything else is judged where it is."""
+    spec = subject.lab.scene["robot"]
+    for expected, home in subject.homes.items():
+        if home == spec["path"]:
+            message = f"the robot is at {home}, expected at {expected}"
+            hint = f"rename or drag the robot in the Stage panel, back to {expected}"
+            handout = spec["handout"]
+            yield Problem(home, message, None, expected, home, handout, (expected,), hint=hint)
+
+
+def _places(subject: StageSubject, path: str) -> tuple[str, ...]:
+    """Return where a missing link could be meant to be."""
+    if path in subject.homes:
+        return (subject.homes[path],)
     root, name = subject.lab.scene["robot"]["path"], path.rpartition("/")[2]
-    prims = (prim for prim in subject.stage.prims.values() if prim.name == name and prim.present)
-    has_type = (prim.path for prim in prims if prim.type == "Xform")
-    return tuple(sorted(found for found in has_type if is_at_or_below(found, root)))
+    return namesakes(subject.stage, root, name)
 
 
 @rule("S02", "stage-units", scope="stage")

@@ -1,0 +1,105 @@
+"""Where the robot and its links really stand in a stage, and the lab as it reads there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from msgspec.structs import replace
+
+from lab3_usd.check.absence import is_at_or_below, is_hidden
+from lab3_usd.check.candidates import moved, relocated
+from lab3_usd.check.model import Prim, StageModel
+from lab3_usd.check.physics import BODY_API
+from lab3_usd.spec.spec import Lab
+
+_LEAST_LINKS = 0.5  # of the robot's links that a prim must hold to be taken for the robot
+_SENSORS = ("lidar", "camera")
+
+
+def robot_homes(lab: Lab, stage: StageModel) -> dict[str, str]:
+    """Map the path of the robot, and of a link that has none, to where it stands instead.
+
+    The robot is the prim that holds the most of its links, at least half of them. A link is the
+    only prim of its name below the robot, or where no other is missing the only body beside the
+    robot's links that is none of them. Paths of links are those below the robot where it stands.
+    """
+    expected: str = lab.scene["robot"]["path"]
+    root = expected
+    homes: dict[str, str] = {}
+    if stage.prim(expected) is None and not is_hidden(stage, expected):
+        root = _robot(lab, stage) or expected
+        if root != expected:
+            homes[expected] = root
+    if stage.prim(root) is not None:
+        homes |= _link_homes(tuple(lab.scene["robot"]["links"]), root, stage)
+    return homes
+
+
+def _robot(lab: Lab, stage: StageModel) -> str | None:
+    links = lab.scene["robot"]["links"]
+    name = lab.scene["robot"]["path"].rpartition("/")[2]
+    held: dict[str, int] = {}
+    for prim in stage.prims.values():
+        if prim.name in links and stage.prim(prim.path) is not None and stage.prim(prim.parent):
+            held[prim.parent] = held.get(prim.parent, 0) + 1
+    offers = sorted(
+        (-count, path.rpartition("/")[2] != name, path)
+        for path, count in held.items()
+        if count >= _LEAST_LINKS * len(links)
+    )
+    return offers[0][2] if offers else None
+
+
+def _link_homes(links: tuple[str, ...], root: str, stage: StageModel) -> dict[str, str]:
+    missing = [name for name in links if not _is_there(stage, f"{root}/{name}")]
+    homes: dict[str, str] = {}
+    for name in missing:
+        others = namesakes(stage, root, name)
+        if len(others) == 1:
+            homes[f"{root}/{name}"] = others[0]
+    if len(missing) == 1 and not homes:
+        bodies = [prim.path for prim in _strange_bodies(links, root, stage)]
+        if len(bodies) == 1:
+            homes[f"{root}/{missing[0]}"] = bodies[0]
+    return homes
+
+
+def _is_there(stage: StageModel, path: str) -> bool:
+    return path in stage.prims or is_hidden(stage, path)
+
+
+def namesakes(stage: StageModel, root: str, name: str) -> tuple[str, ...]:
+    """Return the prims below the robot that have the name of a missing link."""
+    prims = (prim for prim in stage.prims.values() if prim.name == name and prim.present)
+    has_type = (prim.path for prim in prims if prim.type == "Xform")
+    return tuple(sorted(found for found in has_type if is_at_or_below(found, root)))
+
+
+def _strange_bodies(links: tuple[str, ...], root: str, stage: StageModel) -> Iterator[Prim]:
+    for _, prim in sorted(stage.prims.items()):
+        is_beside = prim.parent == root and prim.present and prim.name not in links
+        if is_beside and BODY_API in prim.apis:
+            yield prim
+
+
+def lab_at(lab: Lab, homes: Mapping[str, str]) -> Lab:
+    """Return the lab as it reads where the robot or a link stands elsewhere.
+
+    That is a mistake of its own, told once: what went along is judged where it is.
+    """
+    if not homes:
+        return lab
+    graphs = {name: relocated(spec, homes) for name, spec in lab.graphs.items()}
+    return replace(lab, graphs=graphs, scene=_scene_at(lab.scene, homes))
+
+
+def _scene_at(scene: Mapping[str, Any], homes: Mapping[str, str]) -> Mapping[str, Any]:
+    robot = scene["robot"]
+    target = robot["articulation"]["target"]
+    articulation = {**robot["articulation"], "target": moved(target, homes)}
+    placed = {**robot, "path": moved(robot["path"], homes), "articulation": articulation}
+    sensors = {
+        name: {**scene[name], "path": moved(scene[name]["path"], homes)} for name in _SENSORS
+    }
+    return {**scene, "robot": placed, **sensors}
