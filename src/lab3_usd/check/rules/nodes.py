@@ -55,7 +55,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: in the Action Graph editor, search for the node by the title given here, add it, and make
     the wires of the handout's table. A deactivated prim: right-click it in the Stage panel and
-    choose Activate.
+    choose Activate. One that stands outside the graph: drag it back.
 
     Example: ROS_Clock without Isaac Read Simulation Time.
     """
@@ -70,8 +70,24 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
             expected=spec.type.type,
             handout=spec.handout,
             related=() if there is None else (there.path,),
-            hint=f"add {titled(spec)} to {subject.spec.name} and wire it as the handout shows",
+            hint=_way_back(subject, spec, there),
         )
+
+
+def _way_back(subject: GraphSubject, spec: NodeSpec, there: Absent | None) -> str:
+    """Return how to repair a missing node: one that is in the file already is not added again."""
+    name = subject.spec.name
+    if there is None:
+        return f"add {titled(spec)} to {name} and wire it as the handout shows"
+    if there.reason == "deactivated":
+        return f"right-click {there.path} in the Stage panel and choose Activate"
+    graph = subject.roles.graph
+    if there.reason == "outside every graph" and graph is not None:
+        return f"drag {there.path} back below {graph.path} in the Stage panel and check its wires"
+    return (
+        f"write def instead of over for {there.path} in the file, or delete it, "
+        f"add {titled(spec)} to {name} and wire it as the handout shows"
+    )
 
 
 @rule("N03", "wrong-node-type", scope="graph")
