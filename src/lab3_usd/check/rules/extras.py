@@ -21,14 +21,14 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
     """The graph holds a node that the handout does not ask for.
 
     Why: it may do nothing, or do a second time what another node does. A second node with the
-    same settings (two contexts, two ticks) works as the first does.
+    same settings (two contexts, two ticks, two subscribers) works as the first does.
 
     Fix: select the node in the Action Graph editor and delete it.
 
     Example: a second ROS2 Context in ROS_Drive.
     """
     for node in subject.roles.extra:
-        if not (_is_script(subject, node) or _repeats(subject, node)):
+        if not (_is_script(subject, node) or _publishes_again(subject, node)):
             message = f"{title_of(node)} is not asked for in {subject.spec.name}"
             yield Problem(node.path, message, actual=node.type_name, handout=subject.spec.handout)
 
@@ -37,37 +37,36 @@ def _is_script(subject: GraphSubject, node: Node) -> bool:
     return node.type_name in subject.lab.catalog.scripts
 
 
-def _repeats(subject: GraphSubject, node: Node) -> bool:
-    """Whether an extra node publishes or takes a topic of the lab that another node has as well."""
-    own = _endpoint(node)
-    if own is None or own not in _endpoints_asked(subject.lab):
+def _publishes_again(subject: GraphSubject, node: Node) -> bool:
+    """Whether an extra node publishes a topic of the lab that another node publishes as well."""
+    own = _published(node)
+    if own is None or own not in _topics_asked(subject.lab):
         return False
-    if subject.checkpoint.frames and own[1] in subject.lab.policy.tree_topics:
+    if subject.checkpoint.frames and own in subject.lab.policy.tree_topics:
         return False  # the rules of frames judge what it sends
-    return any(_endpoint(each) == own for each in subject.live.values() if each is not node)
+    return any(_published(each) == own for each in subject.live.values() if each is not node)
 
 
-def _endpoint(node: Node) -> tuple[bool, str] | None:
-    """Return whether a node sends, and the topic that it sends or takes first of all."""
-    if node.type is None or not node.type.topics:
+def _published(node: Node) -> str | None:
+    """Return the topic that a node publishes first of all, None for one that publishes none."""
+    if node.type is None or not node.type.topics or node.type.role not in _PUBLISHES:
         return None
-    topic = resolved_topic(str(node.value(node.type.topics[0])))
-    return node.type.role in _PUBLISHES, topic
+    return resolved_topic(str(node.value(node.type.topics[0])))
 
 
-def _endpoints_asked(lab: Lab) -> set[tuple[bool, str]]:
+def _topics_asked(lab: Lab) -> set[str]:
     return {
-        (node.type.role in _PUBLISHES, resolved_topic(str(setting.value)))
+        resolved_topic(str(setting.value))
         for spec in lab.graphs.values()
         for node in spec.nodes.values()
         for setting in node.settings
-        if setting.port in node.type.topics
+        if setting.port in node.type.topics and node.type.role in _PUBLISHES
     }
 
 
 @rule("N07", "repeated-publisher", scope="graph")
 def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
-    """An extra node publishes or takes a topic of the lab a second time.
+    """An extra node publishes a topic of the lab a second time.
 
     Why: two publishers of one topic send two streams that nobody can tell apart; two transform
     publishers give one frame two parents.
@@ -77,9 +76,10 @@ def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
     Example: a second ROS2 Publish Clock in ROS_Clock.
     """
     for node in subject.roles.extra:
-        if not _is_script(subject, node) and _repeats(subject, node) and node.type is not None:
-            topic = resolved_topic(str(node.value(node.type.topics[0])))
-            message = f"{title_of(node)} is not asked for and has the topic {topic} again"
+        is_again = not _is_script(subject, node) and _publishes_again(subject, node)
+        if is_again and node.type is not None:
+            topic = _published(node)
+            message = f"{title_of(node)} is not asked for and publishes {topic} again"
             yield Problem(
                 node.path, message, node.type.topics[0], None, topic, subject.spec.handout
             )
