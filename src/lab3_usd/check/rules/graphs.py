@@ -76,14 +76,31 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
     """
     graph, spec = subject.roles.graph, subject.spec
     if graph is not None and graph.path != spec.path:
+        message = f"this is the graph {spec.name}, expected at {spec.path}"
+        hint = f"rename the graph in the Stage panel, or drag it, to {spec.path}"
+        standing = _in_the_way(subject)
+        if standing is not None:
+            message += f", where {standing} stands"
+            hint = f"delete what stands at {spec.path} first, then {hint}"
         yield Problem(
             prim=graph.path,
-            message=f"this is the graph {spec.name}, expected at {spec.path}",
+            message=message,
             expected=spec.path,
             actual=graph.path,
             handout=spec.handout,
-            hint=f"move or rename the graph to {spec.path} in the Stage panel",
+            hint=hint,
+            related=() if standing is None else (spec.path,),
         )
+
+
+def _in_the_way(subject: GraphSubject) -> str | None:
+    """Say what takes the path that a graph with the right content should have."""
+    path = subject.spec.path
+    for graph in subject.stage.graphs:
+        if graph.path == path:
+            return "an empty graph" if graph.active else "a deactivated graph"
+    prim = subject.stage.prims.get(path)
+    return None if prim is None else f"another prim ({prim.type or 'of no type'})"
 
 
 @rule("G03", "graph-kind", scope="graph")
