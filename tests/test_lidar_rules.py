@@ -16,6 +16,7 @@ from scene_changes import (
     clear,
     deactivate,
     define,
+    hide_place,
     move_prim,
     negated,
     put,
@@ -27,6 +28,7 @@ from scene_changes import (
 )
 from scene_stages import built, findings_of, model_of, told
 
+from lab3_usd.check.checker import judge
 from lab3_usd.check.sensor_place import sensor_homes
 from lab3_usd.spec.loader import load_lab
 
@@ -179,3 +181,18 @@ def test_sensors_that_stand_elsewhere_are_mapped_to_where_they_are() -> None:
     stage = built("05")
     move_prim(LIDAR, ELSEWHERE)(stage)
     assert sensor_homes(load_lab(), model_of(stage)) == {LIDAR: ELSEWHERE}
+
+
+def test_a_place_behind_a_missing_asset_is_not_verifiable() -> None:
+    stage = built("03")
+    hide_place(LIDAR)(stage)
+    assert told(stage, "03") == [("F02", LIDAR, None)]
+
+
+def test_a_lidar_duplicated_with_its_graph_is_one_mistake() -> None:
+    stage = built("05")
+    layer = stage.GetRootLayer()
+    assert Sdf.CopySpec(layer, LIDAR, layer, f"{LIDAR}_01")
+    lab = load_lab()
+    found = judge(lab, lab.checkpoints["05"], model_of(stage)).findings
+    assert [(f.rule, f.prim) for f in found if f.severity != "note"] == [("L07", f"{LIDAR}_01")]

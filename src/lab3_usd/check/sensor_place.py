@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.check.absence import is_at_or_below, is_hidden, why_absent
+from lab3_usd.check.absence import hides_place, is_at_or_below, is_hidden, why_absent
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Matrix, Prim, StageModel
 from lab3_usd.check.poses import IDENTITY, relative
@@ -52,6 +52,13 @@ def find_sensor(lab: Lab, stage: StageModel, name: str) -> Place:
     return Place(path, others[0] if others else None, at)
 
 
+def sensor_place(subject: StageSubject, name: str) -> Place | None:
+    """Return where the sensor is, None where the checkpoint asks for none."""
+    if name not in subject.checkpoint.sensors:
+        return None
+    return find_sensor(subject.lab, subject.stage, name)
+
+
 def sensor_homes(lab: Lab, stage: StageModel) -> dict[str, str]:
     """Map the path of each sensor that stands elsewhere to the path where it really is."""
     places = [find_sensor(lab, stage, name) for name in ("lidar", "camera")]
@@ -84,10 +91,11 @@ def frames_of(stage: StageModel, place: Place) -> list[Matrix]:
     """Return the transforms a sensor may be judged by.
 
     One that hangs below another parent may stand right as seen from there or from the parent
-    that it should have: Isaac Sim keeps the world transform when a prim is dragged.
+    that it should have: Isaac Sim keeps the world transform when a prim is dragged. There is none
+    where a missing asset may say how the sensor stands.
     """
     prim = place.prim
-    if prim is None:
+    if prim is None or hides_place(stage, prim):
         return []
     frames = [prim.local or IDENTITY]
     parent = place.path.rpartition("/")[0]
@@ -117,6 +125,13 @@ def lidars(subject: StageSubject, right: str = "") -> Iterator[Prim]:
         if is_lidar and not is_right and not (told and is_at_or_below(path, told)):
             told = path
             yield prim
+
+
+def second_lidars(subject: StageSubject) -> Iterator[Prim]:
+    """Yield the lidars beside the one that the checkpoint asks for, where there is that one."""
+    place = sensor_place(subject, "lidar")
+    if place is not None and place.prim is not None:
+        yield from lidars(subject, place.prim.path)
 
 
 def missing_problem(subject: StageSubject, place: Place, handout: str) -> Iterator[Problem]:

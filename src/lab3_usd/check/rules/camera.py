@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from lab3_usd.check.absence import is_hidden
@@ -16,26 +16,14 @@ from lab3_usd.check.rules import early  # noqa: F401 - registers its rules
 from lab3_usd.check.say import shown
 from lab3_usd.check.sensor_place import (
     Place,
-    find_sensor,
     misplaced_problem,
     missing_problem,
+    sensor_place,
     stranger_problem,
 )
 from lab3_usd.check.subject import StageSubject
 
 SENSOR = "camera"
-
-
-def _spec(subject: StageSubject) -> Mapping[str, Any]:
-    spec: Mapping[str, Any] = subject.lab.scene[SENSOR]
-    return spec
-
-
-def _place(subject: StageSubject) -> Place | None:
-    """Return where the camera is, None where this checkpoint asks for none."""
-    if SENSOR not in subject.checkpoint.sensors:
-        return None
-    return find_sensor(subject.lab, subject.stage, SENSOR)
 
 
 @rule("C01", "missing-camera", scope="stage")
@@ -49,9 +37,9 @@ def missing_camera(subject: StageSubject) -> Iterator[Problem]:
 
     Example: no `/turtlebot3_burger/base_footprint/Camera_1` in checkpoint 04.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     if place is not None:
-        yield from missing_problem(subject, place, _spec(subject)["handout"])
+        yield from missing_problem(subject, place, subject.lab.scene[SENSOR]["handout"])
 
 
 @rule("C02", "misplaced-camera", scope="stage")
@@ -65,9 +53,9 @@ def misplaced_camera(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/World/Camera_1`.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     if place is not None:
-        yield from misplaced_problem(place, _spec(subject)["handout"])
+        yield from misplaced_problem(place, subject.lab.scene[SENSOR]["handout"])
 
 
 @rule("C03", "camera-type", scope="stage")
@@ -80,13 +68,13 @@ def camera_type(subject: StageSubject) -> Iterator[Problem]:
 
     Example: an Xform named `Camera_1`.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     if place is not None:
-        yield from stranger_problem(place, _spec(subject))
+        yield from stranger_problem(place, subject.lab.scene[SENSOR])
 
 
 def _wrong(subject: StageSubject) -> Iterator[tuple[Place, Prim, Misfit | View]]:
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     if place is not None and place.prim is not None:
         for misfit in camera_misfits(subject, place):
             yield place, place.prim, misfit
@@ -111,7 +99,7 @@ def camera_position(subject: StageSubject) -> Iterator[Problem]:
                 wrong.property,
                 wrong.expected,
                 wrong.actual,
-                _spec(subject)["pose"]["handout"],
+                subject.lab.scene[SENSOR]["pose"]["handout"],
                 place.related,
             )
 
@@ -136,7 +124,7 @@ def camera_view(subject: StageSubject) -> Iterator[Problem]:
                 wrong.property,
                 wrong.expected,
                 wrong.actual,
-                _spec(subject)["pose"]["handout"],
+                subject.lab.scene[SENSOR]["pose"]["handout"],
                 place.related,
                 hint=wrong.hint,
             )
@@ -171,11 +159,11 @@ def camera_rate(subject: StageSubject) -> Iterator[Problem]:
 
 
 def _attributes(subject: StageSubject, is_asked: Any) -> Iterator[Problem]:  # noqa: ANN401
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     prim = None if place is None else place.prim
     if place is None or prim is None:
         return
-    for name, entry in _spec(subject)["attributes"].items():
+    for name, entry in subject.lab.scene[SENSOR]["attributes"].items():
         actual, wanted = prim.attributes.get(name), entry["value"]
         wanted = tuple(wanted) if isinstance(wanted, list) else wanted
         if not is_asked(entry) or same_value(actual, wanted):
@@ -199,11 +187,11 @@ def camera_aperture(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `horizontalAperture` 36.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     prim = None if place is None else place.prim
     if place is None or prim is None:
         return
-    for name, default in _spec(subject)["keep_default"].items():
+    for name, default in subject.lab.scene[SENSOR]["keep_default"].items():
         actual = prim.attributes.get(name)
         if actual is not None and not same_value(actual, default):
             message = f"{name} is {shown(actual)}, the default is {shown(default)}"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 from lab3_usd.check.absence import is_hidden
 from lab3_usd.check.finding import Problem
@@ -13,29 +12,16 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules import early  # noqa: F401 - registers its rules
 from lab3_usd.check.say import shown
 from lab3_usd.check.sensor_place import (
-    Place,
-    find_sensor,
     frames_of,
-    lidars,
     misplaced_problem,
     missing_problem,
+    second_lidars,
+    sensor_place,
     stranger_problem,
 )
 from lab3_usd.check.subject import StageSubject
 
 SENSOR = "lidar"
-
-
-def _spec(subject: StageSubject) -> Mapping[str, Any]:
-    spec: Mapping[str, Any] = subject.lab.scene[SENSOR]
-    return spec
-
-
-def _place(subject: StageSubject) -> Place | None:
-    """Return where the lidar is, None where this checkpoint asks for none."""
-    if SENSOR not in subject.checkpoint.sensors:
-        return None
-    return find_sensor(subject.lab, subject.stage, SENSOR)
 
 
 @rule("L01", "missing-lidar", scope="stage")
@@ -49,9 +35,9 @@ def missing_lidar(subject: StageSubject) -> Iterator[Problem]:
 
     Example: no `/turtlebot3_burger/base_scan/Lidar2D` in checkpoint 03.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     if place is not None:
-        yield from missing_problem(subject, place, _spec(subject)["handout"])
+        yield from missing_problem(subject, place, subject.lab.scene[SENSOR]["handout"])
 
 
 @rule("L02", "misplaced-lidar", scope="stage")
@@ -65,9 +51,9 @@ def misplaced_lidar(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/World/Example_Rotary_2D`, as the Create menu makes it with nothing selected.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     if place is not None:
-        yield from misplaced_problem(place, _spec(subject)["handout"])
+        yield from misplaced_problem(place, subject.lab.scene[SENSOR]["handout"])
 
 
 @rule("L03", "lidar-type", scope="stage")
@@ -81,9 +67,9 @@ def lidar_type(subject: StageSubject) -> Iterator[Problem]:
 
     Example: an empty Xform that was named `Lidar2D`.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     if place is not None:
-        yield from stranger_problem(place, _spec(subject))
+        yield from stranger_problem(place, subject.lab.scene[SENSOR])
 
 
 @rule("L04", "lidar-pose", scope="stage")
@@ -97,17 +83,17 @@ def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `xformOp:translate` (0, 0, 0.182), the place of the link typed in again.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     if place is None or place.prim is None:
         return
-    spec, prim = _spec(subject), place.prim
+    spec, prim = subject.lab.scene[SENSOR], place.prim
     tolerance = sensor_tolerance(subject.lab.scene, subject.stage)
 
     def judged() -> Iterator[list[Misfit]]:
         for matrix in frames_of(subject.stage, place):
             yield list(misfits(prim, matrix, spec["pose"], tolerance))
 
-    for wrong in min(judged(), key=len):
+    for wrong in min(judged(), key=len, default=[]):
         message = f"lidar's {wrong.message} relative to its link"
         yield Problem(
             prim.path,
@@ -131,11 +117,11 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:tickRate` 20.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     prim = None if place is None else place.prim
     if place is None or prim is None:
         return
-    for name, entry in _spec(subject)["attributes"].items():
+    for name, entry in subject.lab.scene[SENSOR]["attributes"].items():
         actual = prim.attributes.get(name)
         if not entry.get("required") or same_value(actual, entry["value"]):
             continue
@@ -156,14 +142,14 @@ def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
 
     Example: a prim typed by hand, `def OmniLidar "Lidar2D"`, without a reference.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     prim = None if place is None else place.prim
     if place is None or prim is None:
         return
-    wanted = str(_spec(subject)["required_api"])
+    wanted = str(subject.lab.scene[SENSOR]["required_api"])
     if wanted not in prim.apis and not is_hidden(subject.stage, prim.path):
         message = f"lidar lacks {wanted}"
-        handout = _spec(subject)["handout"]
+        handout = subject.lab.scene[SENSOR]["handout"]
         yield Problem(prim.path, message, None, wanted, None, handout, place.related)
 
 
@@ -178,10 +164,10 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/World/Example_Rotary_2D` beside `/turtlebot3_burger/base_scan/Lidar2D`.
     """
-    place = _place(subject)
+    place = sensor_place(subject, SENSOR)
     if place is None or place.prim is None:
         return
     handout = subject.lab.scene["forbidden"][SENSOR]["handout"]
-    for prim in lidars(subject, place.prim.path):
+    for prim in second_lidars(subject):
         message = f"{prim.path} is a second lidar beside {place.prim.path}"
         yield Problem(prim.path, message, actual=prim.type, handout=handout, related=(place.path,))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.qos import PROFILE
 from lab3_usd.check.registry import rule
 from lab3_usd.check.running import live_nodes, live_sources
+from lab3_usd.check.sensor_place import second_lidars
 from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.topic_view import copied_graphs, played_roles, published_again
 from lab3_usd.check.topics import Endpoint, endpoints
@@ -18,7 +20,8 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
     """A topic has two publishers.
 
     Why: subscribers get both streams mixed: two clocks make time jump back, two odometries make
-    the robot jump. Only `/tf` and `/tf_static` may have several publishers.
+    the robot jump. Only `/tf` and `/tf_static` may have several publishers. The graph that came
+    with a second lidar goes with it, and is not told again.
 
     Fix: delete the second publisher, most often a copy of the whole graph or one that an Isaac Sim
     menu made under `/Graph`.
@@ -27,9 +30,11 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
     """
     if not subject.checkpoint.graphs:
         return
+    told = tuple(prim.path for prim in second_lidars(subject))
     again: dict[str, list[tuple[Endpoint, tuple[Endpoint, ...]]]] = {}
     for endpoint, others in published_again(subject):
-        again.setdefault(endpoint.node.path.rpartition("/")[0], []).append((endpoint, others))
+        if not any(is_at_or_below(endpoint.node.path, lidar) for lidar in told):
+            again.setdefault(endpoint.node.path.rpartition("/")[0], []).append((endpoint, others))
     for found in again.values():
         first = found[0][0]
         names = ", ".join(str(endpoint.topic) for endpoint, _ in found)
