@@ -14,11 +14,13 @@ from lab3_usd.check.checker import check_stage
 from lab3_usd.errors import StageError
 from lab3_usd.grade.guard import check_layer
 from lab3_usd.grade.limits import Limits
+from lab3_usd.spec.loader import load_lab
 from lab3_usd.stage.barred import asked_for, barred
 from lab3_usd.stage.fence import fenced, files_of
 from lab3_usd.stage.fence_layers import Fence
 from lab3_usd.stage.missing import find_unresolved
 from lab3_usd.stage.opening import open_stage
+from lab3_usd.stage.reader import read_model
 
 INNER = """#usda 1.0
 (
@@ -302,3 +304,34 @@ def test_a_barred_path_leads_nowhere_and_back_to_its_name(asset: str) -> None:
     assert asked_for(asset) == asset
     assert not os.path.lexists(barred(asset))
     assert os.path.normpath(barred(asset)) == barred(asset)
+
+
+def test_stages_that_are_the_same_to_the_byte_are_read_once(root: Path, fence: Fence) -> None:
+    write(root.parent / "outside.usda", INNER)
+    for name in ("a.usda", "b.usda"):
+        write(root / name, sublayer("../outside.usda"))
+    assert open_stage(root / "a.usda") is open_stage(root / "b.usda")
+    assert sorted(fence.found) == [("a.usda", "../outside.usda"), ("b.usda", "../outside.usda")]
+
+
+@pytest.mark.parametrize("name", ["deep/b.usda", "b.usd"])
+def test_in_other_folders_and_by_other_endings_they_are_read_again(
+    root: Path, fence: Fence, name: str
+) -> None:
+    write(root / "a.usda", INNER)
+    write(root / name, INNER)
+    assert open_stage(root / "a.usda") is not open_stage(root / name)
+    assert len(fence.layers) == 2
+
+
+def test_a_stage_read_once_goes_by_both_of_its_names(root: Path, fence: Fence) -> None:
+    lab = load_lab()
+    for name in ("a.usda", "b.usda"):
+        write(root / name, '#usda 1.0\ndef OmniGraph "ROS_Clock"\n{\n}\n')
+    models = [read_model(open_stage(root / name), lab, name) for name in ("a.usda", "b.usda")]
+    assert [model.path for model in models] == ["a.usda", "b.usda"]
+    assert models[0].prims is models[1].prims
+    first, second = (check_stage(str(root / name), "01", lab) for name in ("a.usda", "b.usda"))
+    assert {each.layer for each in first.findings if each.layer} == {str(root / "a.usda")}
+    assert {each.layer for each in second.findings if each.layer} == {str(root / "b.usda")}
+    assert len(fence.stages) == 2

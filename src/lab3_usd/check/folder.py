@@ -24,7 +24,7 @@ from lab3_usd.check.folder_lab import (
 from lab3_usd.check.folder_starter import Starters, find_starters
 from lab3_usd.check.judged import join, run_family
 from lab3_usd.check.submitted import SubmissionSubject
-from lab3_usd.check.unchanged import against_starter
+from lab3_usd.check.unchanged import Starter, against_starter
 from lab3_usd.lab.submission import folder_named, list_submission
 from lab3_usd.spec.load_ros import load_ros
 from lab3_usd.spec.load_submission import load_submission
@@ -46,7 +46,7 @@ class FolderSettings(Struct, frozen=True):
     With `require_evidence`, saved output that is missing is an error instead of a note.
     """
 
-    starter: Path | None = None
+    starter: Path | Starter | None = None
     maps: Path | None = None
     require_evidence: bool = False
 

@@ -22,13 +22,15 @@ class Starters(Struct, frozen=True):
     submitted: StarterFile | None = None
 
 
-def find_starters(folder: Path, listing: Listing, supplied: Path | None, lab: Lab) -> Starters:
+def find_starters(
+    folder: Path, listing: Listing, supplied: Path | Starter | None, lab: Lab
+) -> Starters:
     """Open the supplied starter, else the submission's own; only the first is trusted.
 
     Raises:
         StageError: the supplied starter cannot be opened.
     """
-    trusted = None if supplied is None else open_starter(supplied, lab)
+    trusted = open_starter(supplied, lab) if isinstance(supplied, Path) else supplied
     if listing.starter is None:
         return Starters(trusted)
     submitted = StarterFile(listing.starter)

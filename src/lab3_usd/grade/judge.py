@@ -16,6 +16,7 @@ from lab3_usd.check.checker import finding_of, ordered
 from lab3_usd.check.finding import Crash, Finding, Report, StageResult, Submission, Verdict
 from lab3_usd.check.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.check.registry import Rule, all_rules
+from lab3_usd.check.unchanged import Starter
 from lab3_usd.grade.archives import ArchiveError
 from lab3_usd.grade.guard import check_layer
 from lab3_usd.grade.intake import Refused, TooLargeError
@@ -35,15 +36,14 @@ Json = dict[str, Any]
 class Course(Struct, frozen=True):
     """What every submission of a class is judged with.
 
-    `allowed` are the files of the starter, `salt` stands for all of this in the keys of results.
+    `starter` is open already, and `allowed` are the files that it consists of.
     """
 
     lab: Lab
     rubric: Rubric
-    starter: Path | None
+    starter: Starter | None
     allowed: frozenset[str]
     limits: Limits
-    salt: str = ""
 
 
 class Task(Struct, frozen=True):

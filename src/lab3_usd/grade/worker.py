@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from lab3_usd.check.unchanged import open_starter
 from lab3_usd.data import data_folder
 from lab3_usd.grade.confine import fence_files, give_up_privileges, limit_resources
 from lab3_usd.grade.judge import Course, Json, Task, judge_task
@@ -80,7 +81,7 @@ def make_course(settings: Json, limits: Limits) -> Course:
     return Course(
         lab=lab,
         rubric=load_rubric(None if settings["rubric"] is None else Path(settings["rubric"]), lab),
-        starter=starter,
+        starter=None if starter is None else open_starter(starter, lab),
         allowed=frozenset() if starter is None else files_of(starter),
         limits=limits,
     )

@@ -16,7 +16,7 @@ from lab3_usd.spec.submission_spec import StarterRules
 from lab3_usd.stage.compare_gone import Pair, gone_changes, is_there
 from lab3_usd.stage.compare_terms import Terms, classifier
 from lab3_usd.stage.missing import find_unresolved
-from lab3_usd.stage.opening import open_stage
+from lab3_usd.stage.opening import open_stage, remembered
 
 
 def compare_starter(
@@ -35,7 +35,8 @@ def compare_starter(
     after = open_stage(stage) if isinstance(stage, Path) else stage
     terms = _terms(rules, lab, after, bodies_rest=checkpoint == next(iter(lab.checkpoints)))
     pair = Pair(before, after, terms, tuple(_hidden(before, after)))
-    return StarterSubject(rules, tuple(_changes(pair)))
+    key = ("changes", id(before), id(after), terms.bodies_rest)
+    return StarterSubject(rules, remembered(key, lambda: tuple(_changes(pair))))
 
 
 def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:

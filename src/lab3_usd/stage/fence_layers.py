@@ -59,6 +59,7 @@ class Fence:
     found: dict[tuple[str, str], Barred] = field(default_factory=dict)
     layers: dict[str, Sdf.Layer] = field(default_factory=dict)
     stages: dict[str, Usd.Stage] = field(default_factory=dict)
+    digests: dict[str, str] = field(default_factory=dict)
 
 
 def name_of(fence: Fence, real: str) -> str | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
 from pxr import Usd
 
 from lab3_usd.check.model import Absent, GraphModel, Node, Prim, StageModel
@@ -14,7 +15,7 @@ from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import Lab
 from lab3_usd.stage.colliders import RIGID_BODY, find_colliders
 from lab3_usd.stage.missing import find_unresolved, is_in_scene
-from lab3_usd.stage.opening import open_stage
+from lab3_usd.stage.opening import open_stage, remembered
 from lab3_usd.stage.places import Places
 from lab3_usd.stage.plain import plain
 from lab3_usd.stage.ports import read_ports
@@ -41,6 +42,11 @@ def read_stage(path: Path | str, lab: Lab) -> StageModel:
 
 def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
     """Read an open stage; `path` is the name it goes by in the model."""
+    model = remembered(("model", id(stage)), lambda: _read_model(stage, lab, path))
+    return model if model.path == path else replace(model, path=path)
+
+
+def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
     unresolved = tuple(find_unresolved(stage))
     found = _Found(hidden=tuple(dict.fromkeys(missing.prim for missing in unresolved)))
     places = Places()
