@@ -5,6 +5,7 @@ Coordinates are in pixels at 100 %, x to the right and y downward, as in Isaac S
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Literal
 
 from msgspec import Struct
@@ -150,6 +151,7 @@ def port_id(prim: str, prop: str | None = None) -> str:
     return f"port{_encoded(prim)}-p-{_encoded(prop)}"
 
 
+@lru_cache(maxsize=4096)
 def _encoded(text: str) -> str:
     # After a `-` comes `-`, `c-` or `x`: the code can be read back, so it is never ambiguous.
     codes = {"/": "--", ":": "-c-"}

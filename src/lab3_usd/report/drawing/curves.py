@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 from lab3_usd.report.picture_model import Bezier, Point
@@ -38,17 +39,28 @@ def around(start: Point, end: Point, lane: float, bulge: float) -> tuple[Bezier,
 
 def points(path: Sequence[Bezier], steps: int = STEPS) -> Iterator[Point]:
     """Yield points along a path, ends included."""
+    weights = [_weights(step / steps) for step in range(steps + 1)]
     for curve in path:
-        for step in range(steps + 1):
-            yield point_at(curve, step / steps)
+        for each in weights:
+            yield _weighed(curve, each)
 
 
 def point_at(curve: Bezier, t: float) -> Point:
     """Return the point of one curve at `t` from 0 to 1."""
-    weights = ((1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3)
+    return _weighed(curve, _weights(t))
+
+
+@lru_cache(maxsize=256)
+def _weights(t: float) -> tuple[float, float, float, float]:
+    return (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3
+
+
+def _weighed(curve: Bezier, weights: tuple[float, float, float, float]) -> Point:
+    a, b, c, d = weights
+    start, leaving, arriving, end = curve
     return (
-        sum(weight * point[0] for weight, point in zip(weights, curve, strict=True)),
-        sum(weight * point[1] for weight, point in zip(weights, curve, strict=True)),
+        a * start[0] + b * leaving[0] + c * arriving[0] + d * end[0],
+        a * start[1] + b * leaving[1] + c * arriving[1] + d * end[1],
     )
 
 

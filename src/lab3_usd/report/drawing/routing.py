@@ -51,11 +51,29 @@ def routed(boxes: Sequence[Box], curves: Sequence[Curve]) -> tuple[Path, ...] | 
 def crosses(path: Path, curve: Curve, boxes: Mapping[str, Box]) -> bool:
     """Whether a path comes too near to a box, its own two ends excepted."""
     own = {curve.source.key, curve.target.key}
-    return any(
-        _inside(point, box, -1.0 if box.key in own else CLEAR)
-        for point in points(path)
+    for piece in path:
+        near = _near(piece, boxes)
+        if near and any(
+            _inside(point, box, -1.0 if box.key in own else CLEAR)
+            for point in points((piece,))
+            for box in near
+        ):
+            return True
+    return False
+
+
+def _near(piece: Bezier, boxes: Mapping[str, Box]) -> list[Box]:
+    """Return the boxes that a curve may touch: those near the box around its control points."""
+    xs, ys = [point[0] for point in piece], [point[1] for point in piece]
+    left, right, top, bottom = min(xs), max(xs), min(ys), max(ys)
+    return [
+        box
         for box in boxes.values()
-    )
+        if left < box.x + box.w + CLEAR
+        and box.x - CLEAR < right
+        and top < box.y + box.h + CLEAR
+        and box.y - CLEAR < bottom
+    ]
 
 
 def _inside(point: Point, box: Box, margin: float) -> bool:
