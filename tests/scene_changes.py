@@ -98,6 +98,19 @@ def refer(path: str, asset: str) -> Change:
     return lambda stage: void(stage.GetPrimAtPath(path).GetReferences().AddReference(asset))
 
 
+def hide_place(path: str) -> Change:
+    """Leave the place of a prim to an asset that cannot be found."""
+
+    def change(stage: Usd.Stage) -> None:
+        prim = stage.GetPrimAtPath(path)
+        for name in prim.GetAuthoredPropertyNames():
+            if name.startswith("xformOp"):
+                prim.RemoveProperty(name)
+        prim.GetPayloads().AddPayload("https://assets.example/asset.usd")
+
+    return change
+
+
 def move_prim(old: str, new: str) -> Change:
     """Rename or reparent a prim with all that names it, as the Stage panel does."""
 

@@ -15,6 +15,7 @@ from scene_changes import (
     as_matrix,
     clear,
     define,
+    hide_place,
     move_prim,
     negated,
     put,
@@ -158,4 +159,10 @@ def test_a_lens_behind_a_missing_asset_is_not_verifiable() -> None:
     stage = built("04")
     clear(CAMERA, "focalLength")(stage)
     refer(CAMERA, "camera.usd")(stage)
+    assert told(stage, "04") == [("F02", CAMERA, None)]
+
+
+def test_a_place_behind_a_missing_asset_is_not_verifiable() -> None:
+    stage = built("04")
+    hide_place(CAMERA)(stage)
     assert told(stage, "04") == [("F02", CAMERA, None)]

@@ -25,6 +25,7 @@ from scene_changes import (
     deactivate,
     define,
     drive,
+    hide_place,
     move_prim,
     negated,
     put,
@@ -554,3 +555,17 @@ def test_a_joint_that_holds_no_part_of_the_robot_is_no_fault(change: Change) -> 
     stage = built("05")
     change(stage)
     assert [each for each in told(stage, "05") if each[0] == "S21"] == []
+
+
+@pytest.mark.parametrize("path", [ROBOT, f"{ROBOT}/base_scan", f"{ROBOT}/wheel_left_link", BASE])
+def test_a_place_may_be_in_a_missing_asset(path: str) -> None:
+    stage = built("00")
+    hide_place(path)(stage)
+    assert told(stage, "00") == [("F02", path, None)]
+
+
+def test_a_robot_without_any_place_stands_at_the_origin() -> None:
+    stage = built("00")
+    UsdGeom.Xformable(stage.GetPrimAtPath(ROBOT)).ClearXformOpOrder()
+    stage.GetPrimAtPath(ROBOT).RemoveProperty("xformOpOrder")
+    assert told(stage, "00") == [("S03", ROBOT, TRANSLATE)]

@@ -99,3 +99,12 @@ def test_an_operation_that_is_nothing_moves_nothing(name: str) -> None:
     prim = UsdGeom.Xform.Define(stage, "/prim").GetPrim()
     prim.CreateAttribute("xformOpOrder", Sdf.ValueTypeNames.TokenArray).Set([name])
     assert local_transform(prim) == (Gf.Matrix4d(1.0), False)
+
+
+def test_a_prim_without_an_order_of_its_own_has_no_local_transform() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.Xform.Define(stage, "/a").AddTranslateOp().Set(Gf.Vec3d(5, 0, 0))
+    plain = UsdGeom.Xform.Define(stage, "/a/b").GetPrim()
+    local, world = Places().of(plain, "/a/b")
+    assert local is None
+    assert world[12:15] == (5, 0, 0)

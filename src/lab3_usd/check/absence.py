@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lab3_usd.check.model import StageModel
+from lab3_usd.check.model import Prim, StageModel
 
 
 def is_at_or_below(path: str, top: str) -> bool:
@@ -36,6 +36,11 @@ def is_hidden(stage: StageModel, path: str) -> bool:
     if above and not stage.prims[above].active:
         return False
     return stage.unresolved_above(path) is not None
+
+
+def hides_place(stage: StageModel, prim: Prim) -> bool:
+    """Whether a missing asset could say where the prim stands, and nothing else does."""
+    return prim.local is None and is_hidden(stage, prim.path)
 
 
 def hides_below(stage: StageModel, path: str) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from lab3_usd.check.absence import hides_place
 from lab3_usd.check.model import Matrix
 from lab3_usd.check.poses import Vector, decompose, directed, moved, relative, scaled, spun
 from lab3_usd.check.subject import StageSubject
@@ -49,6 +50,8 @@ def _base_frame(joint: WheelJoint, side: int, subject: StageSubject) -> Matrix |
     body = subject.stage.prim(ends_of(joint)[side])
     root = subject.stage.prim(subject.lab.scene["robot"]["path"])
     if body is None or root is None or body.world is None or root.world is None:
+        return None
+    if hides_place(subject.stage, body):
         return None
     return relative(body.world, root.world)
 

@@ -22,9 +22,13 @@ class Places:
         self._worlds = {"/": (_IDENTITY, _numbers(_IDENTITY))}
 
     def of(self, prim: Usd.Prim, path: str) -> tuple[Matrix | None, Matrix]:
-        """Return the local transform (None where the prim has none) and the world transform."""
+        """Return the local transform (None where none is authored) and the world transform.
+
+        Every Xform has the order of its operations by its schema; only one that a layer states
+        says where the prim stands.
+        """
         parent = self._above(prim, path.rpartition("/")[0] or "/")
-        if not prim.HasAttribute(ORDER):
+        if not prim.GetAttribute(ORDER).HasAuthoredValue():
             self._worlds[path] = parent
             return None, parent[1]
         local, is_reset = local_transform(prim)

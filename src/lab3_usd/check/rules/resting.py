@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.absence import is_at_or_below
+from lab3_usd.check.absence import hides_place, is_at_or_below
 from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.ground import ground_height
 from lab3_usd.check.model import Collider, StageModel
@@ -81,6 +81,8 @@ def _lows(subject: StageSubject) -> dict[str, float]:
         path = f"{spec['path']}/{name}"
         shapes = [box.low[2] for box in stage.colliders if _carries(box, path, stage)]
         prim = stage.prim(path)
+        if prim is not None and hides_place(stage, prim):
+            continue
         if shapes:
             lows[path] = min(shapes)
         elif "offset" in link and prim is not None and prim.world:
