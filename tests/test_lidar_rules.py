@@ -22,7 +22,9 @@ from scene_changes import (
     put,
     refer,
     remove,
+    retype,
     rotated,
+    several,
     turn,
     without_api,
 )
@@ -196,3 +198,15 @@ def test_a_lidar_duplicated_with_its_graph_is_one_mistake() -> None:
     lab = load_lab()
     found = judge(lab, lab.checkpoints["05"], model_of(stage)).findings
     assert [(f.rule, f.prim) for f in found if f.severity != "note"] == [("L07", f"{LIDAR}_01")]
+
+
+def test_what_a_prim_without_a_type_is_may_be_in_a_missing_asset() -> None:
+    stage = built("03")
+    several(retype(LIDAR, ""), refer(LIDAR, "lidar.usd"))(stage)
+    assert told(stage, "03") == [("F02", LIDAR, None)]
+
+
+def test_a_type_that_is_written_is_judged_beside_a_missing_asset() -> None:
+    stage = built("03")
+    several(retype(LIDAR, "Xform"), refer(LIDAR, "lidar.usd"))(stage)
+    assert ("L03", LIDAR, None) in told(stage, "03")

@@ -48,6 +48,8 @@ def find_sensor(lab: Lab, stage: StageModel, name: str) -> Place:
     at = stage.prim(path)
     if at is not None and at.type == spec["type"]:
         return Place(path, at)
+    if at is not None and not at.type and is_hidden(stage, path):
+        return Place(path)  # the missing asset may say what it is
     others = sorted(candidates(lab, stage, name), key=lambda prim: _strangeness(prim, path, lab))
     return Place(path, others[0] if others else None, at)
 
