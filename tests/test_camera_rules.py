@@ -21,6 +21,7 @@ from scene_changes import (
     put,
     refer,
     remove,
+    retype,
     rotated,
     several,
     turn,
@@ -166,3 +167,28 @@ def test_a_place_behind_a_missing_asset_is_not_verifiable() -> None:
     stage = built("04")
     hide_place(CAMERA)(stage)
     assert told(stage, "04") == [("F02", CAMERA, None)]
+
+
+def test_what_a_prim_without_a_type_is_may_be_in_a_missing_asset() -> None:
+    stage = built("04")
+    several(retype(CAMERA, ""), refer(CAMERA, "camera.usd"))(stage)
+    assert told(stage, "04") == [("F02", CAMERA, None)]
+
+
+def test_a_type_that_is_written_is_judged_beside_a_missing_asset() -> None:
+    stage = built("04")
+    several(retype(CAMERA, "Xform"), refer(CAMERA, "camera.usd"))(stage)
+    assert ("C03", CAMERA, None) in told(stage, "04")
+
+
+@pytest.mark.parametrize("checkpoint", ["00", "01", "03"])
+def test_a_camera_of_the_world_is_not_early_whatever_its_name(checkpoint: str) -> None:
+    stage = built(checkpoint)
+    define("/World/Camera_1", "Camera")(stage)
+    assert told(stage, checkpoint) == []
+
+
+def test_a_camera_of_another_name_on_the_robot_is_early() -> None:
+    stage = built("03")
+    define(f"{ROBOT}/base_scan/Camera", "Camera")(stage)
+    assert told(stage, "03") == [("C09", f"{ROBOT}/base_scan/Camera", None)]

@@ -83,8 +83,10 @@ def early_camera(subject: StageSubject) -> Iterator[Problem]:
     severity: Severity | None = None if subject.checkpoint.graphs else "error"
     # A camera in the place of the lidar is a wrong lidar.
     others = [subject.lab.scene[sensor]["path"] for sensor in subject.checkpoint.sensors]
+    robot = subject.lab.scene["robot"]["path"]
     for prim in candidates(subject.lab, subject.stage, "camera"):
-        if prim.path in others:
+        # One of the world may have any name.
+        if prim.path in others or not is_at_or_below(prim.path, robot):
             continue
         message = f"{prim.path} belongs to a later checkpoint; was this saved late?"
         yield Problem(prim.path, message, actual=prim.type, handout="A2", severity=severity)
