@@ -373,6 +373,14 @@ def test_the_robot_root_without_the_robot_api_is_an_error() -> None:
     assert sites(stage) == [("T01", COMPUTE, TARGETS)]
 
 
+def test_the_robot_root_without_the_robot_api_is_one_error_beside_the_camera() -> None:
+    stage = m.with_prim(targets(m.ROBOT, m.CAMERA), m.ROBOT, apis=())
+    (problem,) = problems(stage)["T01"]
+    assert (problem.prim, problem.property) == (COMPUTE, TARGETS)
+    links = {f"{m.ROBOT}/{name}" for name in m.LINKS[1:]}
+    assert set(str(problem.expected).split(", ")) == links
+
+
 def test_the_robot_root_that_lacks_a_link_is_an_error() -> None:
     stage = targets(m.ROBOT)
     related = dict(stage.prims[m.ROBOT].relationships)

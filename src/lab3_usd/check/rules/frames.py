@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.computed_frames import tf_ports
+from lab3_usd.check.computed_frames import expands, tf_ports
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.frame_names import NAME_OVERRIDE, frame_name
 from lab3_usd.check.frames import Edge
@@ -67,13 +67,16 @@ def _missing_of(maker: Maker, missing: list[str], view: TfView) -> Iterator[Prob
             handout=maker.handout,
         )
     rest = [frame for frame in missing if frame not in renamed]
-    together = len(rest) == len(maker.homes)
+    robot = view.subject.lab.scene["robot"]["path"]
+    alone = robot in targets and not expands(robot, stage)
+    together = len(rest) == len(maker.homes) or (alone and bool(rest))
+    stands = f"; {robot} stands for itself, not for its links, without its robot schema"
     for frames in [rest] if together else [[frame] for frame in rest]:
         strangers = [path for path in targets if stage.prim(path) is None]
         nowhere = f"; {', '.join(strangers)} is not in the scene" if strangers else ""
         yield Problem(
             maker.node.path,
-            f"nothing publishes {_listed(frames)}{nowhere}",
+            f"nothing publishes {_listed(frames)}{nowhere}{stands if alone else ''}",
             property=maker.port,
             expected=", ".join(maker.homes[frame] for frame in frames),
             actual=", ".join(targets) or "no targets",
