@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
+from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdGeom
 
@@ -41,15 +43,15 @@ def differences(
 
 def _unequal(prim: Usd.Prim, twin: Usd.Prim) -> Iterator[str]:
     """Yield the properties that are not the same to the bit; most are, so this must be quick."""
-    names, others = prim.GetAuthoredPropertyNames(), twin.GetAuthoredPropertyNames()
-    ours, theirs = prim.GetAuthoredAttributes(), twin.GetAuthoredAttributes()
-    if names == others and len(ours) == len(theirs):
-        pairs = zip(ours, theirs, strict=True)
-        yield from (one.GetName() for one, other in pairs if one.Get() != other.Get())
-        for one in prim.GetAuthoredRelationships():
-            other = twin.GetRelationship(one.GetName())
-            if not other or one.GetTargets() != other.GetTargets():
-                yield one.GetName()
+    names, values, targets = _of_starter(prim)
+    others, theirs = twin.GetAuthoredPropertyNames(), twin.GetAuthoredAttributes()
+    if names == others and len(values) == len(theirs):
+        pairs = zip(values.items(), theirs, strict=True)
+        yield from (name for (name, value), other in pairs if value != other.Get())
+        for name, paths in targets.items():
+            other = twin.GetRelationship(name)
+            if not other or paths != other.GetTargets():
+                yield name
         return
     for name in names:
         one, other = prim.GetAttribute(name), twin.GetAttribute(name)
@@ -57,6 +59,21 @@ def _unequal(prim: Usd.Prim, twin: Usd.Prim) -> Iterator[str]:
             yield name
     # Switching a collision off writes what the starter left at its default.
     yield from (name for name in others if name not in names and _has_default(prim, name))
+
+
+@lru_cache(maxsize=2048)
+def _of_starter(
+    prim: Usd.Prim,
+) -> tuple[list[str], Mapping[str, Any], Mapping[str, list[Sdf.Path]]]:
+    """Return the names of what a starter's prim holds, its values and its targets.
+
+    One starter is compared with the stages of a whole class, so it is asked once.
+    """
+    return (
+        prim.GetAuthoredPropertyNames(),
+        {each.GetName(): each.Get() for each in prim.GetAuthoredAttributes()},
+        {each.GetName(): each.GetTargets() for each in prim.GetAuthoredRelationships()},
+    )
 
 
 def _has_default(prim: Usd.Prim, name: str) -> bool:
