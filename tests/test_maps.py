@@ -397,6 +397,26 @@ def test_a_cut_above_everything_is_refused(starter: Path, tmp_path: Path) -> Non
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    "option",
+    [
+        "--resolution nan",
+        "--resolution inf",
+        "--resolution 0",
+        "--height nan",
+        "--height -inf",
+        "--origin nan 0",
+        "--start 0 inf",
+        "--size 0 5",
+    ],
+)
+def test_what_is_no_length_is_wrong_use(starter: Path, tmp_path: Path, option: str) -> None:
+    result = CliRunner().invoke(command, [str(starter), "-o", str(tmp_path), *option.split()])
+    assert result.exit_code == 2, result.output
+    assert option.split(maxsplit=1)[0] in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
 # -- an outside reference
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,25 @@ if TYPE_CHECKING:
     from lab3_usd.stage.slices import StageSlice
 
 CELLS = click.IntRange(1, 10_000)
+FARTHEST = 100_000.0  # metres; no laboratory is larger, and larger numbers lose centimetres
+
+
+class Metres(click.FloatRange):
+    """A length that is a number: `nan` lies in every range of click's own."""
+
+    name = "metres"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the number, or fail with one line."""
+        number: float = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value} is no length", param, ctx)
+        return number
+
+
+PLACE = Metres(-FARTHEST, FARTHEST)
 
 
 @click.command("map")
@@ -28,13 +48,11 @@ CELLS = click.IntRange(1, 10_000)
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder for the map's YAML and image.",
 )
-@click.option(
-    "--resolution", type=click.FloatRange(min=0.0, min_open=True), help="Metres per cell."
-)
-@click.option("--origin", type=(float, float), metavar="X Y", help="Lower left corner, metres.")
+@click.option("--resolution", type=Metres(0.001, 100.0), metavar="M", help="Metres per cell.")
+@click.option("--origin", type=(PLACE, PLACE), metavar="X Y", help="Lower left corner, metres.")
 @click.option("--size", type=(CELLS, CELLS), metavar="W H", help="Cells across and up.")
-@click.option("--height", metavar="Z", type=float, help="Where to cut, metres; else as the lidar.")
-@click.option("--start", type=(float, float), metavar="X Y", help="A free place; else the robot's.")
+@click.option("--height", metavar="Z", type=PLACE, help="Where to cut, metres; else as the lidar.")
+@click.option("--start", type=(PLACE, PLACE), metavar="X Y", help="A free place; else the robot's.")
 @click.option("--force", is_flag=True, help="Replace files that exist.")
 def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:  # noqa: ANN401
     """Make an occupancy map from the walls of a stage.
