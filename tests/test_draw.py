@@ -151,6 +151,15 @@ def test_a_stage_whose_name_has_no_checkpoint_is_drawn_as_it_is(
     assert len(result.stdout.splitlines()) == 6
 
 
+def test_a_stage_with_nothing_to_draw_is_said(tmp_path: Path) -> None:
+    bare = tmp_path / "mine.usda"
+    Usd.Stage.CreateNew(str(bare)).Save()
+    result = draw(bare, "-o", tmp_path / "out")
+    assert "nothing to draw" in raised(result)
+    assert not result.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_checkpoint_can_be_said(whole: Path, tmp_path: Path) -> None:
     other = tmp_path / "mine.usda"
     other.write_bytes(whole.read_bytes())

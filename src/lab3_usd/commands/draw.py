@@ -79,6 +79,9 @@ def command(  # noqa: PLR0913, PLR0917 - one parameter per option
         else _of_stage(lab, _stage_file(target, lab), checkpoint, all_ports)
     )
     encode = _encoder(form, theme)
+    if not drawing.pictures:
+        message = f"{target}: has no Action Graph and no TF tree, so there is nothing to draw"
+        raise UsageError(message)
     paths = list(_paths(drawing, folder, ENDINGS[form]))
     for path in paths:
         refuse_existing(path, force=force)
@@ -140,8 +143,10 @@ def _of_stage(
     stage = read_stage(path, lab)
     stem = f"{path.stem}-"
     if number is None:
-        click.echo(f"lab3: {path} names no checkpoint; drawn as it is, not judged", err=True)
-        return Drawing(list(stage_pictures(lab, None, stage, every_port=every_port)), stem)
+        bare = list(stage_pictures(lab, None, stage, every_port=every_port))
+        if bare:
+            click.echo(f"lab3: {path} names no checkpoint; drawn as it is, not judged", err=True)
+        return Drawing(bare, stem)
     checkpoint = lab.checkpoints[number]
     judged = judge(lab, checkpoint, stage)
     found = stage_pictures(lab, checkpoint, stage, judged.findings, every_port=every_port)
