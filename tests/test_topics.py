@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
@@ -308,6 +309,13 @@ def test_the_csv_has_a_row_for_each_topic(built: Path) -> None:
     rows = text_of("topics", str(built), "--format", "csv").splitlines()
     assert rows[0] == "topic,type,direction,node,frames,queue,qos,rate"
     assert len(rows) == 9
+
+
+def test_the_csv_has_an_empty_cell_where_a_node_has_no_frames(built: Path) -> None:
+    rows = csv.DictReader(text_of("topics", str(built), "--format", "csv").splitlines())
+    frames = {row["topic"]: row["frames"] for row in rows}
+    assert frames["/clock"] == ""
+    assert frames["/scan"] == "base_scan"
 
 
 def test_a_stage_without_topics_says_so(tmp_path: Path) -> None:

@@ -54,7 +54,8 @@ def as_csv(report: TopicReport) -> str:
     writer = csv.writer(table)
     writer.writerow(COLUMNS)
     for endpoint in report.endpoints:
-        writer.writerow([safe_cell(cell) for cell in cells(endpoint, report)])
+        found = cells(endpoint, report)
+        writer.writerow(["" if cell == NOTHING else safe_cell(cell) for cell in found])
     return table.getvalue()
 
 
