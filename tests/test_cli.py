@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import pytest
@@ -14,6 +13,7 @@ from click.testing import CliRunner
 
 from lab3_usd import cli
 from lab3_usd.check.registry import FAMILIES, all_rules
+from lab3_usd.report.tool import UNKNOWN, tool_version
 
 if TYPE_CHECKING:
     from click.testing import Result
@@ -61,7 +61,15 @@ def test_every_command_explains_itself(name: str) -> None:
 
 
 def test_version_is_that_of_the_package() -> None:
-    assert lab3("--version").stdout.strip() == f"lab3, version {version('lab3-usd')}"
+    assert lab3("--version").stdout.strip() == f"lab3, version {tool_version()}"
+
+
+def test_the_version_of_a_copy_that_is_not_installed_is_unknown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys, "path", [])
+    result = lab3("--version")
+    assert (result.exit_code, result.stdout) == (0, f"lab3, version {UNKNOWN}\n")
 
 
 def test_an_unknown_command_is_wrong_use() -> None:

@@ -68,8 +68,23 @@ class LazyGroup(click.Group):
         return named + click.Command.shell_complete(self, ctx, incomplete)
 
 
+def _print_version(context: click.Context, _option: click.Parameter, asked: bool) -> None:  # noqa: FBT001
+    if asked:
+        from lab3_usd.report.tool import tool_version  # noqa: PLC0415 - only here
+
+        click.echo(f"lab3, version {tool_version()}")
+        context.exit()
+
+
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="lab3-usd", prog_name="lab3")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Show the version and exit.",
+)
 def lab3() -> None:
     """Author and check the USD stages of the TurtleBot 3 lab, without Isaac Sim."""
 
