@@ -17,6 +17,7 @@ from lab3_usd.errors import StageError
 _T = TypeVar("_T")
 _PARSE_ERROR = re.compile(r":(\d+):\d+: parse error")
 _REASONS = {"UTF-8 BOM": "it starts with a byte order mark; save it as UTF-8 without one"}
+_ARGUMENTS = ":SDF_FORMAT_ARGS:"
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 
 
@@ -80,6 +81,7 @@ def open_stage(path: Path) -> Usd.Stage:
 
 def _check_file(path: Path) -> None:
     """Say in plain words what usd-core would say in its own."""
+    _check_name(path)
     if not path.exists():
         message = f"{path}: there is no such file"
         raise StageError(message)
@@ -93,6 +95,17 @@ def _check_file(path: Path) -> None:
         message = f"{path}: '{path.suffix}' is not a USD ending ({', '.join(ENDINGS)})"
         raise StageError(message)
     _check_text(path)
+
+
+def _check_name(path: Path) -> None:
+    """Refuse names that usd-core cannot open, whatever the file holds."""
+    shown = os.fsencode(path).decode("utf-8", "replace")
+    if shown != str(path):
+        message = f"{shown}: the name of the file or of a folder is not UTF-8; rename it"
+        raise StageError(message)
+    if _ARGUMENTS in shown:
+        message = f"{shown}: USD reads '{_ARGUMENTS}' in a name as options; rename the file"
+        raise StageError(message)
 
 
 def _check_text(path: Path) -> None:
