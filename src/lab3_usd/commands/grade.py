@@ -118,4 +118,5 @@ def _progress() -> Callable[[int, int], None]:
 def _summary(rows: list[dict[str, Any]], out: Path) -> str:
     counts = Counter(row["status"] for row in rows)
     states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-    return f"{len(rows)} submissions ({states}): {out / 'index.html'}"
+    counted = "1 submission" if len(rows) == 1 else f"{len(rows)} submissions"
+    return f"{counted} ({states}): {out / 'index.html'}"
