@@ -24,7 +24,7 @@ help:
 
 demo: $(VENV)/run
 	$(BIN)/lab3 build --out $(OUT) --force
-	$(BIN)/lab3 check $(OUT)
+	$(BIN)/lab3 check --quiet $(OUT)
 
 test: lint pytest
 
@@ -71,7 +71,7 @@ fuzz: $(VENV)/dev
 clean:
 	rm -rf .venv .venv-* $(OUT) build dist .coverage .coverage.* htmlcov
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
-	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
+	find src tests benchmarks docs graphs -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 
 # Each environment holds empty files `python`, `run` and `dev`: how far its set-up has come. The
 # build tools come first and pinned, so that building the package fetches nothing else.
