@@ -26,7 +26,10 @@ class Metres(click.FloatRange):
     name = "metres"
 
     def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+        self,
+        value: Any,  # noqa: ANN401 - what click hands over
+        param: click.Parameter | None,
+        ctx: click.Context | None,
     ) -> float:
         """Return the number, or fail with one line."""
         number: float = super().convert(value, param, ctx)
