@@ -569,3 +569,13 @@ def test_a_robot_without_any_place_stands_at_the_origin() -> None:
     UsdGeom.Xformable(stage.GetPrimAtPath(ROBOT)).ClearXformOpOrder()
     stage.GetPrimAtPath(ROBOT).RemoveProperty("xformOpOrder")
     assert told(stage, "00") == [("S03", ROBOT, TRANSLATE)]
+
+
+def test_a_joint_on_a_link_whose_place_may_be_in_a_missing_asset_is_not_measured() -> None:
+    stage = built("05")
+    joint, scan = f"{JOINTS}/wheel_left_joint", f"{ROBOT}/base_scan"
+    aim(joint, "physics:body0", scan)(stage)
+    put(joint, "physics:localPos0", Gf.Vec3f(0.032, 0.08, -0.149))(stage)
+    assert told(stage, "05") == []
+    hide_place(scan)(stage)
+    assert told(stage, "05") == [("F02", scan, None)]
