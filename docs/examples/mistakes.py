@@ -1,6 +1,6 @@
 """Makes four mistakes that are easily made, in a copy of a correct drive checkpoint.
 
-python docs/examples/mistakes.py out/Lab3_02_ros_drive.usda mine/Lab3_02_ros_drive.usda
+python docs/examples/mistakes.py tour/Lab3_02_ros_drive.usda mine/Lab3_02_ros_drive.usda
 """
 
 from __future__ import annotations
