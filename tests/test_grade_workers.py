@@ -339,6 +339,23 @@ def test_a_worker_reaches_no_network(tmp_path: Path) -> None:
     assert said == "True not reached"
 
 
+@pytest.mark.parametrize("forbidden", ["os.chroot('/')", "os.chown(place, 1, 1)", "os.setuid(1)"])
+def test_a_worker_has_no_privileges_even_when_root_started_it(
+    tmp_path: Path, forbidden: str
+) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    code = (
+        "import os\nprint(give_up_privileges()['privileges'], end=' ')\n"
+        f"try:\n    {forbidden}\n    print('done')\n"
+        "except PermissionError:\n    print('refused')\n"
+    )
+    said = confined(code, file)
+    if said.startswith("False"):
+        pytest.skip("this platform has no privileges to give up")
+    assert said == "True refused"
+
+
 @pytest.mark.parametrize(
     ("code", "outcome"),
     [
