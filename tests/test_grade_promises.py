@@ -20,7 +20,7 @@ def rows() -> list[list[str]]:
     return [row for row in cells if row[0] != "promise" and set(row[0]) != {"-"}]
 
 
-def tests_in(name: str) -> set[str]:
+def names_in(name: str) -> set[str]:
     tree = ast.parse((ROOT / "tests" / name).read_bytes())
     return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
 
@@ -36,4 +36,4 @@ def test_every_promise_says_what_holds_it_and_what_shows_it() -> None:
     ("file", "name"), sorted(set(NAMED.findall(PROMISES.read_text(encoding="utf-8"))))
 )
 def test_a_test_that_is_named_exists(file: str, name: str) -> None:
-    assert name in tests_in(file)
+    assert name in names_in(file)
