@@ -3,15 +3,15 @@
 Usage: python benchmarks/bench_grade.py [--count N] [--jobs N]
 
 Generates submissions of nine clean stages, each of its own student: no two students' files are the
-same, and 06 to 08 are 05 saved again, as the lab has it. A class of ten is graded first, then one
-of `--count`; what the second costs beyond the first is divided by its further files.
+same, and 06 to 08 are 05 saved again, as the lab has it. Three classes are graded: ten students,
+`--count` students, and some who handed in the first stage alone. The differences say what a further
+student costs, and what a further stage of a student who is graded anyway.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import shutil
 import sys
 import tempfile
 import threading
@@ -29,15 +29,21 @@ from grade_files import LAB, stage, starter
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 
 SMALL = 10
+FEW = 100
 SAVED_AGAIN = ("06", "07", "08")
 MEGABYTE = 1 << 20
 
 
 class Figures(Struct, frozen=True):
-    """What grading a class took: seconds, and the most memory of ours and of any worker."""
+    """What grading a class took.
+
+    `seconds` by the clock, `busy` of processors, and the most memory of ours and of any worker.
+    """
 
     students: int
+    stages: int
     seconds: float
+    busy: float
     parent: int
     workers: int
 
@@ -48,55 +54,56 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
-    small, large = measure([SMALL, options.count], options.jobs)
-    files = len(LAB.checkpoints) * (large.students - small.students)
-    each = (large.seconds - small.seconds) * options.jobs / files
-    print("students  seconds  ms a stage  parent MB  workers MB")
-    for found in (small, large):
-        stages = found.students * len(LAB.checkpoints)
+    whole = tuple(LAB.checkpoints)
+    alone = min(options.count, FEW)
+    small, large, first = (
+        measure(count, numbers, options.jobs)
+        for count, numbers in ((SMALL, whole), (options.count, whole), (alone, whole[:1]))
+    )
+    print("students  stages  seconds  of a core  parent MB  workers MB")
+    for found in (small, large, first):
         print(
-            f"{found.students:8}  {found.seconds:7.1f}  {1000 * found.seconds / stages:10.1f}"
+            f"{found.students:8}  {found.stages:6}  {found.seconds:7.1f}  {found.busy:9.1f}"
             f"  {found.parent / MEGABYTE:9.0f}  {found.workers / MEGABYTE:10.0f}"
         )
-    print(f"each further clean stage takes {1000 * each:.1f} ms of one core, reports included")
-    print(f"memory from {small.students} to {large.students} students: "
-          f"{(large.parent - small.parent) / MEGABYTE:+.1f} MB for the parent, "
-          f"{(large.workers - small.workers) / MEGABYTE:+.1f} MB for the workers")  # fmt: skip
+    each = (large.busy - small.busy) / (large.students - small.students)
+    start = small.busy - each * small.students
+    lone = (first.busy - start) / first.students
+    print(f"each further student takes {1000 * each:.0f} ms of a core, reports included:")
+    print(f"  {1000 * each / len(whole):.1f} ms a stage,")
+    print(f"  {1000 * (each - lone) / (len(whole) - 1):.1f} ms for each stage beyond the first")
+    print(
+        f"from {small.students} to {large.students} students memory grows by "
+        f"{(large.parent - small.parent) / MEGABYTE:.1f} MB (parent) and "
+        f"{(large.workers - small.workers) / MEGABYTE:.1f} MB (worker)"
+    )
     return 0
 
 
-def measure(counts: list[int], jobs: int = 1) -> list[Figures]:
-    """Grade a class of each size, and return the figures."""
+def measure(count: int, numbers: tuple[str, ...], jobs: int = 1) -> Figures:
+    """Grade a class of `count` students who handed in these stages, and return the figures."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        figures = []
-        for count in counts:
-            make_class(folder / str(count), count)
-            with watched() as most:
-                started = time.perf_counter()
-                settings = ClassSettings(
-                    folder / str(count), starter(), folder / f"{count}.out", jobs=jobs
-                )
-                rows = grade_class(settings)
-                seconds = time.perf_counter() - started
-            if any(row["percent"] != 100 for row in rows):  # noqa: PLR2004 - per cent
-                message = "a clean submission is not graded as one"
-                raise RuntimeError(message)
-            figures.append(Figures(count, seconds, most["parent"], most["workers"]))
-            shutil.rmtree(folder / str(count))
-            shutil.rmtree(folder / f"{count}.out")
-    return figures
+        make_class(folder / "class", count, numbers)
+        settings = ClassSettings(folder / "class", starter(), folder / "book", jobs=jobs)
+        with watched() as most:
+            started, before = time.perf_counter(), sum(os.times()[:4])
+            rows = grade_class(settings)
+            seconds, busy = time.perf_counter() - started, sum(os.times()[:4]) - before
+    if any(row["lost"] and not row["lost"][0]["title"].endswith("missing") for row in rows):
+        message = "a clean submission is not graded as one"
+        raise RuntimeError(message)
+    return Figures(count, count * len(numbers), seconds, busy, most["parent"], most["workers"])
 
 
-def make_class(folder: Path, count: int) -> None:
+def make_class(folder: Path, count: int, numbers: tuple[str, ...]) -> None:
     """Write the submissions; a line of each stage's metadata names the student."""
-    texts = {number: stage(number).read_text() for number in LAB.checkpoints}
     for index in range(count):
         work = folder / f"student{index:04}" / "work"
         work.mkdir(parents=True)
-        for number, text in texts.items():
-            source = texts["05"] if number in SAVED_AGAIN else text
-            own = source.replace("(\n", f'(\n    doc = "student {index}"\n', 1)
+        for number in numbers:
+            text = stage("05" if number in SAVED_AGAIN else number).read_text()
+            own = text.replace("(\n", f'(\n    doc = "student {index}"\n', 1)
             (work / stage(number).name).write_text(own)
 
 
