@@ -1,0 +1,118 @@
+"""The page of a class in a browser: it sorts, filters, needs no script for reading, and is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from browser import DESKTOP, PHONE, Browser, started
+from test_browser import CONTRASTS
+from test_grade_page import EVIL, ITEMS, row
+
+from lab3_usd.report.class_page import render_class
+
+pytestmark = pytest.mark.xdist_group("browser")
+
+ROWS = [
+    row("ana", 9.5),
+    row("ben", 100.0),
+    row("eve", 50.0, name=EVIL, reason="<img src=x onerror='window.attacked=1'>", late=True),
+    row("gus", None, status="timeout", reason="ran out of time (20 s)"),
+    row("zoe", 50.0, lost=[{"item": "clock", "requirement": "ROS_Clock/wire/x", "title": EVIL}]),
+]
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    with started() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("class") / "index.html"
+    path.write_text(render_class("Lab 3", ITEMS, ROWS), encoding="utf-8")
+    return path
+
+
+def students(chromium: Browser) -> list[str]:
+    """The students whose rows are shown, from top to bottom."""
+    return [cell.text for cell in chromium.shown("table.students tbody th")]
+
+
+def press(chromium: Browser, heading: str) -> None:
+    (button,) = [each for each in chromium.all("thead button") if each.text.startswith(heading)]
+    button.click()
+
+
+def test_it_loads_without_a_complaint_and_asks_for_nothing(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+    assert chromium.logs() == []
+    assert [each for each in chromium.requests() if each.startswith(("http:", "https:"))] == []
+    assert chromium.run("return window.attacked") is None
+
+
+def test_columns_sort_by_number_both_ways_and_keep_the_order_of_equals(
+    chromium: Browser, page: Path
+) -> None:
+    chromium.open(page)
+    assert students(chromium) == ["ana", "ben", "eve", "gus", "zoe"]
+    press(chromium, "Per cent")
+    assert students(chromium) == ["gus", "ana", "eve", "zoe", "ben"]
+    press(chromium, "Per cent")
+    assert students(chromium) == ["ben", "eve", "zoe", "ana", "gus"]
+    assert chromium.one("th[aria-sort]").text.startswith("Per cent")
+    press(chromium, "Student")
+    assert students(chromium) == ["ana", "ben", "eve", "gus", "zoe"]
+    assert len(chromium.all("th[aria-sort]")) == 1
+
+
+def test_the_table_is_filtered_by_text_and_status(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+    field = chromium.one(".filter input")
+    field.send_keys("Name of")
+    assert students(chromium) == ["ana", "ben", "gus", "zoe"]
+    assert chromium.one(".filter output").text == "4 of 5"
+    chromium.one(".filter select option:nth-child(3)").click()
+    assert students(chromium) == ["gus"]
+
+
+def test_links_lead_to_the_reports(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+    links = [link.get_attribute("href") for link in chromium.shown("table.students a")]
+    assert links[0] == (page.parent / "students" / "ana" / "report.html").as_uri()
+
+
+def test_everything_can_be_read_without_a_script(chromium: Browser, page: Path) -> None:
+    chromium.scripts(on=False)
+    try:
+        chromium.open(page)
+        assert len(chromium.shown("table.students tbody tr")) == len(ROWS)
+        assert chromium.shown(".filter") == []
+        assert chromium.all("thead button") == []
+    finally:
+        chromium.scripts(on=True)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_stands_out_from_its_ground(chromium: Browser, page: Path, scheme: str) -> None:
+    chromium.open(page, scheme=scheme)
+    assert [found for found in chromium.run(CONTRASTS) if found[0] < 4.5] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "scheme"),
+    [
+        ("class-desktop", DESKTOP, "light"),
+        ("class-desktop-dark", DESKTOP, "dark"),
+        ("class-phone", PHONE, "light"),
+    ],
+)
+def test_no_width_needs_sideways_scrolling(
+    chromium: Browser, page: Path, name: str, size: tuple[int, int], scheme: str
+) -> None:
+    chromium.open(page, size, scheme)
+    wide = chromium.run("return document.documentElement.scrollWidth - innerWidth")
+    assert wide <= 0
+    assert chromium.keep(name).stat().st_size > 1000
