@@ -108,7 +108,8 @@ def _drop_clips(layer: Sdf.Layer, nesting: int) -> None:
         if path.pathElementCount > nesting:
             message = f"prims lie more than {nesting} levels deep in one another"
             raise StageError(message)
-        if layer.GetObjectAtPath(path).HasInfo(_CLIPS):
+        spec = layer.GetObjectAtPath(path)
+        if spec is not None and spec.HasInfo(_CLIPS):  # a damaged file names what it lacks
             with_clips.append(path)
 
     layer.Traverse(Sdf.Path.absoluteRootPath, visit)
