@@ -41,7 +41,8 @@ def compare_starter(
 
 def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:
     robot, tolerance = lab.scene["robot"], lab.scene["tolerance"]
-    length = tolerance["sensor_position"] / UsdGeom.GetStageMetersPerUnit(stage)
+    # A stage whose unit is nothing is told so elsewhere; here it only must not divide by it.
+    length = tolerance["sensor_position"] / (UsdGeom.GetStageMetersPerUnit(stage) or 1.0)
     return Terms(
         rules=rules,
         classes=classifier(rules),
