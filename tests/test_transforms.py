@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
+from lab3_usd.stage.colliders import find_colliders
 from lab3_usd.stage.places import Places
 from lab3_usd.stage.transforms import local_transform
 
@@ -108,3 +109,14 @@ def test_a_prim_without_an_order_of_its_own_has_no_local_transform() -> None:
     local, world = Places().of(plain, "/a/b")
     assert local is None
     assert world[12:15] == (5, 0, 0)
+
+
+def test_a_shape_whose_size_was_blocked_is_no_reason_to_fail() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    for kind, names in (("Cube", ("size",)), ("Cylinder", ("radius", "height", "axis"))):
+        prim = stage.DefinePrim(f"/{kind}", kind)
+        prim.ApplyAPI(UsdPhysics.CollisionAPI)
+        for name in names:
+            prim.GetAttribute(name).Block()
+    boxes = list(find_colliders(stage.GetPseudoRoot().GetChildren(), {}, Places()))
+    assert {box.low for box in boxes} == {(0.0, 0.0, 0.0)}

@@ -15,6 +15,7 @@ _Box = tuple[_Corner, _Corner]
 
 
 RIGID_BODY = "PhysicsRigidBodyAPI"
+_AXIS_NAMES = ("X", "Y", "Z")
 # The shapes of UsdGeom by type name; whether round ones end in half balls.
 _ROUND = {"Cylinder": False, "Capsule": True, "Cone": False}
 
@@ -68,8 +69,9 @@ def _world_box(prim: Usd.Prim, places: Places) -> _Box | None:
 
 
 def _number(prim: Usd.Prim, name: str) -> float:
-    """Return a size of a shape, the schema's own where the file names none."""
-    return float(prim.GetAttribute(name).Get())
+    """Return a size of a shape, the schema's own where the file names none; 0 for what is none."""
+    value = prim.GetAttribute(name).Get()
+    return float(value) if isinstance(value, (int, float)) else 0.0
 
 
 def _moved(matrix: Gf.Matrix4d, point: Gf.Vec3d) -> _Corner:
@@ -103,7 +105,8 @@ def _length(matrix: Gf.Matrix4d, column: int) -> float:
 
 def _round_box(prim: Usd.Prim, matrix: Gf.Matrix4d, *, has_balls: bool) -> _Box:
     radius, half = _number(prim, "radius"), _number(prim, "height") / 2
-    along = "XYZ".index(prim.GetAttribute("axis").Get())
+    axis_name = prim.GetAttribute("axis").Get()
+    along = "XYZ".index(axis_name) if axis_name in _AXIS_NAMES else 2
     round_ends = radius if has_balls else 0.0
     low, high = [0.0] * 3, [0.0] * 3
     middle = matrix.Transform(Gf.Vec3d(0))
