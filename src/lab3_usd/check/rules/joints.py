@@ -128,7 +128,7 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
         return
     (first, one), (second, other) = places.items()
     apart = distance(one, other)
-    units = subject.stage.meters_per_unit
+    units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
     if min(abs(apart - wheels["distance"]), abs(apart / units - wheels["distance"])) <= limit:
         return
     half = wheels["distance"] / 2
