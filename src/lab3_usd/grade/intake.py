@@ -49,8 +49,8 @@ class Intake:
         self.refused.append(Refused(name.encode("utf-8", "backslashreplace").decode(), reason))
         self._check_count()
 
-    def _check_count(self) -> None:
-        if len(self.digests) + len(self.refused) > self.limits.files:
+    def _check_count(self, more: int = 0) -> None:
+        if len(self.digests) + len(self.refused) + more > self.limits.files:
             message = f"holds more than {self.limits.files} files"
             raise TooLargeError(message)
 
@@ -94,7 +94,7 @@ class Intake:
         if str(path) in self.digests:
             self.refuse(name, "it is there twice; the first one counts")
             return
-        self._check_count()
+        self._check_count(1)
         if size > self.limits.file_size:
             self.refuse(name, f"it is larger than {self.limits.file_size >> 20} MB; not opened")
             return
@@ -133,7 +133,7 @@ class Intake:
         path = self.place(name)
         if path is None or str(path) in self.digests:
             return
-        self._check_count()
+        self._check_count(1)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(b"\0")
         self.digests[str(path)] = ""

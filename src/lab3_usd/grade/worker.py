@@ -33,8 +33,9 @@ _OURS = ("graphs", "maps", "schema")
 def main() -> None:
     """Serve tasks until there are no more: the settings first, then a task on each line."""
     tasks, answers = _channels()
-    settings = json.loads(tasks.readline())
-    _serve(settings, tasks, answers)
+    with tasks, answers:
+        settings = json.loads(tasks.readline())
+        _serve(settings, tasks, answers)
 
 
 def _channels() -> tuple[BinaryIO, BinaryIO]:
@@ -72,7 +73,7 @@ def _python() -> list[str]:
 
 
 def make_course(settings: Json, limits: Limits) -> Course:
-    """Load what every submission is judged with, as told by `settings` (see `pool.settings_of`)."""
+    """Load what every submission is judged with, as `worker_process` tells it."""
     # Imported here so that importing it is over before the files are fenced.
     from lab3_usd.stage.fence import files_of  # noqa: PLC0415
 

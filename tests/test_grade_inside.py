@@ -1,0 +1,389 @@
+"""What a worker does, done in this process: judging, serving, giving up what it does not need."""
+
+from __future__ import annotations
+
+import ctypes
+import io
+import json
+import os
+import struct
+from pathlib import Path
+from typing import Any
+
+import pytest
+from grade_files import cut_wire, stage, starter, submission
+
+from lab3_usd.errors import StageError
+from lab3_usd.grade import cluster, confine, worker
+from lab3_usd.grade.judge import Course, Task, judge_task
+from lab3_usd.grade.limits import Limits
+from lab3_usd.grade.pool import message_of
+from lab3_usd.grade.staging import Source
+from lab3_usd.grade.worker_process import PoolSettings
+from lab3_usd.report.tool import tool_version
+
+SETTINGS = {"starter": None, "rubric": None}
+
+
+@pytest.fixture(scope="module")
+def course() -> Course:
+    return worker.make_course({**SETTINGS, "starter": str(starter())}, Limits())
+
+
+def judged(course: Course, folder: Path, scratch: Path, **changes: Any) -> dict[str, Any]:
+    (scratch / "copy").mkdir(parents=True)
+    task = Task("jane", "jane", (Source(folder),), **changes)
+    return judge_task(course, task, scratch / "copy", lambda _name: None)
+
+
+def test_a_submission_is_judged_and_the_working_directory_left_as_it_was(
+    course: Course, tmp_path: Path
+) -> None:
+    before = Path.cwd()
+    found = judged(course, submission(tmp_path / "jane", "00", "01"), tmp_path)
+    assert (found["status"], found["verdicts"]) == ("graded", {"00": "pass", "01": "pass"})
+    assert sorted(found["reports"]) == ["report.html", "report.json", "results.json"]
+    assert Path.cwd() == before
+
+
+def test_what_is_known_is_not_judged_again(course: Course, tmp_path: Path) -> None:
+    jane = submission(tmp_path / "jane", "00")
+    first = judged(course, jane, tmp_path / "one")
+    again = judged(course, jane, tmp_path / "two", known=first["digest"])
+    assert again == {"status": "known", "digest": first["digest"]}
+
+
+def test_a_file_that_ended_a_worker_is_unreadable_and_the_others_are_judged(
+    course: Course, tmp_path: Path
+) -> None:
+    name = f"work/{stage('01').name}"
+    found = judged(
+        course,
+        submission(tmp_path / "jane", "00", "01"),
+        tmp_path,
+        broken={name: "ran out of time (20 s)"},
+    )
+    assert (found["status"], found["reason"]) == ("timeout", f"{name}: ran out of time (20 s)")
+    assert found["verdicts"] == {"00": "pass", "01": "unreadable"}
+
+
+@pytest.mark.parametrize(
+    ("limits", "status"), [(Limits(files=1), "too large"), (Limits(total_size=10), "too large")]
+)
+def test_too_much_is_not_judged(tmp_path: Path, limits: Limits, status: str) -> None:
+    course = worker.make_course(SETTINGS, limits)
+    found = judged(course, submission(tmp_path / "jane", "00", "01"), tmp_path)
+    assert (found["status"], found["earned"]) == (status, 0.0)
+    assert "holds more than" in found["reason"]
+
+
+def test_a_damaged_archive_is_unreadable(course: Course, tmp_path: Path) -> None:
+    (tmp_path / "jane.zip").write_bytes(b"no zip")
+    assert judged(course, tmp_path / "jane.zip", tmp_path)["status"] == "unreadable"
+
+
+def test_a_submission_without_stages_is_empty_and_says_why(course: Course, tmp_path: Path) -> None:
+    (tmp_path / "jane").mkdir()
+    (tmp_path / "jane" / "Lab3_01_ros_clock.usda").symlink_to(stage("01"))
+    found = judged(course, tmp_path / "jane", tmp_path)
+    assert found["status"] == "empty"
+    assert "link that leads out" in found["reason"]
+
+
+def test_a_rule_that_fails_is_the_tools_fault(
+    course: Course, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(self: Any, found: Any, subject: Any) -> None:
+        del subject
+        from lab3_usd.check.finding import Crash  # noqa: PLC0415 - only here
+
+        self.crashes.append(Crash(found.id, "KeyError"))
+
+    monkeypatch.setattr("lab3_usd.check.checker._Run.rule", fail)
+    found = judged(course, submission(tmp_path / "jane", "00"), tmp_path)
+    assert found["status"] == "tool failed"
+    assert found["crashes"]
+
+
+def test_what_leads_out_is_an_error_of_the_stage_and_what_was_refused_of_the_submission(
+    course: Course, tmp_path: Path
+) -> None:
+    jane = submission(tmp_path / "jane", "01")
+    (jane / "work" / "more.usda").symlink_to(stage("05"))
+    path = jane / "work" / stage("01").name
+    layer = cut_wire(path).read_text()
+    path.write_text(layer.replace("(\n", "(\n    subLayers = [@../../../solution.usda@]\n", 1))
+    report = json.loads(judged(course, jane, tmp_path)["reports"]["report.json"])
+    (result,) = report["results"]
+    assert [each["actual"] for each in result["findings"] if each["rule"] == "Z02"] == [
+        "../../../solution.usda"
+    ]
+    assert [
+        each["prim"] for each in report["submissions"][0]["findings"] if each["rule"] == "Z01"
+    ] == ["work/more.usda"]
+
+
+# -- serving
+
+
+def test_a_worker_serves_tasks_until_there_are_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("limit_resources", "give_up_privileges", "fence_files"):
+        monkeypatch.setattr(worker, name, lambda *_arguments: {})
+    (tmp_path / "scratch").mkdir()
+    settings = {
+        **SETTINGS,
+        "scratch": str(tmp_path / "scratch"),
+        "limits": {"seconds": 5.0},
+        "readable": [],
+    }
+    jane = message_of(Task("jane", "jane", (Source(submission(tmp_path / "jane", "00")),)))
+    answers = io.BytesIO()
+    worker._serve(settings, io.BytesIO(json.dumps(jane).encode() + b"\n"), answers)
+    said = [json.loads(line) for line in answers.getvalue().splitlines()]
+    assert [next(iter(line)) for line in said] == ["ready", "open", "done"]
+    assert said[1] == {"open": f"work/{stage('00').name}"}
+    assert said[2]["done"]["verdicts"] == {"00": "pass"}
+    assert list((tmp_path / "scratch").iterdir()) == []
+
+
+def test_a_worker_keeps_its_answers_apart_from_what_is_printed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    task_end, task_start = os.pipe()
+    answer_end, answer_start = os.pipe()
+    saved = os.dup(0), os.dup(1)
+    os.write(task_start, b'{"settings": 1}\n')
+    os.close(task_start)
+    monkeypatch.setattr(worker, "_serve", lambda settings, _tasks, out: out.write(
+        json.dumps(settings).encode()
+    ))  # fmt: skip
+    try:
+        os.dup2(task_end, 0)
+        os.dup2(answer_start, 1)
+        worker.main()
+        os.write(1, b"printed")
+    finally:
+        for handle, number in zip(saved, (0, 1), strict=True):
+            os.dup2(handle, number)
+            os.close(handle)
+        os.close(task_end)
+        os.close(answer_start)
+    with os.fdopen(answer_end, "rb") as answers:
+        assert answers.read() == b'{"settings": 1}'
+
+
+@pytest.mark.parametrize(
+    ("error", "died"),
+    [
+        (MemoryError(), "ran out of memory"),
+        (KeyError("x"), "tool failed: KeyError at test_grade_inside.py"),
+    ],
+)
+def test_what_goes_wrong_while_judging_is_answered(
+    course: Course, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, died: str
+) -> None:
+    def fail(*arguments: Any) -> None:
+        del arguments
+        raise error
+
+    monkeypatch.setattr(worker, "judge_task", fail)
+    found = worker.answer(course, message_of(Task("jane", "jane", ())), tmp_path, lambda _: None)
+    assert found["died"].startswith(died)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_starter_that_cannot_be_opened_ends_the_worker(tmp_path: Path) -> None:
+    with pytest.raises(StageError):
+        worker.make_course({**SETTINGS, "starter": str(tmp_path / "gone.usda")}, Limits())
+
+
+# -- giving up
+
+
+class Kernel:
+    """Stands for the C library: notes what is asked of it, and answers as it is told."""
+
+    def __init__(self, **answers: int) -> None:
+        self.answers = answers
+        self.asked: list[str] = []
+
+    def __getattr__(self, name: str) -> Any:
+        def call(*arguments: Any) -> int:
+            key = f"{name}_{arguments[0]}" if name in {"syscall", "unshare", "prctl"} else name
+            self.asked.append(key)
+            return self.answers.get(key, 0)
+
+        return call
+
+
+@pytest.fixture
+def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
+    made = Kernel()
+    monkeypatch.setattr(confine, "_libc", lambda: made)
+    return made
+
+
+def test_network_and_privileges_are_given_up_in_this_order(kernel: Kernel) -> None:
+    assert confine.give_up_privileges() == {"privileges": True, "network": True}
+    assert kernel.asked == [f"unshare_{0x40000000}", "prctl_1", "prctl_38", "capset"]
+
+
+def test_without_permission_a_namespace_of_users_is_tried(kernel: Kernel) -> None:
+    kernel.answers = {f"unshare_{0x40000000}": -1}
+    assert confine.give_up_privileges()["network"] is True
+    kernel.answers = {f"unshare_{kind}": -1 for kind in (0x40000000, 0x50000000)}
+    assert confine.give_up_privileges()["network"] is False
+
+
+@pytest.mark.parametrize("uid", [0, 1000])
+def test_capabilities_are_given_up_but_to_read_where_root_grades(
+    monkeypatch: pytest.MonkeyPatch, uid: int
+) -> None:
+    given: list[bytes] = []
+
+    class Library:
+        def capset(self, header: bytes, sets: bytes) -> int:
+            del header
+            given.append(sets)
+            return 0
+
+    monkeypatch.setattr(confine, "_libc", Library)
+    monkeypatch.setattr(os, "geteuid", lambda: uid)
+    assert confine._no_capabilities()
+    assert struct.unpack("<6I", given[0])[:2] == ((4, 4) if uid == 0 else (0, 0))
+
+
+def test_another_platform_gives_up_nothing_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(confine.sys, "platform", "win32")
+    assert confine._libc() is None
+    assert confine.give_up_privileges() == {"privileges": False, "network": False}
+    assert not confine._no_capabilities()
+
+
+@pytest.mark.parametrize(("version", "truncates", "network"), [(1, 0, 0), (3, 1, 0), (4, 1, 1)])
+def test_the_rules_of_the_kernel_follow_its_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: int, truncates: int, network: int
+) -> None:
+    rulesets: list[bytes] = []
+    rules: list[int] = []
+
+    class Library:
+        def prctl(self, *arguments: int) -> int:
+            del arguments
+            return 0
+
+        def syscall(self, number: int, *arguments: Any) -> int:
+            if number == 444 and arguments[0] is None:
+                return version
+            if number == 444:
+                rulesets.append(arguments[0])
+                return os.open(os.devnull, os.O_RDONLY)
+            if number == 445:
+                rules.append(struct.unpack("<Qi", arguments[2])[0])
+            return 0
+
+    monkeypatch.setattr(confine, "_libc", Library)
+    (tmp_path / "file").touch()
+    assert confine.fence_files([tmp_path, tmp_path / "file", tmp_path / "gone"], [tmp_path])
+    handled = struct.unpack_from("<Q", rulesets[0])[0]
+    assert handled >> 14 == truncates
+    assert len(rulesets[0]) == (16 if network else 8)
+    read, file, write = rules
+    assert (read, file) == (0b1101, 0b101)
+    assert write & 0b10
+    assert write < 1 << 15
+
+
+@pytest.mark.parametrize("answers", [{"syscall_444": 0}, {"syscall_444": -1}])
+def test_a_kernel_without_landlock_fences_nothing(kernel: Kernel, answers: dict[str, int]) -> None:
+    kernel.answers = answers
+    assert not confine.fence_files([], [])
+
+
+def test_a_kernel_that_makes_no_ruleset_fences_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Library:
+        def syscall(self, number: int, attributes: bytes | None, *rest: Any) -> int:
+            del number, rest
+            return 4 if attributes is None else -1
+
+    monkeypatch.setattr(confine, "_libc", Library)
+    assert not confine.fence_files([], [])
+
+
+def test_limits_are_set_within_those_that_hold_already(monkeypatch: pytest.MonkeyPatch) -> None:
+    resource = pytest.importorskip("resource", reason="this platform has no limits")
+    given: dict[int, tuple[int, int]] = {}
+    hard = {resource.RLIMIT_NOFILE: 100}
+    monkeypatch.setattr(
+        resource, "getrlimit", lambda name: (0, hard.get(name, resource.RLIM_INFINITY))
+    )
+    monkeypatch.setattr(resource, "setrlimit", given.__setitem__)
+    monkeypatch.setattr(confine, "_address_space", lambda: 1000)
+    confine.limit_resources(Limits(memory=500))
+    assert given[resource.RLIMIT_AS] == (1500, 1500)
+    assert given[resource.RLIMIT_NOFILE] == (100, 100)
+    assert given[resource.RLIMIT_CORE] == (0, 0)
+
+
+def test_the_address_space_is_known_where_the_platform_tells_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    if Path("/proc/self/statm").exists():
+        assert confine._address_space() > 1 << 20
+
+    def missing(*arguments: Any, **named: Any) -> str:
+        del arguments, named
+        raise OSError
+
+    monkeypatch.setattr(Path, "read_text", missing)
+    assert confine._address_space() == 0
+
+
+def test_the_library_of_linux_is_a_library() -> None:
+    if confine.sys.platform != "linux":
+        pytest.skip("not on Linux")
+    assert isinstance(confine._libc(), ctypes.CDLL)
+
+
+# -- a machine of a cluster
+
+
+def test_a_machine_keeps_its_worker_for_a_shipment_and_changes_it_for_another(
+    tmp_path: Path,
+) -> None:
+    submission(tmp_path / "jane", "00")
+    settings = PoolSettings(starter(), None, Limits(), (tmp_path,))
+    first, second = cluster._shipment(settings), cluster._shipment(settings)
+    assert first.version == tool_version()
+    task = Task("jane", "jane", (Source(tmp_path / "jane"),))
+    try:
+        seats = []
+        for shipment in (first, first, second):
+            _, answer = cluster.judge_here(shipment, task)
+            assert answer["verdicts"] == {"00": "pass"}
+            seats.append(cluster._seat(shipment))
+        assert seats[0] is seats[1]
+        assert seats[0] is not seats[2]
+        assert seats[0].worker is None
+    finally:
+        cluster._seat(second).leave()
+        cluster._local.__dict__.clear()
+
+
+def test_a_rubric_and_a_starter_are_shipped_as_bytes(tmp_path: Path) -> None:
+    rubric = tmp_path / "mine.yaml"
+    rubric.write_text('title: T\nitems:\n  a: {title: A, checkpoint: "00", points: 1}\n')
+    shipment = cluster._shipment(PoolSettings(starter(), rubric, Limits(), (tmp_path,)))
+    here = cluster._unpacked(shipment, tmp_path / "there")
+    assert here.rubric is not None
+    assert here.starter is not None
+    assert here.rubric.read_bytes() == rubric.read_bytes()
+    assert here.starter.read_bytes() == starter().read_bytes()
+    assert here.starter != starter()
+
+
+def test_a_cluster_without_a_starter_is_an_error() -> None:
+    with pytest.raises(Exception, match="needs a starter"):
+        cluster._shipment(PoolSettings(None, None, Limits()))
