@@ -102,6 +102,17 @@ def test_an_operation_that_is_nothing_moves_nothing(name: str) -> None:
     assert local_transform(prim) == (Gf.Matrix4d(1.0), False)
 
 
+@pytest.mark.parametrize(
+    ("kind", "order"), [("Int", 7), ("String", "xformOp:translate"), ("IntArray", [7])]
+)
+def test_an_order_of_another_type_moves_nothing(kind: str, order: object) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    prim = stage.DefinePrim("/prim", "OmniLidar")
+    prim.CreateAttribute("xformOpOrder", getattr(Sdf.ValueTypeNames, kind)).Set(order)
+    prim.CreateAttribute("xformOp:translate", Sdf.ValueTypeNames.Double3).Set((0, 0, 2))
+    assert local_transform(prim) == (Gf.Matrix4d(1.0), False)
+
+
 def test_a_prim_without_an_order_of_its_own_has_no_local_transform() -> None:
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.Xform.Define(stage, "/a").AddTranslateOp().Set(Gf.Vec3d(5, 0, 0))

@@ -6,7 +6,7 @@ loading UsdGeom's Python classes, which takes as long as judging a stage.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from pxr import Gf, Usd
@@ -23,7 +23,7 @@ def local_transform(prim: Usd.Prim) -> tuple[Gf.Matrix4d, bool]:
     An operation without a value, or of a kind that USD does not have, moves nothing.
     """
     matrix, is_reset = Gf.Matrix4d(1.0), False
-    for name in prim.GetAttribute(ORDER).Get() or ():
+    for name in _names(prim.GetAttribute(ORDER).Get()):
         if name == _RESET:
             matrix, is_reset = Gf.Matrix4d(1.0), True
             continue
@@ -32,6 +32,11 @@ def local_transform(prim: Usd.Prim) -> tuple[Gf.Matrix4d, bool]:
             inverse = name.startswith(_INVERSE)
             matrix = (operation.GetInverse() if inverse else operation) * matrix
     return matrix, is_reset
+
+
+def _names(order: Any) -> list[str]:  # noqa: ANN401 - of any type where a file is damaged
+    names = order if isinstance(order, Iterable) else ()
+    return [name for name in names if isinstance(name, str)]
 
 
 def _operation(prim: Usd.Prim, name: str) -> Gf.Matrix4d | None:
