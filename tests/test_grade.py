@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import shutil
@@ -16,8 +17,10 @@ import pytest
 from click.testing import CliRunner
 from grade_files import cut_wire, files_below, stage, starter, submission
 
+from lab3_usd.commands import grade as grade_command
 from lab3_usd.commands.grade import command
 from lab3_usd.commands.rate import Rate, line
+from lab3_usd.data import data_folder
 from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
 from lab3_usd.grade.judge import Task
@@ -233,6 +236,29 @@ def test_what_ended_a_worker_is_judged_again(place: Path, book: Path, tmp_path: 
     assert judged(place, tmp_path / "book") == ["fault"]
 
 
+def test_the_rubric_may_say_who_was_late(place: Path, tmp_path: Path) -> None:
+    rubric = tmp_path / "mine.yaml"
+    text = (data_folder("graphs") / "rubric.yaml").read_text(encoding="utf-8")
+    rubric.write_text(
+        text.replace("late: {at_most: 1.0}", "late: {at_most: 0.5, students: [whole]}"),
+        encoding="utf-8",
+    )
+    grade_class(ClassSettings(place, starter(), tmp_path / "book", rubric=rubric))
+    whole = rows(tmp_path / "book")["whole"]
+    assert (whole["late"], whole["percent"], whole["because"]) == (
+        True,
+        50.0,
+        ["late: at most 50%"],
+    )
+
+
+def test_who_is_late_now_is_judged_again(place: Path, book: Path, tmp_path: Path) -> None:
+    shutil.copytree(book, tmp_path / "book")
+    path = tmp_path / "book" / "students" / "fault" / "result.json"
+    path.write_text(json.dumps({**result(book, "fault"), "late": True}))
+    assert judged(place, tmp_path / "book") == ["fault"]
+
+
 def answered(answer: dict[str, Any]) -> Any:
     def runner(tasks: Any, pool: Any) -> Any:
         del pool
@@ -364,3 +390,32 @@ def test_progress_is_one_line_that_ends_when_all_is_done(
     assert said.count("\n") == 1
     assert said.endswith("0 s left\n")
     assert "3/3" in said
+
+
+def test_progress_is_shown_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    grade_command._progress()(1, 1)
+    assert "1/1" in terminal.getvalue()
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    grade_command._progress()(1, 1)
+    assert sys.stderr.getvalue() == ""  # type: ignore[attr-defined]  # it is in memory
+
+
+def test_there_are_as_many_workers_as_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _process: {0, 3}, raising=False)
+    assert grade_command._processors() == 2
+    monkeypatch.delattr(os, "sched_getaffinity")
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert grade_command._processors() == 1
+
+
+def test_a_cluster_is_asked_where_one_is_named(place: Path, tmp_path: Path) -> None:
+    options = ["--cluster", "nonsense", "--starter", str(starter()), "-o", str(tmp_path / "book")]
+    done = CliRunner().invoke(command, [str(place), *options])
+    assert isinstance(done.exception, UsageError)
+    assert not (tmp_path / "book").exists()

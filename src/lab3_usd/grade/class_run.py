@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, UsageError
@@ -63,9 +64,9 @@ def grade_class(
     check_target(settings.out, resume=settings.resume)
     salt = salt_of(rubric, settings.starter)
     with submissions_in(settings.submissions) as place:
-        handed = find_submissions(place)
+        handed = [_with_lateness(each, rubric) for each in find_submissions(place)]
         by_folder = {each.folder: each for each in handed}
-        tasks = (_task(each, settings, rubric, salt) for each in handed)
+        tasks = (_task(each, settings, salt) for each in handed)
         pool = PoolSettings(
             settings.starter,
             settings.rubric,
@@ -102,10 +103,14 @@ def salt_of(rubric: Rubric, starter: Path) -> str:
     return digest.hexdigest()
 
 
-def _task(handed: Handed, settings: ClassSettings, rubric: Rubric, salt: str) -> Task:
+def _with_lateness(handed: Handed, rubric: Rubric) -> Handed:
+    """Return the submission as late where the platform or the rubric says so."""
+    return replace(handed, late=handed.late or handed.student in rubric.late.students)
+
+
+def _task(handed: Handed, settings: ClassSettings, salt: str) -> Task:
     known = known_digest(settings.out, handed, salt) if settings.resume else ""
-    late = handed.late or handed.student in rubric.late.students
-    return Task(handed.student, handed.folder, handed.sources, late, known=known)
+    return Task(handed.student, handed.folder, handed.sources, handed.late, known=known)
 
 
 def _record(out: Path, handed: Handed, salt: str, answer: Json, rubric: Rubric) -> None:
