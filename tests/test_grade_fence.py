@@ -17,7 +17,7 @@ from lab3_usd.grade.limits import Limits
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.stage.barred import asked_for, barred
 from lab3_usd.stage.fence import fenced, files_of
-from lab3_usd.stage.fence_layers import Fence
+from lab3_usd.stage.fence_layers import Fence, honest_about_memory
 from lab3_usd.stage.missing import find_unresolved
 from lab3_usd.stage.opening import open_stage
 from lab3_usd.stage.reader import read_model
@@ -335,3 +335,68 @@ def test_a_stage_read_once_goes_by_both_of_its_names(root: Path, fence: Fence) -
     assert {each.layer for each in first.findings if each.layer} == {str(root / "a.usda")}
     assert {each.layer for each in second.findings if each.layer} == {str(root / "b.usda")}
     assert len(fence.stages) == 2
+
+
+def test_prims_too_deep_in_a_crate_are_refused(root: Path, fence: Fence) -> None:
+    layer = Sdf.Layer.CreateAnonymous(".usdc")
+    Sdf.CreatePrimInLayer(layer, "/" + "/".join(["a"] * (fence.nesting + 1)))
+    layer.Export(str(root / "a.usd"))
+    with pytest.raises(StageError, match="levels deep"):
+        open_stage(root / "a.usd")
+
+
+def test_a_layer_that_usd_core_opens_without_a_word_is_refused(
+    root: Path, fence: Fence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Silent:
+        @staticmethod
+        def FindOrOpen(identifier: str) -> None:  # noqa: N802 - usd-core's name
+            del identifier
+
+    monkeypatch.setattr("lab3_usd.stage.fence_layers.Sdf.Layer", Silent)
+    with pytest.raises(StageError, match="opens no stage"):
+        open_stage(write(root / "a.usda", INNER))
+    assert fence.layers == {}
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"), [("std::bad_alloc", MemoryError), ("something else", RuntimeError)]
+)
+def test_running_out_of_memory_is_told_from_damage(said: str, expected: type[Exception]) -> None:
+    with pytest.raises(expected), honest_about_memory():
+        raise RuntimeError(said)
+
+
+def test_a_reference_that_stays_whatever_is_done_is_no_stage(
+    root: Path, fence: Fence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lab3_usd.stage.fence_layers._ATTEMPTS", 0)
+    with pytest.raises(StageError, match="cannot be taken out"):
+        open_stage(write(root / "a.usda", sublayer("../outside.usda")))
+    assert fence.stages == {}
+
+
+def test_a_layer_that_was_not_looked_at_is_no_part_of_a_stage(
+    root: Path, fence: Fence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lab3_usd.stage.fence.close_openings", lambda *_arguments: None)
+    write(root / "b.usda", INNER)
+    with pytest.raises(StageError, match="was not looked at"):
+        open_stage(write(root / "a.usda", sublayer("b.usda")))
+    assert fence.stages == {}
+
+
+def test_large_stages_are_not_compared_to_the_byte(
+    root: Path, fence: Fence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lab3_usd.stage.fence._LARGEST_TWIN", 10)
+    first, second = (open_stage(write(root / name, INNER)) for name in ("a.usda", "b.usda"))
+    assert first is not second
+    assert fence.digests == {}
+
+
+def test_only_what_a_twin_was_barred_from_is_shared(root: Path, fence: Fence) -> None:
+    open_stage(write(root / "other.usda", sublayer("../elsewhere.usda")))
+    for name in ("a.usda", "b.usda"):
+        open_stage(write(root / name, INNER))
+    assert sorted(fence.found) == [("other.usda", "../elsewhere.usda")]

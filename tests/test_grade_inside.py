@@ -6,7 +6,9 @@ import ctypes
 import io
 import json
 import os
+import resource
 import struct
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ import pytest
 from grade_files import cut_wire, stage, starter, submission
 
 from lab3_usd.errors import StageError
-from lab3_usd.grade import cluster, confine, worker
+from lab3_usd.grade import cluster, confine, worker, worker_process
 from lab3_usd.grade.judge import Course, Task, judge_task
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.pool import message_of
@@ -387,3 +389,37 @@ def test_a_rubric_and_a_starter_are_shipped_as_bytes(tmp_path: Path) -> None:
 def test_a_cluster_without_a_starter_is_an_error() -> None:
     with pytest.raises(Exception, match="needs a starter"):
         cluster._shipment(PoolSettings(None, None, Limits()))
+
+
+def test_a_platform_without_limits_sets_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    monkeypatch.setitem(sys.modules, "resource", None)
+    confine.limit_resources(Limits())
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
+
+
+class Ended:
+    """Stands for a process that has ended, on a platform that tells no more than its status."""
+
+    pid = 2**22 + 1
+    returncode = None
+    stdin = stdout = None
+
+    def wait(self) -> int:
+        return 3
+
+    def poll(self) -> int:
+        return 3
+
+
+@pytest.mark.parametrize("lacking", [(), ("wait4",)])
+def test_a_status_is_known_where_nothing_more_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacking: tuple[str, ...]
+) -> None:
+    for name in lacking:
+        monkeypatch.delattr(os, name, raising=False)
+    ended: Any = Ended()
+    there = worker_process.Worker(ended, tmp_path / "scratch", Limits())
+    assert worker_process._wait(there) == (3, 0)
+    worker_process._send(there, {})
+    worker_process.end_worker(there)

@@ -508,3 +508,72 @@ def test_the_digest_tells_contents_and_names_apart(tmp_path: Path) -> None:
     third = digest_of(tmp_path / "moved")
     (tmp_path / "moved/link").symlink_to("/etc/passwd")
     assert len({first, second, third, digest_of(tmp_path / "moved")}) == 4
+
+
+def test_files_of_no_kind_in_a_package_are_left_to_usd_core(tmp_path: Path) -> None:
+    assert check_layer(packaged(tmp_path / "a.usdz", {"a.usda": b"?", "b.txt": b""}), SMALL) is None
+
+
+def test_brackets_that_close_do_not_count(tmp_path: Path) -> None:
+    text = "#usda 1.0\n" + '"["' * 30 + "[{(" * 5 + ")}]" * 5
+    assert check_layer(write(tmp_path / "a.usda", text), SMALL) == text.encode()
+
+
+def test_a_name_that_is_no_unicode_is_refused(tmp_path: Path) -> None:
+    intake = Intake(tmp_path, SMALL)
+    assert intake.place("work/a\udcff.usda") is None
+    assert [each.path for each in intake.refused] == ["work/a\\udcff.usda"]
+
+
+def test_files_too_many_folders_deep_are_refused(tmp_path: Path) -> None:
+    assert unpacked(zipped(tmp_path / "a.zip", {"top": b"", "d/" * 6 + "x": b"x"})) == (
+        {"top": b""},
+        ["d/" * 6 + "x"],
+    )
+
+
+def test_folders_too_deep_are_not_walked(tmp_path: Path) -> None:
+    write(tmp_path / "jane" / ("d/" * 8 + "x"), b"x")
+    write(tmp_path / "jane" / "work" / "a.usda", STAGE)
+    assert staged(tmp_path, Source(tmp_path / "jane"))[1] == ["d/d/d/d/d/d/d"]
+
+
+def test_a_picture_whose_name_is_taken_is_not_written_twice(tmp_path: Path) -> None:
+    intake = Intake(tmp_path, SMALL)
+    for _ in range(2):
+        intake.keep_name("a.mp4")
+    intake.keep_name(".hidden.mp4")
+    assert files_below(tmp_path) == {"a.mp4": b"\0"}
+
+
+def test_a_file_that_went_well_is_not_forgotten(tmp_path: Path) -> None:
+    intake = Intake(tmp_path, SMALL)
+    intake.take("a", 1, io.BytesIO(b"x"))
+    intake.forget("a", "damaged")
+    assert (files_below(tmp_path), intake.refused) == ({"a": b"x"}, [])
+
+
+def test_a_file_shorter_than_it_says_ends_where_it_ends(tmp_path: Path) -> None:
+    Intake(tmp_path, SMALL).take("a", 100, io.BytesIO(b"x"))
+    assert files_below(tmp_path) == {"a": b"x"}
+
+
+def test_a_pipe_called_zip_is_not_waited_for(tmp_path: Path) -> None:
+    write(tmp_path / "jane/work/a.usda", STAGE)
+    os.mkfifo(tmp_path / "jane/pipe.zip")
+    assert staged(tmp_path, Source(tmp_path / "jane"))[1] == ["pipe.zip"]
+
+
+def test_a_file_that_cannot_be_opened_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "jane/work/a.usda", STAGE)
+    real = os.open
+
+    def refuse(path: object, *arguments: int) -> int:
+        if str(path).endswith("a.usda"):
+            raise PermissionError(13, "Permission denied")
+        return real(path, *arguments)  # type: ignore[call-overload]  # as it was called
+
+    monkeypatch.setattr("lab3_usd.grade.staging.os.open", refuse)
+    assert staged(tmp_path, Source(tmp_path / "jane"))[1] == ["work/a.usda"]

@@ -72,10 +72,7 @@ class Intake:
             return "its name leads out of the submission; it is not unpacked"
         if not all(part.isprintable() for part in parts):
             return "its name holds characters that do not print"
-        try:
-            lengths = [len(part.encode()) for part in parts]
-        except UnicodeEncodeError:
-            return "its name is not Unicode"
+        lengths = [len(part.encode()) for part in parts]
         if max(lengths) > _LONGEST_NAME or sum(lengths) + len(lengths) > _LONGEST_PATH:
             return "its name is too long"
         if len(parts) > self.limits.folders:

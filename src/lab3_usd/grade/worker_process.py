@@ -153,13 +153,14 @@ def ask(worker: Worker, message: Json, stopped: Callable[[], bool]) -> Json:
     file = ""
     while True:
         said = _next(worker, worker.limits.seconds, file, stopped)
-        if "open" in said:
-            file = said["open"]
-        elif "died" in said.get("done", {}):
-            raise DiedError(str(said["done"]["died"]), file)
-        elif "done" in said:
-            done: Json = said["done"]
+        done = said.get("done")
+        if isinstance(done, dict):
+            if "died" in done:
+                raise DiedError(str(done["died"]), file)
             return done
+        if "open" not in said:
+            raise DiedError(NONSENSE, file)
+        file = said["open"]
 
 
 def _next(worker: Worker, seconds: float, file: str, stopped: Callable[[], bool]) -> Json:
