@@ -100,11 +100,16 @@ def angle_between(one: Vector, other: Vector) -> float:
 
 def multiply(one: Matrix, other: Matrix) -> Matrix:
     """Return the transform that does `one` first, then `other`."""
-    return tuple(
-        sum(one[4 * row + k] * other[4 * k + column] for k in range(4))
-        for row in range(4)
-        for column in range(4)
-    )
+    a, b, c, d, e, f, g, h, i, j, k, m, n, o, p, q = other
+    numbers: list[float] = []
+    for x, y, z, w in (one[:4], one[4:8], one[8:12], one[12:]):
+        numbers += (
+            x * a + y * e + z * i + w * n,
+            x * b + y * f + z * j + w * o,
+            x * c + y * g + z * k + w * p,
+            x * d + y * h + z * m + w * q,
+        )
+    return tuple(numbers)
 
 
 def inverse(matrix: Matrix) -> Matrix | None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import product
 
 from pxr import Gf, Usd
 
-from lab3_usd.check.model import Collider, Prim
+from lab3_usd.check.model import Collider, Matrix, Prim
 from lab3_usd.stage.places import Places
 
 _Corner = tuple[float, float, float]
@@ -58,14 +58,17 @@ def _body_above(path: str, read: Mapping[str, Prim]) -> str:
 def _world_box(prim: Usd.Prim, places: Places) -> _Box | None:
     kind = str(prim.GetTypeName())
     if kind in _ROUND:
-        return _round_box(prim, places.world(prim), has_balls=_ROUND[kind])
+        return _around(places.world(prim), *_round_sizes(prim), has_balls=_ROUND[kind])
     if kind == "Sphere":
-        return _ball(Gf.Vec3d(0), _number(prim, "radius"), places.world(prim))
-    points = _points(prim, kind)
-    if not points:
+        return _around(places.world(prim), _number(prim, "radius"), 0.0, 0, has_balls=True)
+    if kind == "Cube":
+        return _cube_box(places.world(prim), _number(prim, "size") / 2)
+    points = prim.GetAttribute("points")
+    values = points.Get() if points else None
+    if not values:
         return None
-    matrix = places.world(prim)
-    return _bounds([_moved(matrix, point) for point in points])
+    matrix = Gf.Matrix4d(*places.world(prim))
+    return _bounds([_moved(matrix, Gf.Vec3d(point)) for point in values])
 
 
 def _number(prim: Usd.Prim, name: str) -> float:
@@ -80,42 +83,40 @@ def _moved(matrix: Gf.Matrix4d, point: Gf.Vec3d) -> _Corner:
     return moved[0], moved[1], moved[2]
 
 
-def _points(prim: Usd.Prim, kind: str) -> list[Gf.Vec3d]:
-    """Return the points whose hull is the shape: the corners of a cube, the vertices of a mesh."""
-    if kind == "Cube":
-        half = _number(prim, "size") / 2
-        return [Gf.Vec3d(*corner) for corner in product((-half, half), repeat=3)]
-    points = prim.GetAttribute("points")
-    return [Gf.Vec3d(point) for point in points.Get() or ()] if points else []
-
-
-def _ball(centre: Gf.Vec3d, radius: float, matrix: Gf.Matrix4d) -> _Box:
-    middle = matrix.Transform(centre)
-    reach = [radius * _length(matrix, axis) for axis in range(3)]
-    return (
-        (middle[0] - reach[0], middle[1] - reach[1], middle[2] - reach[2]),
-        (middle[0] + reach[0], middle[1] + reach[1], middle[2] + reach[2]),
+def _cube_box(matrix: Matrix, half: float) -> _Box:
+    half = abs(half)
+    return _reaching(
+        matrix,
+        half * (abs(matrix[0]) + abs(matrix[4]) + abs(matrix[8])),
+        half * (abs(matrix[1]) + abs(matrix[5]) + abs(matrix[9])),
+        half * (abs(matrix[2]) + abs(matrix[6]) + abs(matrix[10])),
     )
 
 
-def _length(matrix: Gf.Matrix4d, column: int) -> float:
-    """Return how far a unit ball reaches along a world axis."""
-    return float(sum(matrix[row][column] ** 2 for row in range(3)) ** 0.5)
+def _round_sizes(prim: Usd.Prim) -> tuple[float, float, int]:
+    """Return radius, half the height, and the index of the axis, Z where the file names none."""
+    axis = prim.GetAttribute("axis").Get()
+    along = "XYZ".index(axis) if axis in _AXIS_NAMES else 2
+    return _number(prim, "radius"), _number(prim, "height") / 2, along
 
 
-def _round_box(prim: Usd.Prim, matrix: Gf.Matrix4d, *, has_balls: bool) -> _Box:
-    radius, half = _number(prim, "radius"), _number(prim, "height") / 2
-    axis_name = prim.GetAttribute("axis").Get()
-    along = "XYZ".index(axis_name) if axis_name in _AXIS_NAMES else 2
-    round_ends = radius if has_balls else 0.0
-    low, high = [0.0] * 3, [0.0] * 3
-    middle = matrix.Transform(Gf.Vec3d(0))
-    for axis in range(3):
-        disc = sum(matrix[row][axis] ** 2 for row in range(3) if row != along) ** 0.5
-        reach = abs(matrix[along][axis]) * half
-        reach += max(radius * disc, round_ends * _length(matrix, axis))
-        low[axis], high[axis] = middle[axis] - reach, middle[axis] + reach
-    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+def _around(matrix: Matrix, radius: float, half: float, along: int, *, has_balls: bool) -> _Box:
+    """Return the box around two discs, or two balls, that lie `half` from the middle."""
+    x, y, z = (
+        abs(matrix[4 * along + column]) * half
+        + radius
+        * math.hypot(
+            *(matrix[4 * row + column] for row in range(3) if has_balls or row != along)
+        )
+        for column in range(3)
+    )
+    return _reaching(matrix, x, y, z)
+
+
+def _reaching(matrix: Matrix, x: float, y: float, z: float) -> _Box:
+    """Return the box around where the matrix puts the origin, with these half sizes."""
+    across, along, up = matrix[12:15]
+    return (across - x, along - y, up - z), (across + x, along + y, up + z)
 
 
 def _bounds(points: list[_Corner]) -> _Box:

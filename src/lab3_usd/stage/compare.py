@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
+from functools import lru_cache
 from pathlib import Path
 
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from lab3_usd.check.changes import Change, StarterSubject
 from lab3_usd.check.model import Unresolved
@@ -14,6 +15,7 @@ from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.spec import Lab
 from lab3_usd.spec.submission_spec import StarterRules
 from lab3_usd.stage.compare_gone import Pair, gone_changes, is_there
+from lab3_usd.stage.compare_prims import Known, known
 from lab3_usd.stage.compare_terms import Terms, classifier
 from lab3_usd.stage.missing import find_unresolved
 from lab3_usd.stage.opening import open_stage, remembered
@@ -34,7 +36,7 @@ def compare_starter(
     before = open_stage(starter) if isinstance(starter, Path) else starter
     after = open_stage(stage) if isinstance(stage, Path) else stage
     terms = _terms(rules, lab, after, bodies_rest=checkpoint == next(iter(lab.checkpoints)))
-    pair = Pair(before, after, terms, tuple(_hidden(before, after)))
+    pair = Pair(before, after, terms, tuple(_hidden(before, after)), _share_layers(before, after))
     key = ("changes", id(before), id(after), terms.bodies_rest)
     return StarterSubject(rules, remembered(key, lambda: tuple(_changes(pair))))
 
@@ -55,6 +57,10 @@ def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool
     )
 
 
+def _share_layers(starter: Usd.Stage, stage: Usd.Stage) -> bool:
+    return not set(starter.GetUsedLayers()).isdisjoint(stage.GetUsedLayers())
+
+
 def _hidden(starter: Usd.Stage, stage: Usd.Stage) -> Iterator[str]:
     """Yield the prims at which the stage lacks an asset that the starter has."""
     known = {_signature(missing) for missing in find_unresolved(starter)}
@@ -69,23 +75,28 @@ def _signature(missing: Unresolved) -> tuple[str, str]:
 
 def _changes(pair: Pair) -> Iterator[Change]:
     gone: list[Usd.Prim] = []
-    prims = iter(Usd.PrimRange(pair.starter.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
-    for prim in prims:
-        if prim.IsPseudoRoot():
+    skipped = None
+    for path, was in _listed(pair.starter):
+        if skipped is not None and path.HasPrefix(skipped):
             continue
-        path = prim.GetPath()
-        if path.pathElementCount == 1 and _is_ignored(str(path), pair.terms.rules):
-            prims.PruneChildren()
-            continue
+        skipped = None
         twin = pair.stage.GetPrimAtPath(path)
-        if pair.hidden and _is_hidden(str(path), twin, pair.hidden):
-            prims.PruneChildren()
+        if path.pathElementCount == 1 and _is_ignored(str(path), pair.terms.rules):
+            skipped = path
+        elif pair.hidden and _is_hidden(str(path), twin, pair.hidden):
+            skipped = path
         elif is_there(twin):
-            yield from pair.changes(prim, twin)
+            yield from pair.changes(was, twin)
         else:
-            prims.PruneChildren()
-            gone.append(prim)
+            skipped = path
+            gone.append(was.prim)
     yield from gone_changes(gone, pair)
+
+
+@lru_cache(maxsize=2)
+def _listed(starter: Usd.Stage) -> tuple[tuple[Sdf.Path, Known], ...]:
+    prims = Usd.PrimRange(starter.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+    return tuple((prim.GetPath(), known(prim)) for prim in prims if not prim.IsPseudoRoot())
 
 
 def _is_ignored(path: str, rules: StarterRules) -> bool:

@@ -8,7 +8,7 @@ from msgspec import Struct
 from pxr import Usd, UsdGeom
 
 from lab3_usd.check.changes import Change
-from lab3_usd.stage.compare_prims import differences
+from lab3_usd.stage.compare_prims import Known, differences, known
 from lab3_usd.stage.compare_terms import (
     Terms,
     body_of,
@@ -27,16 +27,16 @@ class Pair(Struct, frozen=True):
     stage: Usd.Stage
     terms: Terms
     hidden: tuple[str, ...]
+    share_layers: bool
 
-    def changes(self, prim: Usd.Prim, twin: Usd.Prim, *, moved: bool = False) -> Iterator[Change]:
+    def changes(self, was: Known, twin: Usd.Prim, *, moved: bool = False) -> Iterator[Change]:
         """Yield what changed of one prim, which stands at `twin` now: at most one change."""
-        if not moved and prim.GetPrimStack() == twin.GetPrimStack():
+        if self.share_layers and not moved and was.prim.GetPrimStack() == twin.GetPrimStack():
             return  # both come from the same places of the same files
-        found = differences(prim, twin, self.terms, same_parent=not moved)
+        found = differences(was, twin, self.terms, same_parent=not moved)
         if found:
-            body = body_of(prim, self.terms.rules)
-            path, kind = str(twin.GetPath()), str(prim.GetTypeName())
-            yield Change(path, kind, tuple(found), body=body)
+            body = body_of(was.prim, self.terms.rules)
+            yield Change(str(twin.GetPath()), str(was.kind), tuple(found), body=body)
 
 
 def is_there(prim: Usd.Prim) -> bool:
@@ -76,7 +76,7 @@ def _added(pair: Pair) -> _Added:
 def _seek(prim: Usd.Prim, added: _Added, pair: Pair) -> Iterator[Change]:
     twin = _elsewhere(prim, added, pair)
     if twin is not None:
-        yield from pair.changes(prim, twin, moved=True)
+        yield from pair.changes(known(prim), twin, moved=True)
         for child in _children(prim):
             at = twin.GetStage().GetPrimAtPath(twin.GetPath().AppendChild(child.GetName()))
             yield from _below(child, at, added, pair)
@@ -95,7 +95,7 @@ def _below(prim: Usd.Prim, twin: Usd.Prim, added: _Added, pair: Pair) -> Iterato
     if not is_there(twin):
         yield from _seek(prim, added, pair)
         return
-    yield from pair.changes(prim, twin)
+    yield from pair.changes(known(prim), twin)
     for child in _children(prim):
         at = twin.GetStage().GetPrimAtPath(twin.GetPath().AppendChild(child.GetName()))
         yield from _below(child, at, added, pair)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from functools import lru_cache
 from typing import Any
 
+from msgspec import Struct
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from lab3_usd.check.changes import Difference
@@ -21,16 +21,45 @@ from lab3_usd.stage.compare_terms import (
 from lab3_usd.stage.compare_values import same_place, same_value, show
 
 
+class Known(Struct, frozen=True, eq=False):
+    """What one prim of a starter is and holds: attributes in the order of `names`.
+
+    One starter is compared with the stages of a whole class, so it is asked once.
+    """
+
+    prim: Usd.Prim
+    kind: str
+    form: Any
+    names: list[str]
+    values: Mapping[str, Any]
+    targets: Mapping[str, list[Sdf.Path]]
+
+
+def known(prim: Usd.Prim) -> Known:
+    """Read a prim of a starter."""
+    return Known(
+        prim,
+        prim.GetTypeName(),
+        prim.GetPrimTypeInfo(),
+        prim.GetAuthoredPropertyNames(),
+        {each.GetName(): each.Get() for each in prim.GetAuthoredAttributes()},
+        {each.GetName(): each.GetTargets() for each in prim.GetAuthoredRelationships()},
+    )
+
+
 def differences(
-    prim: Usd.Prim, twin: Usd.Prim, terms: Terms, *, same_parent: bool = True
+    was: Known, twin: Usd.Prim, terms: Terms, *, same_parent: bool = True
 ) -> list[Difference]:
-    """Return everything in which `twin` is not as `prim`, what was added left aside.
+    """Return everything in which `twin` is not as the starter's prim, additions left aside.
 
     With `same_parent` False the two stand at different paths, and are compared in the world.
     """
-    found = [*_type(prim, twin, terms), *_schemas(prim, twin, terms)]
+    prim, form = was.prim, twin.GetPrimTypeInfo()
+    found: list[Difference] = []
+    if form != was.form:  # which tells type and schemas
+        found = [*_type(was.kind, twin, prim, terms), *_schemas(was.form, form, prim, twin, terms)]
     is_posed = not same_parent
-    for name in _unequal(prim, twin):
+    for name in _unequal(was, twin):
         kind = terms.classes(name)
         if kind == "pose":
             is_posed = True
@@ -41,39 +70,24 @@ def differences(
     return found
 
 
-def _unequal(prim: Usd.Prim, twin: Usd.Prim) -> Iterator[str]:
+def _unequal(was: Known, twin: Usd.Prim) -> Iterator[str]:
     """Yield the properties that are not the same to the bit; most are, so this must be quick."""
-    names, values, targets = _of_starter(prim)
     others, theirs = twin.GetAuthoredPropertyNames(), twin.GetAuthoredAttributes()
-    if names == others and len(values) == len(theirs):
-        pairs = zip(values.items(), theirs, strict=True)
+    if was.names == others and len(was.values) == len(theirs):
+        pairs = zip(was.values.items(), theirs, strict=True)
         yield from (name for (name, value), other in pairs if value != other.Get())
-        for name, paths in targets.items():
+        for name, paths in was.targets.items():
             other = twin.GetRelationship(name)
             if not other or paths != other.GetTargets():
                 yield name
         return
-    for name in names:
-        one, other = prim.GetAttribute(name), twin.GetAttribute(name)
-        if not one or not other or one.Get() != other.Get():
+    for name in was.names:
+        other = twin.GetAttribute(name)
+        if name not in was.values or not other or was.values[name] != other.Get():
             yield name
     # Switching a collision off writes what the starter left at its default.
-    yield from (name for name in others if name not in names and _has_default(prim, name))
-
-
-@lru_cache(maxsize=2048)
-def _of_starter(
-    prim: Usd.Prim,
-) -> tuple[list[str], Mapping[str, Any], Mapping[str, list[Sdf.Path]]]:
-    """Return the names of what a starter's prim holds, its values and its targets.
-
-    One starter is compared with the stages of a whole class, so it is asked once.
-    """
-    return (
-        prim.GetAuthoredPropertyNames(),
-        {each.GetName(): each.Get() for each in prim.GetAuthoredAttributes()},
-        {each.GetName(): each.GetTargets() for each in prim.GetAuthoredRelationships()},
-    )
+    added = (name for name in others if name not in was.names)
+    yield from (name for name in added if _has_default(was.prim, name))
 
 
 def _has_default(prim: Usd.Prim, name: str) -> bool:
@@ -81,17 +95,21 @@ def _has_default(prim: Usd.Prim, name: str) -> bool:
     return bool(attribute) and attribute.Get() is not None
 
 
-def _type(prim: Usd.Prim, twin: Usd.Prim, terms: Terms) -> Iterator[Difference]:
-    was, now = str(prim.GetTypeName()), str(twin.GetTypeName())
+def _type(was: str, twin: Usd.Prim, prim: Usd.Prim, terms: Terms) -> Iterator[Difference]:
+    now = twin.GetTypeName()
     if was != now and was:
-        yield Difference("type", "", was, now or "no type", physics=matters(prim, terms.rules))
+        physics = matters(prim, terms.rules)
+        yield Difference("type", "", str(was), str(now) or "no type", physics=physics)
 
 
-def _schemas(prim: Usd.Prim, twin: Usd.Prim, terms: Terms) -> Iterator[Difference]:
-    was, now = prim.GetPrimTypeInfo(), twin.GetPrimTypeInfo()
-    if was == now:
-        return
-    was, now = was.GetAppliedAPISchemas(), now.GetAppliedAPISchemas()
+def _schemas(
+    before: Any,  # noqa: ANN401 - pxr has no types
+    after: Any,  # noqa: ANN401
+    prim: Usd.Prim,
+    twin: Usd.Prim,
+    terms: Terms,
+) -> Iterator[Difference]:
+    was, now = before.GetAppliedAPISchemas(), after.GetAppliedAPISchemas()
     for name in was:
         if name in now or terms.classes(name) == "never" or _is_elsewhere(name, prim, twin, terms):
             continue

@@ -1,89 +1,126 @@
 """The local transform of a prim, out of its own operations.
 
 The same as `UsdGeom.Xformable` gives, for types that usd-core does not know as well, and without
-loading UsdGeom's Python classes, which takes as long as judging a stage.
+loading UsdGeom's Python classes, which takes as long as judging a stage. Matrices are plain
+tuples: converting one of Gf's takes longer than composing two.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import itertools
+import math
+from collections.abc import Callable
 from typing import Any
 
-from pxr import Gf, Usd
+from pxr import Gf, Usd, Vt
+
+from lab3_usd.check.model import Matrix
+from lab3_usd.check.poses import IDENTITY, multiply
+from lab3_usd.stage.plain import elements
 
 ORDER = "xformOpOrder"
 _RESET = "!resetXformStack!"
 _INVERSE = "!invert!"
-_AXES = {"X": Gf.Vec3d(1, 0, 0), "Y": Gf.Vec3d(0, 1, 0), "Z": Gf.Vec3d(0, 0, 1)}
 
 
-def local_transform(prim: Usd.Prim) -> tuple[Gf.Matrix4d, bool]:
+def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
     """Return the local matrix, and whether it leaves the parent's transform out.
 
     An operation without a value, or of a kind that USD does not have, moves nothing.
     """
-    matrix, is_reset = Gf.Matrix4d(1.0), False
+    matrix, is_reset = IDENTITY, False
     for name in _names(prim.GetAttribute(ORDER).Get()):
         if name == _RESET:
-            matrix, is_reset = Gf.Matrix4d(1.0), True
+            matrix, is_reset = IDENTITY, True
             continue
         operation = _operation(prim, name.removeprefix(_INVERSE))
         if operation is not None:
-            inverse = name.startswith(_INVERSE)
-            matrix = (operation.GetInverse() if inverse else operation) * matrix
+            if name.startswith(_INVERSE):
+                operation = _inverse(operation)
+            matrix = operation if matrix is IDENTITY else multiply(operation, matrix)
     return matrix, is_reset
 
 
 def _names(order: Any) -> list[str]:  # noqa: ANN401 - of any type where a file is damaged
-    names = order if isinstance(order, Iterable) else ()
-    return [name for name in names if isinstance(name, str)]
+    if not isinstance(order, Vt.TokenArray):
+        return []
+    # Iterating over a Vt type is five times as slow as asking for its elements.
+    return [order[index] for index in range(len(order))]
 
 
-def _operation(prim: Usd.Prim, name: str) -> Gf.Matrix4d | None:
+def _operation(prim: Usd.Prim, name: str) -> Matrix | None:
     attribute = prim.GetAttribute(name)
     value = attribute.Get() if attribute else None
     make = _MAKERS.get(name.split(":")[1]) if value is not None and ":" in name else None
     try:
         return None if make is None else make(value)
-    except (TypeError, ValueError):  # a value of a type that the operation does not take
+    except (TypeError, ValueError, AttributeError):  # not what the operation takes
         return None
 
 
-def _translation(value: Any) -> Gf.Matrix4d:  # noqa: ANN401 - of any precision
-    return Gf.Matrix4d(1.0).SetTranslate(Gf.Vec3d(value))
+def _inverse(matrix: Matrix) -> Matrix:
+    return _matrix(Gf.Matrix4d(*matrix).GetInverse())
 
 
-def _scaling(value: Any) -> Gf.Matrix4d:  # noqa: ANN401
-    return Gf.Matrix4d(1.0).SetScale(Gf.Vec3d(value))
+def _translation(value: Any) -> Matrix:  # noqa: ANN401 - of any precision
+    x, y, z = _vector(value)
+    return (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, y, z, 1.0)
 
 
-def _orientation(value: Any) -> Gf.Matrix4d:  # noqa: ANN401
-    return Gf.Matrix4d(1.0).SetRotate(Gf.Quatd(value))
+def _scaling(value: Any) -> Matrix:  # noqa: ANN401
+    x, y, z = _vector(value)
+    return (x, 0.0, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 0.0, z, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
-def _turn(axis: str, degrees: float) -> Gf.Matrix4d:
-    return Gf.Matrix4d(1.0).SetRotate(Gf.Rotation(_AXES[axis], degrees))
+def _vector(value: Any) -> tuple[float, float, float]:  # noqa: ANN401
+    x, y, z = elements(value)
+    return float(x), float(y), float(z)
 
 
-def _about(axis: str) -> Callable[[Any], Gf.Matrix4d]:
+def _orientation(value: Any) -> Matrix:  # noqa: ANN401
+    """Return the rotation of a quaternion; like Gf, take it as it is, of unit length or not."""
+    w, (x, y, z) = float(value.real), _vector(value.imaginary)
+    return (
+        *(1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (z * x - y * w), 0.0),
+        *(2 * (x * y - z * w), 1 - 2 * (z * z + x * x), 2 * (y * z + x * w), 0.0),
+        *(2 * (z * x + y * w), 2 * (y * z - x * w), 1 - 2 * (y * y + x * x), 0.0),
+        *(0.0, 0.0, 0.0, 1.0),
+    )
+
+
+def _matrix(value: Any) -> Matrix:  # noqa: ANN401
+    return tuple(itertools.chain.from_iterable(memoryview(Gf.Matrix4d(value)).tolist()))
+
+
+def _turn(axis: str, degrees: float) -> Matrix:
+    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    matrix = [*IDENTITY]
+    one, other = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}[axis]
+    matrix[5 * one] = matrix[5 * other] = cosine
+    matrix[4 * one + other], matrix[4 * other + one] = sine, -sine
+    return tuple(matrix)
+
+
+def _about(axis: str) -> Callable[[Any], Matrix]:
     return lambda degrees: _turn(axis, degrees)
 
 
-def _turns(order: str) -> Callable[[Any], Gf.Matrix4d]:
+def _turns(order: str) -> Callable[[Any], Matrix]:
     """Return the maker of three turns; the first letter turns first."""
 
-    def make(value: Any) -> Gf.Matrix4d:  # noqa: ANN401
-        first, second, third = (_turn(axis, value["XYZ".index(axis)]) for axis in order)
-        return first * second * third
+    def make(value: Any) -> Matrix:  # noqa: ANN401
+        degrees = _vector(value)
+        first, second, third = (_turn(axis, degrees["XYZ".index(axis)]) for axis in order)
+        return multiply(multiply(first, second), third)
 
     return make
 
 
-def _along(axis: str, make: Callable[[Any], Gf.Matrix4d], rest: float) -> Callable[[Any], Any]:
+def _along(axis: str, make: Callable[[Any], Matrix], rest: float) -> Callable[[Any], Matrix]:
     """Return the maker of an operation on one axis; the others keep `rest`."""
     index = "XYZ".index(axis)
 
-    def one(value: float) -> Gf.Matrix4d:
+    def one(value: float) -> Matrix:
         parts = [rest, rest, rest]
         parts[index] = value
         return make(Gf.Vec3d(*parts))
@@ -91,11 +128,11 @@ def _along(axis: str, make: Callable[[Any], Gf.Matrix4d], rest: float) -> Callab
     return one
 
 
-_MAKERS: dict[str, Callable[[Any], Gf.Matrix4d]] = {
+_MAKERS: dict[str, Callable[[Any], Matrix]] = {
     "translate": _translation,
     "scale": _scaling,
     "orient": _orientation,
-    "transform": Gf.Matrix4d,
+    "transform": _matrix,
     **{f"translate{axis}": _along(axis, _translation, 0.0) for axis in "XYZ"},
     **{f"scale{axis}": _along(axis, _scaling, 1.0) for axis in "XYZ"},
     **{f"rotate{axis}": _about(axis) for axis in "XYZ"},
