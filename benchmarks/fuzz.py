@@ -78,7 +78,9 @@ def fuzz(count: int, seed: int, jobs: int = 2, keep: Path | None = None) -> Coun
                     f"{kind}: {answer.get('failed') or answer.get('reason') or answer['crashes']}"
                 )
                 if keep is not None:
-                    shutil.copytree(task.sources[0].path, keep / f"{seed}-{task.student}")
+                    shutil.copytree(
+                        task.sources[0].path, keep / f"{seed}-{task.student}", dirs_exist_ok=True
+                    )
     return counts
 
 

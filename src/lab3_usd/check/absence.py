@@ -7,7 +7,10 @@ from lab3_usd.check.model import Prim, StageModel
 
 def is_at_or_below(path: str, top: str) -> bool:
     """Whether `path` is the prim `top` or one below it; everything is below '/'."""
-    return path == top or path.startswith(f"{top.rstrip('/')}/")
+    if not path.startswith(top):
+        return False
+    rest = path[len(top) :]
+    return not rest or rest[0] == "/" or top.endswith("/")
 
 
 def why_absent(stage: StageModel, path: str) -> str:

@@ -225,10 +225,10 @@ def _unasked(work: _Work) -> Iterator[WireFault]:
     for role, node in work.roles.node_of.items():
         if node is None:
             continue
-        for port, state in sorted(node.ports.items()):
+        for port in sorted(port for port, state in node.ports.items() if state.sources):
             if (role, port) in asked or not port.startswith("inputs:"):
                 continue
-            for source in state.sources:
+            for source in node.sources(port):
                 if (node.path, port, source) in work.explained:
                     continue
                 if not _is_asked(work, node, port, source):

@@ -16,6 +16,8 @@ TOLERANCE = 1e-6  # relative; the GUI writes float noise into doubles
 
 def same_value(one: Value | None, other: Value | None) -> bool:
     """Whether two values are the same up to float noise; `1` and `1.0` are, `1` and `True` not."""
+    if type(one) is type(other) is not tuple and one == other:
+        return True
     if isinstance(one, tuple) and isinstance(other, tuple):
         return len(one) == len(other) and all(map(same_value, one, other))
     if isinstance(one, bool) or isinstance(other, bool):

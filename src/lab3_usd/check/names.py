@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 _ENDS = re.compile(r"^[^A-Za-z0-9]+|[^A-Za-z0-9]+$")
 
 
+@lru_cache(maxsize=64)  # the lab has a dozen topics, and every rule about them asks
 def resolved_topic(name: str, namespace: str = "") -> str:
     """Return the topic that Isaac Sim publishes for a topic name and namespace.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.model import Prim, StageModel
@@ -48,11 +49,14 @@ def bodies(prim: Prim) -> tuple[str, str]:
     return first, second
 
 
-def joints(stage: StageModel) -> Iterator[Prim]:
-    """Yield the joints that are part of the scene and switched on."""
-    for prim in stage.prims.values():
-        if prim.present and is_joint(prim) and not is_switched_off(prim, JOINT_ENABLED):
-            yield prim
+@lru_cache(maxsize=1)  # every rule about joints asks for the same
+def joints(stage: StageModel) -> tuple[Prim, ...]:
+    """Return the joints that are part of the scene and switched on."""
+    return tuple(
+        prim
+        for prim in stage.prims.values()
+        if is_joint(prim) and prim.present and not is_switched_off(prim, JOINT_ENABLED)
+    )
 
 
 def below(stage: StageModel, top: str) -> Iterator[Prim]:

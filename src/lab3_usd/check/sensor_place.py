@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from msgspec import Struct
@@ -110,7 +111,7 @@ def frames_of(stage: StageModel, place: Place) -> list[Matrix]:
 
 def is_named(name: str, names: Mapping[str, Any] | list[str]) -> bool:
     """Whether a prim has one of these names, or one with the number Isaac Sim adds to a copy."""
-    return name in names or re.sub(r"_\d+$", "", name) in names
+    return name in names or (name[-1:].isdigit() and re.sub(r"_\d+$", "", name) in names)
 
 
 def lidars(subject: StageSubject, right: str = "") -> Iterator[Prim]:
@@ -129,11 +130,13 @@ def lidars(subject: StageSubject, right: str = "") -> Iterator[Prim]:
             yield prim
 
 
-def second_lidars(subject: StageSubject) -> Iterator[Prim]:
-    """Yield the lidars beside the one that the checkpoint asks for, where there is that one."""
+@lru_cache(maxsize=1)  # two rules ask for the same
+def second_lidars(subject: StageSubject) -> tuple[Prim, ...]:
+    """Return the lidars beside the one that the checkpoint asks for, where there is that one."""
     place = sensor_place(subject, "lidar")
-    if place is not None and place.prim is not None:
-        yield from lidars(subject, place.prim.path)
+    if place is None or place.prim is None:
+        return ()
+    return tuple(lidars(subject, place.prim.path))
 
 
 def missing_problem(subject: StageSubject, place: Place, handout: str) -> Iterator[Problem]:

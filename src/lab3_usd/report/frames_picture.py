@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 
 from msgspec import Struct
 
@@ -11,7 +12,7 @@ from lab3_usd.check.frames import Edge
 from lab3_usd.report.drawing.framing import framed
 from lab3_usd.report.drawing.measure import measured
 from lab3_usd.report.drawing.text_width import clip_end
-from lab3_usd.report.layout import layered
+from lab3_usd.report.layout import Placed, layered
 from lab3_usd.report.picture_model import STATES, Box, Curve, End, Picture, State
 from lab3_usd.spec.spec import FrameSpec
 
@@ -131,8 +132,13 @@ def _picture(title: str, subtitle: str, branches: Sequence[Branch], *, judged: b
         )
         for branch in branches
     ]
-    placed = layered(boxes, curves)
+    placed = _placed(tuple(boxes), tuple(curves))
     return framed(Picture(title, subtitle, *placed, judged=judged, kind="frames"))
+
+
+@lru_cache(maxsize=16)  # most stages of a class publish the same tree
+def _placed(boxes: tuple[Box, ...], curves: tuple[Curve, ...]) -> Placed:
+    return layered(boxes, curves)
 
 
 def _box(name: str, into: Sequence[Branch]) -> Box:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import chain
 
 from lab3_usd.check.finding import Finding, Severity
@@ -19,7 +20,7 @@ from lab3_usd.report.drawing.saved_places import saved
 from lab3_usd.report.drawing.text_width import clip_end
 from lab3_usd.report.drawing.wires import judged_wires, spec_wires
 from lab3_usd.report.escape import visible
-from lab3_usd.report.layout import layered
+from lab3_usd.report.layout import Placed, layered
 from lab3_usd.report.picture_model import STATES, Box, Curve, End, Picture, Remark, State
 from lab3_usd.spec.spec import GraphSpec
 
@@ -33,8 +34,13 @@ def spec_picture(spec: GraphSpec, *, every_port: bool = False) -> Picture:
     cast = reference_cast(spec)
     curves = spec_wires(spec, cast)
     boxes = _role_boxes(spec, cast, curves, Faults(), every_port=every_port)
-    placed = saved(boxes, curves) or layered(boxes, curves)
+    placed = _placed(tuple(boxes), tuple(curves))
     return framed(Picture(spec.name, _counted(spec.path, boxes, curves), *placed, path=spec.path))
+
+
+@lru_cache(maxsize=64)  # a graph that stays as it is from stage to stage is laid out once
+def _placed(boxes: tuple[Box, ...], curves: tuple[Curve, ...]) -> Placed:
+    return saved(boxes, curves) or layered(boxes, curves)
 
 
 def graph_picture(
@@ -59,7 +65,7 @@ def graph_picture(
     boxes += _strangers(graph, boxes, curves)
     home = {} if spec is None else {key: spec.nodes[role].at for role, key in cast.keys.items()}
     boxes = list(settled(boxes, curves, home, frozenset(cast.own)))
-    placed = saved(boxes, curves) or layered(boxes, curves)
+    placed = _placed(tuple(boxes), tuple(curves))
     name, path = _name(spec, graph)
     remarks = tuple(_remarks(path, found))[:MOST_REMARKS]
     subtitle = _counted(visible(path), boxes, curves)

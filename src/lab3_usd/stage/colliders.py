@@ -105,9 +105,7 @@ def _around(matrix: Matrix, radius: float, half: float, along: int, *, has_balls
     x, y, z = (
         abs(matrix[4 * along + column]) * half
         + radius
-        * math.hypot(
-            *(matrix[4 * row + column] for row in range(3) if has_balls or row != along)
-        )
+        * math.hypot(*(matrix[4 * row + column] for row in range(3) if has_balls or row != along))
         for column in range(3)
     )
     return _reaching(matrix, x, y, z)

@@ -81,9 +81,7 @@ def _changes(pair: Pair) -> Iterator[Change]:
             continue
         skipped = None
         twin = pair.stage.GetPrimAtPath(path)
-        if path.pathElementCount == 1 and _is_ignored(str(path), pair.terms.rules):
-            skipped = path
-        elif pair.hidden and _is_hidden(str(path), twin, pair.hidden):
+        if _is_passed_over(path, twin, pair):
             skipped = path
         elif is_there(twin):
             yield from pair.changes(was, twin)
@@ -99,8 +97,12 @@ def _listed(starter: Usd.Stage) -> tuple[tuple[Sdf.Path, Known], ...]:
     return tuple((prim.GetPath(), known(prim)) for prim in prims if not prim.IsPseudoRoot())
 
 
-def _is_ignored(path: str, rules: StarterRules) -> bool:
-    return any(fnmatchcase(path, pattern) for pattern in rules.ignored_prims)
+def _is_passed_over(path: Sdf.Path, twin: Usd.Prim, pair: Pair) -> bool:
+    if path.pathElementCount == 1:
+        ignored = pair.terms.rules.ignored_prims
+        if any(fnmatchcase(str(path), pattern) for pattern in ignored):
+            return True
+    return bool(pair.hidden) and _is_hidden(str(path), twin, pair.hidden)
 
 
 def _is_hidden(path: str, twin: Usd.Prim, hidden: tuple[str, ...]) -> bool:

@@ -32,8 +32,10 @@ def plain(value: Any) -> Value | None:  # noqa: ANN401 - whatever usd-core retur
         return (x, y, z, float(value.real))
     if isinstance(value, Sdf.AssetPath):
         return str(value.path)
-    if isinstance(value, _VECTORS):
-        return tuple(elements(value))
+    return tuple(elements(value)) if isinstance(value, _VECTORS) else _items(value)
+
+
+def _items(value: Any) -> Value | None:  # noqa: ANN401
     try:
         count = len(value)
     except TypeError:

@@ -7,9 +7,9 @@ tuples: converting one of Gf's takes longer than composing two.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
+from struct import Struct
 from typing import Any
 
 from pxr import Gf, Usd, Vt
@@ -21,6 +21,7 @@ from lab3_usd.stage.plain import elements
 ORDER = "xformOpOrder"
 _RESET = "!resetXformStack!"
 _INVERSE = "!invert!"
+_SIXTEEN = Struct("16d")
 
 
 def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
@@ -89,7 +90,7 @@ def _orientation(value: Any) -> Matrix:  # noqa: ANN401
 
 
 def _matrix(value: Any) -> Matrix:  # noqa: ANN401
-    return tuple(itertools.chain.from_iterable(memoryview(Gf.Matrix4d(value)).tolist()))
+    return _SIXTEEN.unpack(Gf.Matrix4d(value))
 
 
 def _turn(axis: str, degrees: float) -> Matrix:
