@@ -3,15 +3,17 @@
 Usage: python benchmarks/bench_grade.py [--count N] [--jobs N]
 
 Generates submissions of nine clean stages, each of its own student: no two students' files are the
-same, and 06 to 08 are 05 saved again, as the lab has it. Three classes are graded: ten students,
-`--count` students, and some who handed in the first stage alone. The differences say what a further
-student costs, and what a further stage of a student who is graded anyway.
+same, each has arranged the nodes of the graphs in another way, and 06 to 08 are 05 saved again, as
+the lab has it. Three classes are graded: ten students, `--count` students, and some who handed in
+the first stage alone. The differences say what a further student costs, and what a further stage
+of a student who is graded anyway.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import tempfile
 import threading
@@ -32,6 +34,7 @@ SMALL = 10
 FEW = 100
 SAVED_AGAIN = ("06", "07", "08")
 MEGABYTE = 1 << 20
+POSITION = re.compile(r"(node:pos = \()(-?\d+), (-?\d+)\)")
 
 
 class Figures(Struct, frozen=True):
@@ -97,14 +100,21 @@ def measure(count: int, numbers: tuple[str, ...], jobs: int = 1) -> Figures:
 
 
 def make_class(folder: Path, count: int, numbers: tuple[str, ...]) -> None:
-    """Write the submissions; a line of each stage's metadata names the student."""
+    """Write the submissions; each student has arranged the nodes of the graphs differently."""
     for index in range(count):
         work = folder / f"student{index:04}" / "work"
         work.mkdir(parents=True)
         for number in numbers:
             text = stage("05" if number in SAVED_AGAIN else number).read_text()
-            own = text.replace("(\n", f'(\n    doc = "student {index}"\n', 1)
+            named = text.replace("(\n", f'(\n    doc = "student {index}"\n', 1)
+            own = POSITION.sub(lambda found, index=index: arranged(found, index), named)
             (work / stage(number).name).write_text(own)
+
+
+def arranged(found: re.Match[str], index: int) -> str:
+    """Return a node's position moved a little, for each student and node by another length."""
+    start, x, y = found[1], int(found[2]), int(found[3])
+    return f"{start}{x + (31 * x + 17 * y + 13 * index) % 40}, {y})"
 
 
 @contextmanager

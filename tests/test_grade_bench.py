@@ -32,6 +32,21 @@ def test_no_two_students_of_a_class_hand_in_the_same_bytes(
     assert len({path.read_bytes() for path in files}) == 6  # 06 is 05 saved again
 
 
+def test_students_arrange_their_nodes_differently_and_keep_them_so(
+    bench: ModuleType, tmp_path: Path
+) -> None:
+    bench.make_class(tmp_path, 2, ("01", "05"))
+    first, later, other = (
+        bench.POSITION.search((tmp_path / student / "work" / name).read_text())[0]
+        for student, name in (
+            ("student0000", "Lab3_01_ros_clock.usda"),
+            ("student0000", "Lab3_05_odometry_tf.usda"),
+            ("student0001", "Lab3_01_ros_clock.usda"),
+        )
+    )
+    assert first == later != other
+
+
 def test_the_figures_are_printed(
     bench: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
