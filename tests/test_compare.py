@@ -468,6 +468,15 @@ def layered(folder: Path, name: str) -> Path:
     return folder / name
 
 
+def test_an_operation_whose_value_is_of_another_type_moves_nothing(
+    starter: Usd.Stage, stage: Usd.Stage
+) -> None:
+    wall = stage.GetPrimAtPath(WALL)
+    wall.RemoveProperty("xformOp:translate")
+    wall.CreateAttribute("xformOp:translate", Sdf.ValueTypeNames.Int3).Set(Gf.Vec3i(1, 2, 3))
+    assert difference(compared(starter, stage)).kind == "place"
+
+
 def test_what_a_missing_asset_would_hold_is_not_compared(tmp_path: Path) -> None:
     before, after = layered(tmp_path / "a", "starter.usda"), layered(tmp_path / "b", "stage.usda")
     assert compare_starter(before, after, LAB, "08").changes == ()

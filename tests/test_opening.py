@@ -5,12 +5,19 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
-from pxr import Usd
+from pxr import Tf, Usd
 
+from lab3_usd.check.checker import check_stage
+from lab3_usd.check.folder_starter import find_starters
+from lab3_usd.check.submitted import Listing
 from lab3_usd.errors import StageError
+from lab3_usd.spec.loader import load_lab
 from lab3_usd.stage.opening import open_stage
+from lab3_usd.stage.ports import DamagedError, property_names
+from lab3_usd.stage.reader import read_stage
 
 
 def saved(path: Path) -> Path:
@@ -36,3 +43,45 @@ def test_a_name_that_is_no_utf_8_is_said(tmp_path: Path) -> None:
     with pytest.raises(StageError, match="UTF-8") as refused:
         open_stage(path)
     assert str(refused.value).encode("utf-8")
+
+
+def test_a_property_without_a_name_is_damage() -> None:
+    prim = SimpleNamespace(GetAuthoredPropertyNames=lambda: ["a", ""], GetPath=lambda: "/World")
+    with pytest.raises(DamagedError, match="/World"):
+        property_names(prim)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        DamagedError("a property without a name"),
+        Tf.ErrorException("!propName.IsEmpty()"),
+        UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_damage_that_shows_while_a_stage_is_read_makes_it_unreadable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def fail(*_arguments: object) -> None:
+        raise error
+
+    monkeypatch.setattr("lab3_usd.stage.reader._read_model", fail)
+    path = saved(tmp_path / "Lab3_00_student_start.usda")
+    assert check_stage(path).verdict == "unreadable"
+    with pytest.raises(StageError, match="damaged"):
+        read_stage(path, load_lab())
+
+
+def test_a_starter_in_which_damage_shows_late_is_a_fault_of_the_submission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_arguments: object) -> None:
+        raise DamagedError
+
+    listing = Listing({}, starter=saved(tmp_path / "start.usda").name)
+    monkeypatch.setattr("lab3_usd.stage.reader._read_model", fail)
+    found = find_starters(tmp_path, listing, None, load_lab())
+    assert found.compared is None
+    assert found.submitted is not None
+    assert "damaged" in found.submitted.fault

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.check.model import Matrix
 from lab3_usd.check.poses import IDENTITY
@@ -101,6 +101,31 @@ def test_an_operation_that_is_nothing_moves_nothing(name: str) -> None:
     stage = Usd.Stage.CreateInMemory()
     prim = UsdGeom.Xform.Define(stage, "/prim").GetPrim()
     prim.CreateAttribute("xformOpOrder", Sdf.ValueTypeNames.TokenArray).Set([name])
+    assert local_transform(prim) == (IDENTITY, False)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "value"),
+    [
+        ("translate", "Int3", Gf.Vec3i(1, 2, 3)),
+        ("translate", "Quatf", Gf.Quatf(1, 2, 3, 4)),
+        ("translate", "String", "far"),
+        ("translate", "Float2", Gf.Vec2f(1, 2)),
+        ("scale", "Double", 2.0),
+        ("rotateZ", "Int", 90),
+        ("rotateX", "Float3", Gf.Vec3f(1, 0, 0)),
+        ("rotateXYZ", "Double4", Gf.Vec4d(1, 0, 0, 0)),
+        ("transform", "Double3", Gf.Vec3d(1, 2, 3)),
+    ],
+)
+def test_a_value_that_usdgeom_refuses_moves_nothing(name: str, kind: str, value: object) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    prim = UsdGeom.Xform.Define(stage, "/prim").GetPrim()
+    prim.CreateAttribute(f"xformOp:{name}", getattr(Sdf.ValueTypeNames, kind)).Set(value)
+    order = prim.CreateAttribute("xformOpOrder", Sdf.ValueTypeNames.TokenArray)
+    order.Set([f"xformOp:{name}"])
+    with pytest.raises(Tf.ErrorException, match=r"Invalid combination|Returning identity"):
+        UsdGeom.Xformable(prim).GetLocalTransformation()
     assert local_transform(prim) == (IDENTITY, False)
 
 

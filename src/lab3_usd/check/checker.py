@@ -73,9 +73,10 @@ def check_stage(
 
     try:
         stage = open_stage(Path(path))
+        model = read_model(stage, lab, str(path))
     except StageError as error:
         return unreadable(str(path), found, str(error))
-    judged = judge(lab, lab.checkpoints[found], read_model(stage, lab, str(path)))
+    judged = judge(lab, lab.checkpoints[found], model)
     return _result(str(path), found, judged, stage)
 
 

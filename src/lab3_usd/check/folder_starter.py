@@ -36,10 +36,10 @@ def find_starters(
     submitted = StarterFile(listing.starter)
     try:
         own = open_starter(folder / listing.starter, lab, trusted=False)
+        holds = tuple(_holds(own, trusted, lab))
     except StageError as error:
         fault = str(error).removeprefix(f"{folder / listing.starter}: ")
         return Starters(trusted, replace(submitted, fault=fault))
-    holds = tuple(_holds(own, trusted, lab))
     compared = trusted if trusted is not None else None if holds else own
     return Starters(compared, replace(submitted, holds=holds))
 

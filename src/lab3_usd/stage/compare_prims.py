@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from msgspec import Struct
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd
 
 from lab3_usd.check.changes import Difference
 from lab3_usd.stage.compare_terms import (
@@ -19,6 +19,8 @@ from lab3_usd.stage.compare_terms import (
     pattern,
 )
 from lab3_usd.stage.compare_values import same_place, same_value, show
+from lab3_usd.stage.places import Places
+from lab3_usd.stage.transforms import local_transform
 
 
 class Known(Struct, frozen=True, eq=False):
@@ -205,10 +207,9 @@ def _place(
 
 
 def _matrix(prim: Usd.Prim, *, local: bool) -> Gf.Matrix4d:
-    xformable = UsdGeom.Xformable(prim)
-    if local and not xformable.GetResetXformStack():
-        return xformable.GetLocalTransformation()
-    return UsdGeom.XformCache().GetLocalToWorldTransform(prim)
+    # UsdGeom raises where the value of an operation is of a type that the operation does not take.
+    matrix, is_reset = local_transform(prim)
+    return Gf.Matrix4d(*(matrix if local and not is_reset else Places().world(prim)))
 
 
 def _shown(what: str, matrix: Gf.Matrix4d) -> str:

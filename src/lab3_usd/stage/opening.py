@@ -60,6 +60,16 @@ def quiet() -> Iterator[None]:
             os.close(saved)
 
 
+@contextmanager
+def in_plain_words(path: Path | str, *kinds: type[Exception]) -> Iterator[None]:
+    """Raise StageError, with a line for people, where usd-core raises one of these."""
+    try:
+        yield
+    except kinds as error:
+        message = f"{path}: {_reason(error)}"
+        raise StageError(message) from error
+
+
 def open_stage(path: Path) -> Usd.Stage:
     """Open the composed stage with all payloads loaded.
 
@@ -67,12 +77,8 @@ def open_stage(path: Path) -> Usd.Stage:
         StageError: one line that says why the file cannot be opened, and what to do.
     """
     _check_file(path)
-    try:
-        with quiet():
-            stage = opener.get()(path)
-    except (Tf.ErrorException, RuntimeError, UnicodeError) as error:
-        message = f"{path}: {_reason(error)}"
-        raise StageError(message) from error
+    with quiet(), in_plain_words(path, Tf.ErrorException, RuntimeError, UnicodeError):
+        stage = opener.get()(path)
     if stage is None:
         message = f"{path}: usd-core opens no stage from it; save it again from Isaac Sim"
         raise StageError(message)

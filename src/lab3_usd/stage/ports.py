@@ -11,13 +11,30 @@ from lab3_usd.spec.catalog import INPUT, OUTPUT, Value
 from lab3_usd.stage.plain import plain
 
 
+class DamagedError(ValueError):
+    """A prim holds what no program writes."""
+
+
+def property_names(prim: Usd.Prim) -> list[str]:
+    """Return the names of the properties that the composed prim declares.
+
+    Raises:
+        DamagedError: one has no name, as in a binary file with flipped bits.
+    """
+    names: list[str] = prim.GetAuthoredPropertyNames()
+    if "" in names:
+        message = f"{prim.GetPath()} has a property without a name"
+        raise DamagedError(message)
+    return names
+
+
 def read_ports(prim: Usd.Prim) -> Mapping[str, PortState]:
     """Return the ports that the composed prim declares, by full name.
 
     Of outputs only the names count: what flows through them is made at run time.
     """
     ports = {}
-    for name in prim.GetAuthoredPropertyNames():
+    for name in property_names(prim):
         if name.startswith(OUTPUT):
             ports[name] = PortState(name)
         elif name.startswith(INPUT):

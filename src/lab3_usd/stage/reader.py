@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from msgspec.structs import replace
-from pxr import Usd
+from pxr import Tf, Usd
 
 from lab3_usd.check.model import Absent, GraphModel, Node, Prim, StageModel
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import Lab
 from lab3_usd.stage.colliders import RIGID_BODY, find_colliders
 from lab3_usd.stage.missing import find_unresolved, is_in_scene
-from lab3_usd.stage.opening import open_stage, remembered
+from lab3_usd.stage.opening import in_plain_words, open_stage, remembered
 from lab3_usd.stage.places import Places
 from lab3_usd.stage.plain import plain
-from lab3_usd.stage.ports import read_ports
+from lab3_usd.stage.ports import DamagedError, property_names, read_ports
 
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
@@ -41,8 +41,13 @@ def read_stage(path: Path | str, lab: Lab) -> StageModel:
 
 
 def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
-    """Read an open stage; `path` is the name it goes by in the model."""
-    model = remembered(("model", id(stage)), lambda: _read_model(stage, lab, path))
+    """Read an open stage; `path` is the name it goes by in the model.
+
+    Raises:
+        StageError: the file is damaged in a way that shows only now.
+    """
+    with in_plain_words(path, Tf.ErrorException, UnicodeDecodeError, DamagedError):
+        model = remembered(("model", id(stage)), lambda: _read_model(stage, lab, path))
     return model if model.path == path else replace(model, path=path)
 
 
@@ -189,7 +194,7 @@ def _namespace_of(path: str, found: _Found) -> str:
 def _prim(prim: Usd.Prim, path: str, kind: str, places: Places, found: _Found) -> Prim:
     attributes: dict[str, Value] = {}
     relationships: dict[str, tuple[str, ...]] = {}
-    for name in prim.GetAuthoredPropertyNames():
+    for name in property_names(prim):
         if _ATTRIBUTES.match(name) is None:
             continue
         attribute = prim.GetAttribute(name)

@@ -75,7 +75,13 @@ def _scaling(value: Any) -> Matrix:  # noqa: ANN401
 
 def _vector(value: Any) -> tuple[float, float, float]:  # noqa: ANN401
     x, y, z = elements(value)
-    return float(x), float(y), float(z)
+    return _number(x), _number(y), _number(z)
+
+
+def _number(value: Any) -> float:  # noqa: ANN401
+    if isinstance(value, float):
+        return value
+    raise TypeError(value)  # UsdGeom takes no whole numbers either
 
 
 def _orientation(value: Any) -> Matrix:  # noqa: ANN401
@@ -103,7 +109,7 @@ def _turn(axis: str, degrees: float) -> Matrix:
 
 
 def _about(axis: str) -> Callable[[Any], Matrix]:
-    return lambda degrees: _turn(axis, degrees)
+    return lambda degrees: _turn(axis, _number(degrees))
 
 
 def _turns(order: str) -> Callable[[Any], Matrix]:
@@ -121,9 +127,9 @@ def _along(axis: str, make: Callable[[Any], Matrix], rest: float) -> Callable[[A
     """Return the maker of an operation on one axis; the others keep `rest`."""
     index = "XYZ".index(axis)
 
-    def one(value: float) -> Matrix:
+    def one(value: Any) -> Matrix:  # noqa: ANN401
         parts = [rest, rest, rest]
-        parts[index] = value
+        parts[index] = _number(value)
         return make(Gf.Vec3d(*parts))
 
     return one
