@@ -19,6 +19,7 @@ from lab3_usd.stage.compare_prims import Known, known
 from lab3_usd.stage.compare_terms import Terms, classifier
 from lab3_usd.stage.missing import find_unresolved
 from lab3_usd.stage.opening import open_stage, remembered
+from lab3_usd.stage.own_text import own_texts, texts_of
 
 
 def compare_starter(
@@ -76,6 +77,7 @@ def _signature(missing: Unresolved) -> tuple[str, str]:
 def _changes(pair: Pair) -> Iterator[Change]:
     gone: list[Usd.Prim] = []
     skipped = None
+    texts = texts_of(pair.stage)
     for path, was in _listed(pair.starter):
         if skipped is not None and path.HasPrefix(skipped):
             continue
@@ -84,6 +86,8 @@ def _changes(pair: Pair) -> Iterator[Change]:
         if _is_passed_over(path, twin, pair):
             skipped = path
         elif is_there(twin):
+            if was.text and was.text == texts.get(was.path):
+                continue  # it is written as it was
             yield from pair.changes(was, twin)
         else:
             skipped = path
@@ -94,7 +98,12 @@ def _changes(pair: Pair) -> Iterator[Change]:
 @lru_cache(maxsize=2)
 def _listed(starter: Usd.Stage) -> tuple[tuple[Sdf.Path, Known], ...]:
     prims = Usd.PrimRange(starter.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-    return tuple((prim.GetPath(), known(prim)) for prim in prims if not prim.IsPseudoRoot())
+    texts = own_texts(starter)
+    return tuple(
+        (prim.GetPath(), known(prim, texts.get(str(prim.GetPath()), "")))
+        for prim in prims
+        if not prim.IsPseudoRoot()
+    )
 
 
 def _is_passed_over(path: Sdf.Path, twin: Usd.Prim, pair: Pair) -> bool:

@@ -22,14 +22,19 @@ from lab3_usd.stage.compare_values import same_place, same_value, show
 from lab3_usd.stage.places import Places
 from lab3_usd.stage.transforms import local_transform
 
+_ASSET = "@"
+
 
 class Known(Struct, frozen=True, eq=False):
     """What one prim of a starter is and holds: attributes in the order of `names`.
 
-    One starter is compared with the stages of a whole class, so it is asked once.
+    One starter is compared with the stages of a whole class, so it is asked once. `text` is all
+    that the starter says of the prim itself; empty where that is not all there is to it.
     """
 
     prim: Usd.Prim
+    path: str
+    text: str
     kind: str
     form: Any
     names: list[str]
@@ -37,10 +42,12 @@ class Known(Struct, frozen=True, eq=False):
     targets: Mapping[str, list[Sdf.Path]]
 
 
-def known(prim: Usd.Prim) -> Known:
+def known(prim: Usd.Prim, text: str = "") -> Known:
     """Read a prim of a starter."""
     return Known(
         prim,
+        str(prim.GetPath()),
+        "" if _ASSET in text else text,  # the same asset path may lead elsewhere
         prim.GetTypeName(),
         prim.GetPrimTypeInfo(),
         prim.GetAuthoredPropertyNames(),

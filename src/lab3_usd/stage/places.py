@@ -35,6 +35,10 @@ class Places:
         self._worlds[path] = world
         return local, world
 
+    def know(self, path: str, world: Matrix) -> None:
+        """Take the world transform of a prim as it is known from before."""
+        self._worlds[path] = world
+
     def world(self, prim: Usd.Prim) -> Matrix:
         """Return the world transform of a prim that was met before, else compute it."""
         path = str(prim.GetPath())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from msgspec.structs import replace
 from pxr import Tf, Usd
 
-from lab3_usd.check.model import Absent, GraphModel, Node, Prim, StageModel
+from lab3_usd.check.model import Absent, Collider, GraphModel, Node, Prim, StageModel
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import Lab
 from lab3_usd.stage.colliders import RIGID_BODY, find_colliders
@@ -19,6 +20,7 @@ from lab3_usd.stage.opening import in_plain_words, open_stage, remembered
 from lab3_usd.stage.places import Places
 from lab3_usd.stage.plain import plain
 from lab3_usd.stage.ports import DamagedError, property_names, read_ports
+from lab3_usd.stage.read_before import Before, Entry, before
 
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
@@ -53,7 +55,8 @@ def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
 
 def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
     unresolved = tuple(find_unresolved(stage))
-    found = _Found(hidden=tuple(dict.fromkeys(missing.prim for missing in unresolved)))
+    hidden = tuple(dict.fromkeys(missing.prim for missing in unresolved))
+    found = _Found(Before({}, {}) if hidden else before(stage), hidden)
     places = Places()
     everything = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
@@ -69,7 +72,7 @@ def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
         orphans=tuple(found.orphans),
         absent=tuple(found.absent),
         unresolved=unresolved,
-        colliders=tuple(find_colliders(found.collision_prims, found.prims, places)),
+        colliders=tuple(_colliders(found, places)),
     )
 
 
@@ -77,6 +80,8 @@ def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
 class _Found:
     """What the traversal has come across so far; below the `hidden` prims assets are missing."""
 
+    before: Before
+    hidden: tuple[str, ...]
     graphs: dict[str, Usd.Prim] = field(default_factory=dict)
     nodes: dict[str, list[Node]] = field(default_factory=dict)
     graph_absent: dict[str, list[Absent]] = field(default_factory=dict)
@@ -85,7 +90,6 @@ class _Found:
     prims: dict[str, Prim] = field(default_factory=dict)
     collision_prims: list[Usd.Prim] = field(default_factory=list)
     namespaces: dict[str, str] = field(default_factory=dict)
-    hidden: tuple[str, ...] = ()
 
 
 def _kilograms(stage: Usd.Stage) -> float:
@@ -108,10 +112,31 @@ def _read_prim(prim: Usd.Prim, lab: Lab, places: Places, found: _Found) -> None:
     if kind == form.node_type or (graph and path != graph):
         _read_node(prim, path, graph, lab, found)
         return
-    read = _prim(prim, path, kind, places, found)
+    read = found.before.read(path)
+    if read is None:
+        read = found.before.keep(path, _prim(prim, path, kind, places, found.hidden))
+    elif read.world is not None:
+        places.know(path, read.world)
     found.prims[path] = read
+    namespace = read.attributes.get(_NAMESPACE)
+    if isinstance(namespace, str) and namespace:
+        found.namespaces[path] = namespace
     if "PhysicsCollisionAPI" in read.apis and read.present:
         found.collision_prims.append(prim)
+
+
+def _colliders(found: _Found, places: Places) -> Iterator[Collider]:
+    """Yield the boxes around shapes; those of shapes that were read before are known."""
+    boxes: dict[tuple[Entry, float], tuple[Collider, ...]] = remembered("boxes", dict)
+    for prim in found.collision_prims:
+        entry = found.before.here.get(str(prim.GetPath()))
+        if entry is None or prim.GetAllChildrenNames():
+            yield from find_colliders([prim], found.prims, places)
+            continue
+        key = (entry, float(prim.GetStage().GetMetadata("metersPerUnit")))
+        if key not in boxes:
+            boxes[key] = tuple(find_colliders([prim], found.prims, places))
+        yield from boxes[key]
 
 
 def _graph_above(path: str, found: _Found) -> str:
@@ -124,10 +149,15 @@ def _graph_above(path: str, found: _Found) -> str:
 
 
 def _read_node(prim: Usd.Prim, path: str, graph: str, lab: Lab, found: _Found) -> None:
+    known = found.before.read(path)
+    if known is not None:
+        (found.nodes[graph] if graph else found.orphans).append(known)
+        return
     if prim.IsActive() and is_in_scene(prim, found.hidden):
         node = _node(prim, path, lab, _namespace_of(path, found))
         if not node.type_name and not node.ports:
             return  # a settings prim or leftover below a graph, which is no node
+        found.before.keep(path, node)
         (found.nodes[graph] if graph else found.orphans).append(node)
         return
     ports = read_ports(prim)
@@ -191,7 +221,7 @@ def _namespace_of(path: str, found: _Found) -> str:
     return "/".join(reversed(parts))
 
 
-def _prim(prim: Usd.Prim, path: str, kind: str, places: Places, found: _Found) -> Prim:
+def _prim(prim: Usd.Prim, path: str, kind: str, places: Places, hidden: tuple[str, ...]) -> Prim:
     attributes: dict[str, Value] = {}
     relationships: dict[str, tuple[str, ...]] = {}
     for name in property_names(prim):
@@ -205,9 +235,6 @@ def _prim(prim: Usd.Prim, path: str, kind: str, places: Places, found: _Found) -
         value = plain(attribute.Get())
         if value is not None:
             attributes[name] = value
-    namespace = attributes.get(_NAMESPACE)
-    if isinstance(namespace, str) and namespace:
-        found.namespaces[path] = namespace
     apis = tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
     is_placed = kind in _PLACED or RIGID_BODY in apis
     local, world = places.of(prim, path) if is_placed else (None, None)
@@ -216,7 +243,7 @@ def _prim(prim: Usd.Prim, path: str, kind: str, places: Places, found: _Found) -
         type=kind,
         apis=apis,
         active=prim.IsActive(),
-        defined=is_in_scene(prim, found.hidden),
+        defined=is_in_scene(prim, hidden),
         attributes=attributes,
         relationships=relationships,
         local=local,

@@ -1,0 +1,267 @@
+"""Stages that are read one after the other are read as if each were alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from grade_files import CLOCK, LAB, starter
+from msgspec.structs import asdict
+from pxr import Usd
+from sabotage import graph_faults
+from scene_changes import Change
+from scene_sabotage import scene_sabotage
+from sensor_sabotage import sensor_sabotage
+
+from lab3_usd.check.model import StageModel
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.compare import compare_starter
+from lab3_usd.stage.opening import memory, open_stage
+from lab3_usd.stage.own_text import own_texts
+from lab3_usd.stage.reader import read_model, read_stage
+
+LAST = LAB.checkpoints["05"]
+FAULTS: dict[str, Change] = {
+    **{each.name: each.apply for each in (*scene_sabotage(), *sensor_sabotage())},
+    **{each.name: each.break_it for each in [*graph_faults(LAB, LAST)][::9]},
+}
+
+
+@pytest.fixture
+def remembering() -> Iterator[None]:
+    """Let stages be remembered as while a submission is judged."""
+    token = memory.set({})
+    yield
+    memory.reset(token)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_checkpoint(None, "05", tmp_path_factory.mktemp("built") / "Lab3_05.usda")
+
+
+@pytest.fixture(scope="module")
+def original() -> Usd.Stage:
+    return open_stage(starter())
+
+
+def alone(path: Path) -> StageModel:
+    token = memory.set(None)
+    model = read_stage(path, LAB)
+    memory.reset(token)
+    return model
+
+
+def parts(model: StageModel) -> dict[str, Any]:
+    return {**asdict(model), "path": "", "prims": dict(model.prims), "order": [*model.prims]}
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(f"#usda 1.0\n\n{text}")
+    return path
+
+
+@pytest.mark.usefixtures("remembering")
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_seen_between_clean_stages(
+    name: str, built: Path, original: Usd.Stage, tmp_path: Path
+) -> None:
+    faulty = tmp_path / "faulty.usda"
+    stage = Usd.Stage.Open(str(built))
+    FAULTS[name](stage)
+    stage.GetRootLayer().Export(str(faulty))
+    stage.GetRootLayer().Reload()
+    kept = [open_stage(path) for path in (built, faulty, built)]
+    for path, each in zip((built, faulty, built), kept, strict=True):
+        assert parts(read_model(each, LAB, "")) == parts(alone(path))
+    found = compare_starter(original, kept[1], LAB, "05").changes
+    token = memory.set(None)
+    expected = compare_starter(original, open_stage(faulty), LAB, "05").changes
+    memory.reset(token)
+    assert found == expected
+
+
+ROOT = """def Xform "World"
+{
+    double3 xformOp:translate = (0, 0, 1)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+
+    def Xform "arm"
+    {
+        double3 xformOp:translate = (1, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+
+        def Xform "hand" (
+            prepend apiSchemas = ["PhysicsRigidBodyAPI"]
+        )
+        {
+            double physics:mass = 2
+        }
+    }
+
+    def Xform "other"
+    {
+    }
+}
+"""
+OTHER = """    def Xform "other"
+    {
+    }
+"""
+MASS = "mass = 2"
+LATER = "    double physics:mass = 7\n"
+VARIANT = """"arm" (
+        variants = {
+            string v = "a"
+        }
+        prepend variantSets = "v"
+    )
+    {
+        variantSet "v" = {
+            "a" {
+                over "hand"
+                {
+                    double physics:other = 1
+                }
+            }
+        }
+"""
+ORDER = '{\n    reorder nameChildren = ["other", "arm"]\n    d'
+HEIR = '"arm" (\n        inherits = </_c>\n    )\n'
+CLASS = """
+class "_c"
+{
+    over "hand"
+    {
+        double physics:other = 1
+    }
+}
+"""
+STRING = """mass = 3
+            string s = \"\"\"
+    def Xform "x"
+    {
+    }
+\"\"\""""
+COMMENT = """mass = 3
+/*
+    def Xform "x"
+    {
+    }
+*/"""
+
+
+def other(old: str, new: str) -> str:
+    """Return the text of a stage that differs in one place."""
+    assert old in ROOT
+    return ROOT.replace(old, new)
+
+
+# Stages in which much of the text is the same.
+OTHERS = {
+    "an ancestor moved": other("(0, 0, 1)", "(0, 0, 2)"),
+    "the parent is another": other('"arm"', '"leg"'),
+    "the parent is only an over": other('def Xform "arm"', 'over Xform "arm"'),
+    "an ancestor is a class": other('def Xform "World"', 'class Xform "World"'),
+    "the parent is inactive": other('"arm"\n', '"arm" (\n        active = false\n    )\n'),
+    "a value changed": other(MASS, "mass = 3"),
+    "a value after the children": other(OTHER, OTHER + LATER),
+    "a brace on the line": other(OTHER, OTHER.replace("\n    {\n    }", "\n    {}") + LATER),
+    "a prim in a string": other(MASS, STRING),
+    "a prim in a comment": other(MASS, COMMENT),
+    "a reference": other('"other"\n', '"other" (\n        references = </World/arm>\n    )\n'),
+    "a class to inherit from": other('"arm"\n', HEIR) + CLASS,
+    "a variant": other('"arm"\n    {\n', VARIANT),
+    "children in another order": other("{\n    d", ORDER),
+    "another layout": other("    ", "  "),
+    "tabs": other("    ", "\t"),
+    "line ends of Windows": other("\n", "\r\n"),
+    "a namespace above": other("{\n    d", '{\n    string isaac:namespace = "robot"\n    d'),
+}
+
+
+@pytest.mark.usefixtures("remembering")
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_stage_that_only_looks_alike_is_read_anew(name: str, tmp_path: Path) -> None:
+    first = open_stage(written(tmp_path / "first.usda", ROOT))
+    path = written(tmp_path / "second.usda", OTHERS[name])
+    second = open_stage(path)
+    third = open_stage(written(tmp_path / "third.usda", ROOT))
+    expected = parts(read_model(first, LAB, ""))
+    assert parts(read_model(second, LAB, "")) == parts(alone(path))
+    assert parts(read_model(third, LAB, "")) == expected
+
+
+@pytest.mark.usefixtures("remembering")
+def test_what_is_written_as_before_is_not_read_again(built: Path, tmp_path: Path) -> None:
+    text = built.read_text().replace("physics:mass = 0.114", "physics:mass = 0.5")
+    later = tmp_path / "later.usda"
+    later.write_text(text)
+    stages = [open_stage(path) for path in (built, later)]
+    first, second = (read_model(stage, LAB, "") for stage in stages)
+    again = {path for path, prim in second.prims.items() if prim is first.prims[path]}
+    robot = LAB.scene["robot"]["path"]
+    assert {robot, f"{robot}/base_link"} <= again
+    assert not {f"{robot}/base_scan", f"{robot}/base_scan/Lidar2D"} & again
+    one, two = (
+        next(graph for graph in model.graphs if graph.path == CLOCK) for model in (first, second)
+    )
+    assert all(node is other for node, other in zip(one.nodes, two.nodes, strict=True))
+
+
+def test_nothing_is_remembered_where_no_stage_stays_open(built: Path) -> None:
+    first, second = (read_model(open_stage(built), LAB, "") for _ in range(2))
+    assert not any(second.prims[path] is prim for path, prim in first.prims.items())
+
+
+def test_each_prim_has_its_own_text_and_not_its_childrens(tmp_path: Path) -> None:
+    texts = own_texts(open_stage(written(tmp_path / "a.usda", ROOT)))
+    assert [*texts] == ["/World", "/World/arm", "/World/arm/hand", "/World/other"]
+    assert texts["/World/other"] == '\n    def Xform "other"\n    {'
+    assert "mass" in texts["/World/arm/hand"]
+    assert "mass" not in texts["/World/arm"]
+
+
+def test_what_an_arc_brings_something_to_has_no_text_of_its_own(tmp_path: Path) -> None:
+    texts = own_texts(open_stage(written(tmp_path / "a.usda", OTHERS["a class to inherit from"])))
+    assert [*texts] == ["/World", "/World/other", "/_c", "/_c/hand"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("a prim in a string", "a prim in a comment", "a value after the children"),
+        *("a brace on the line", "another layout", "tabs", "children in another order"),
+    ],
+)
+def test_a_layer_that_is_not_laid_out_as_usd_writes_it_has_no_texts(
+    name: str, tmp_path: Path
+) -> None:
+    assert own_texts(open_stage(written(tmp_path / "a.usda", OTHERS[name]))) == {}
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        *('string s = """a\nb"""', "string s = '''a\nb'''"),
+        *("int a = 1 /* of\nmany */", "asset a = @@@a.png@@@", "int a =\t1"),
+    ],
+)
+def test_a_layer_in_which_something_may_span_lines_has_no_texts(value: str, tmp_path: Path) -> None:
+    text = other(MASS, f"{MASS}\n            {value}")
+    assert own_texts(open_stage(written(tmp_path / "a.usda", text))) == {}
+
+
+def test_a_stage_of_several_layers_has_no_texts(tmp_path: Path) -> None:
+    written(tmp_path / "a.usda", ROOT)
+    over = tmp_path / "b.usda"
+    over.write_text("#usda 1.0\n(\n    subLayers = [@./a.usda@]\n)\n\n" + ROOT)
+    assert own_texts(open_stage(over)) == {}
+
+
+def test_a_binary_layer_has_no_texts(built: Path, tmp_path: Path) -> None:
+    stage = Usd.Stage.Open(str(built))
+    stage.GetRootLayer().Export(str(tmp_path / "a.usdc"))
+    assert own_texts(open_stage(tmp_path / "a.usdc")) == {}
