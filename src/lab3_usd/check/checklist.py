@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from fnmatch import fnmatchcase
+import re
+from collections.abc import Callable, Iterator, Mapping
+from fnmatch import translate
+from functools import cache
 from typing import Literal
 
 from msgspec import Struct
@@ -99,13 +101,20 @@ def _requirements(patterns: tuple[str, ...], known: Known) -> _Verdict:
     if last is None:
         return "not shown", "no stage could be read"
     for pattern in patterns:
-        asked = [each for each in last.requirements if fnmatchcase(each.id, pattern)]
+        is_asked = _matcher(pattern)
+        asked = [each for each in last.requirements if is_asked(each.id)]
         if not asked:
             return "not met", f"checkpoint {last.checkpoint} is the last, and does not have it yet"
         missed = [each for each in asked if not each.met]
         if missed:
             return "not met", _titles(missed)
     return "met", ""
+
+
+@cache
+def _matcher(pattern: str) -> Callable[[str], re.Match[str] | None]:
+    """Return what tells whether a name fits a pattern of the lab's with `*`."""
+    return re.compile(translate(pattern)).match
 
 
 def _titles(missed: list[Requirement]) -> str:

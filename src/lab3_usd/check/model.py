@@ -165,7 +165,6 @@ class StageModel(Struct, frozen=True, eq=False):
     Two models are the same only when they are one: what is derived from one is remembered by it.
     """
 
-    path: str
     up_axis: str
     meters_per_unit: float
     kilograms_per_unit: float

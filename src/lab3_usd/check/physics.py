@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import lru_cache
 
-from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.model import Prim, StageModel
 from lab3_usd.spec.catalog import Value
 
@@ -61,7 +60,8 @@ def joints(stage: StageModel) -> tuple[Prim, ...]:
 
 def below(stage: StageModel, top: str) -> Iterator[Prim]:
     """Yield every prim at or below `top`, in the scene or not."""
-    return (prim for prim in stage.prims.values() if is_at_or_below(prim.path, top))
+    inside = f"{top.rstrip('/')}/"
+    return (prim for path, prim in stage.prims.items() if path == top or path.startswith(inside))
 
 
 def number(value: Value | None) -> float | None:

@@ -56,7 +56,7 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
 
 def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
     """Return every requirement of every checkpoint, as an empty stage leaves it: not met."""
-    empty = StageModel("", "", 1.0, 1.0, (), {})
+    empty = StageModel("", 1.0, 1.0, (), {})
     return {
         number: tuple(
             Requirement(each.id, each.group, each.kind, each.title, met=False, handout=each.handout)

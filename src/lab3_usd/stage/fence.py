@@ -20,7 +20,7 @@ from lab3_usd.stage.fence_layers import (
     open_layer,
 )
 from lab3_usd.stage.missing import find_unresolved
-from lab3_usd.stage.opening import memory, opener, quiet
+from lab3_usd.stage.opening import check_file, memory, opener, quiet
 
 _LARGEST_TWIN = 8 << 20
 
@@ -56,6 +56,7 @@ def _open_within(fence: Fence, path: Path) -> Usd.Stage:
 
 def _open_first(fence: Fence, path: Path, real: str) -> Usd.Stage:
     if real in fence.allowed:
+        check_file(path)
         return Usd.Stage.Open(real, Usd.Stage.LoadAll)
     name = name_of(fence, real)
     if name is None:
@@ -65,6 +66,7 @@ def _open_first(fence: Fence, path: Path, real: str) -> Usd.Stage:
     if name in fence.broken:
         message = f"{path}: {fence.broken[name]}"
         raise StageError(message)
+    check_file(path)
     twin = _twin(fence, real)
     if twin is not None:
         _share_barred(fence, name_of(fence, twin), name)

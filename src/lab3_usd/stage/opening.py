@@ -22,10 +22,12 @@ ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 
 
 def _open(path: Path) -> Usd.Stage:
+    check_file(path)
     return Usd.Stage.Open(str(path), Usd.Stage.LoadAll)
 
 
-# How a stage is opened. A grader replaces it while strangers' files are read (see `fence`).
+# How a stage is opened, its file checked before. A grader replaces it while strangers' files are
+# read (see `fence`).
 opener: ContextVar[Callable[[Path], Usd.Stage]] = ContextVar("opener", default=_open)
 
 
@@ -76,7 +78,6 @@ def open_stage(path: Path) -> Usd.Stage:
     Raises:
         StageError: one line that says why the file cannot be opened, and what to do.
     """
-    _check_file(path)
     with quiet(), in_plain_words(path, Tf.ErrorException, RuntimeError, UnicodeError):
         stage = opener.get()(path)
     if stage is None:
@@ -85,8 +86,12 @@ def open_stage(path: Path) -> Usd.Stage:
     return stage
 
 
-def _check_file(path: Path) -> None:
-    """Say in plain words what usd-core would say in its own."""
+def check_file(path: Path) -> None:
+    """Say in plain words what usd-core would say in its own.
+
+    Raises:
+        StageError: usd-core cannot open the file.
+    """
     _check_name(path)
     if not path.exists():
         message = f"{path}: there is no such file"

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from msgspec.structs import replace
 from pxr import Tf, Usd
 
 from lab3_usd.check.model import Absent, Collider, GraphModel, Node, Prim, StageModel
@@ -43,17 +42,16 @@ def read_stage(path: Path | str, lab: Lab) -> StageModel:
 
 
 def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
-    """Read an open stage; `path` is the name it goes by in the model.
+    """Read an open stage; `path` is the name it goes by.
 
     Raises:
         StageError: the file is damaged in a way that shows only now.
     """
     with in_plain_words(path, Tf.ErrorException, UnicodeDecodeError, DamagedError):
-        model = remembered(("model", id(stage)), lambda: _read_model(stage, lab, path))
-    return model if model.path == path else replace(model, path=path)
+        return remembered(("model", id(stage)), lambda: _read_model(stage, lab))
 
 
-def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
+def _read_model(stage: Usd.Stage, lab: Lab) -> StageModel:
     unresolved = tuple(find_unresolved(stage))
     hidden = tuple(dict.fromkeys(missing.prim for missing in unresolved))
     found = _Found(Before({}, {}) if hidden else before(stage), hidden)
@@ -63,7 +61,6 @@ def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
         if not prim.IsPseudoRoot():
             _read_prim(prim, lab, places, found)
     return StageModel(
-        path=path,
         up_axis=str(stage.GetMetadata("upAxis")),
         meters_per_unit=float(stage.GetMetadata("metersPerUnit")),
         kilograms_per_unit=_kilograms(stage),
