@@ -93,9 +93,9 @@ def measure(count: int, numbers: tuple[str, ...], jobs: int = 1) -> Figures:
             started, before = time.perf_counter(), sum(os.times()[:4])
             rows = grade_class(settings)
             seconds, busy = time.perf_counter() - started, sum(os.times()[:4]) - before
-    if any(row["lost"] and not row["lost"][0]["title"].endswith("missing") for row in rows):
-        message = "a clean submission is not graded as one"
-        raise RuntimeError(message)
+        if any(row["lost"] and not row["lost"][0]["title"].endswith("missing") for row in rows):
+            message = "a clean submission is not graded as one"
+            raise RuntimeError(message)
     return Figures(count, count * len(numbers), seconds, busy, most["parent"], most["workers"])
 
 

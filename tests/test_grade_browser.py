@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 from browser import DESKTOP, PHONE, Browser, started
 from test_browser import CONTRASTS
-from test_grade_page import EVIL, ITEMS, row
-
-from lab3_usd.report.class_page import render_class
+from test_grade_page import EVIL, ITEMS, page_of, row
 
 pytestmark = pytest.mark.xdist_group("browser")
 
@@ -32,7 +30,7 @@ def chromium() -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("class") / "index.html"
-    path.write_text(render_class("Lab 3", ITEMS, ROWS), encoding="utf-8")
+    path.write_text(page_of("Lab 3", ITEMS, ROWS), encoding="utf-8")
     return path
 
 

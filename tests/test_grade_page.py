@@ -8,13 +8,17 @@ from typing import Any
 
 import pytest
 
-from lab3_usd.report.class_page import distribution, hardest, render_class
+from lab3_usd.report.class_page import class_page, distribution, hardest
 
 ITEMS = [
     {"id": "clock", "title": "/clock is publishing", "points": 10.0, "optional": False},
     {"id": "tree", "title": "The TF tree is connected", "points": 5.0, "optional": False},
 ]
 EVIL = "<script>alert(1)</script>\x1b[2J{{ 7 * 7 }}\" onmouseover='x'"
+
+
+def page_of(title: str, items: list[dict[str, Any]], rows: list[dict[str, Any]]) -> str:
+    return "".join(class_page(title, items, rows))
 
 
 def row(student: str, percent: float | None = 100.0, **changes: Any) -> dict[str, Any]:
@@ -96,7 +100,7 @@ def test_the_hardest_requirements_come_first() -> None:
 
 
 def test_every_student_has_a_line_with_a_link_to_the_report() -> None:
-    page = Page(render_class("Lab 3", ITEMS, [row("jane"), row("ali", reports=[])]))
+    page = Page(page_of("Lab 3", ITEMS, [row("jane"), row("ali", reports=[])]))
     links = [each["href"] for each in page.all("a")]
     assert links == ["#students", "students/jane/report.html"]
     assert {"jane", "Name of ali"} <= {text.strip() for text in page.text}
@@ -104,7 +108,7 @@ def test_every_student_has_a_line_with_a_link_to_the_report() -> None:
 
 def test_figures_and_states_can_be_read_without_a_script() -> None:
     rows = [row("a", 50.0), row("b", 100.0), row("c", None, status="timeout", reason="too slow")]
-    page = Page(render_class("Lab 3", ITEMS, rows))
+    page = Page(page_of("Lab 3", ITEMS, rows))
     text = " ".join(" ".join(page.text).split())
     assert "75.0 % median" in text
     assert "1 timeout" in text
@@ -114,7 +118,7 @@ def test_figures_and_states_can_be_read_without_a_script() -> None:
 
 
 def test_columns_sort_by_numbers_where_they_hold_numbers() -> None:
-    page = Page(render_class("Lab 3", ITEMS, [row("a", 9.5), row("b", 100.0)]))
+    page = Page(page_of("Lab 3", ITEMS, [row("a", 9.5), row("b", 100.0)]))
     values = [each["data-value"] for each in page.all("td") if "data-value" in each]
     assert values[0] == "9.5"
     assert [each["data-status"] for each in page.all("tr") if "data-status" in each] == [
@@ -124,13 +128,13 @@ def test_columns_sort_by_numbers_where_they_hold_numbers() -> None:
 
 
 def test_an_empty_class_has_a_page() -> None:
-    assert "0 submissions" in render_class("Lab 3", ITEMS, [])
+    assert "0 submissions" in page_of("Lab 3", ITEMS, [])
 
 
 def test_nothing_that_a_student_wrote_is_markup() -> None:
     lost = [{"item": "clock", "requirement": "1", "title": EVIL}]
     changes = {"name": EVIL, "reason": EVIL, "status": EVIL, "because": [EVIL], "lost": lost}
-    html = render_class(EVIL, ITEMS, [row("a", **changes)])
+    html = page_of(EVIL, ITEMS, [row("a", **changes)])
     page = Page(html)
     assert len(page.all("script")) == 1
     assert not any("onmouseover" in attributes for _, attributes in page.tags)
@@ -140,7 +144,7 @@ def test_nothing_that_a_student_wrote_is_markup() -> None:
 
 
 def test_the_page_fetches_nothing_and_allows_only_its_own_style_and_script() -> None:
-    html = render_class("Lab 3", ITEMS, [row("a")])
+    html = page_of("Lab 3", ITEMS, [row("a")])
     page = Page(html)
     (policy,) = [each["content"] for each in page.all("meta") if "http-equiv" in each]
     assert policy is not None
@@ -152,6 +156,6 @@ def test_the_page_fetches_nothing_and_allows_only_its_own_style_and_script() -> 
 
 
 def test_every_control_has_a_name() -> None:
-    page = Page(render_class("Lab 3", ITEMS, [row("a")]))
+    page = Page(page_of("Lab 3", ITEMS, [row("a")]))
     assert len(page.all("label")) == len(page.all("input")) + len(page.all("select"))
     assert [each["lang"] for each in page.all("html")] == ["en"]

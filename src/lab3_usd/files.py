@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from lab3_usd.errors import UsageError
@@ -14,6 +15,15 @@ def write_whole(target: Path, data: bytes, *, force: bool = False) -> None:
     Raises:
         UsageError: `target` exists and `force` is not set, or it cannot be written.
     """
+    write_parts(target, (data,), force=force)
+
+
+def write_parts(target: Path, parts: Iterable[bytes], *, force: bool = False) -> None:
+    """Write one part after the other to a new file beside `target`, then rename it to `target`.
+
+    Raises:
+        UsageError: `target` exists and `force` is not set, or it cannot be written.
+    """
     refuse_existing(target, force=force)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -21,7 +31,7 @@ def write_whole(target: Path, data: bytes, *, force: bool = False) -> None:
         temporary = Path(name)
         try:
             with open(handle, "wb") as file:  # noqa: PTH123 - a handle, not a path
-                file.write(data)
+                file.writelines(parts)
             temporary.chmod(0o644)
             temporary.replace(target)
         finally:

@@ -85,8 +85,9 @@ def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one ent
         runner=_runner(options["cluster"]),
     )
     rows = grade_class(settings, _progress())
-    click.echo(_summary(rows, options["out"]))
-    if any(row["status"] == "tool failed" for row in rows):
+    counts = Counter(row["status"] for row in rows)
+    click.echo(_summary(counts, options["out"]))
+    if counts["tool failed"]:
         sys.exit(EXIT_CRASH)
 
 
@@ -115,8 +116,8 @@ def _progress() -> Callable[[int, int], None]:
     return Rate(sys.stderr).show
 
 
-def _summary(rows: list[dict[str, Any]], out: Path) -> str:
-    counts = Counter(row["status"] for row in rows)
+def _summary(counts: Counter[str], out: Path) -> str:
     states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-    counted = "1 submission" if len(rows) == 1 else f"{len(rows)} submissions"
+    number = counts.total()
+    counted = "1 submission" if number == 1 else f"{number} submissions"
     return f"{counted} ({states}): {out / 'index.html'}"

@@ -7,7 +7,6 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -15,7 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.grade.archives import ArchiveError, is_archive, unpack
-from lab3_usd.grade.gradebook import check_target, known_digest, write_student, write_tables
+from lab3_usd.grade.gradebook import Rows, check_target, known_digest, write_student, write_tables
 from lab3_usd.grade.intake import Intake, TooLargeError
 from lab3_usd.grade.judge import Json, Task, not_judged
 from lab3_usd.grade.limits import Limits
@@ -48,7 +47,7 @@ class ClassSettings(Struct, frozen=True):
 
 def grade_class(
     settings: ClassSettings, progress: Callable[[int, int], None] = lambda _done, _total: None
-) -> list[dict[str, Any]]:
+) -> Rows:
     """Grade every submission and return the rows of the gradebook, in the order of the students.
 
     `progress` is told how many of how many are done. What is finished is on disk at once, so

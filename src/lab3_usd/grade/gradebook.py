@@ -5,15 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sized
 from pathlib import Path
 from typing import Any
 
 from lab3_usd.errors import UsageError
-from lab3_usd.files import write_whole
+from lab3_usd.files import write_parts, write_whole
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.submissions import Handed
-from lab3_usd.report.class_page import render_class
+from lab3_usd.report.class_page import class_page
 from lab3_usd.report.csv_report import safe_cell
 from lab3_usd.report.tool import NAME, tool_version
 
@@ -86,12 +86,36 @@ def _json(document: Any) -> bytes:  # noqa: ANN401 - whatever JSON holds
     return (json.dumps(document, indent=1) + "\n").encode()
 
 
-def write_tables(out: Path, handed: Sequence[Handed], rubric: Rubric) -> list[Row]:
+class Rows(Sized, Iterable[Row]):
+    """The rows of a gradebook, in the order of the students; read from its files as they pass by.
+
+    A class may be large: its rows are never in memory all at once.
+    """
+
+    def __init__(self, out: Path, handed: Iterable[Handed]) -> None:
+        """Find the students of whom there is a result."""
+        self._out = out
+        self._handed = tuple(each for each in handed if read_result(out, each) is not None)
+
+    def __len__(self) -> int:
+        """Return how many students there are."""
+        return len(self._handed)
+
+    def __iter__(self) -> Iterator[Row]:
+        """Yield one row after the other."""
+        for each in self._handed:
+            row = read_result(self._out, each)
+            if row is not None:
+                yield row
+
+
+def write_tables(out: Path, handed: Iterable[Handed], rubric: Rubric) -> Rows:
     """Write the tables and the page of the class from the students' results, and return those."""
-    rows = [row for each in handed if (row := read_result(out, each)) is not None]
-    write_whole(out / CSV, _csv(rows, rubric), force=True)
-    write_whole(out / JSON, _json(_document(rows, rubric)), force=True)
-    write_whole(out / PAGE, render_class(rubric.title, _columns(rubric), rows).encode(), force=True)
+    rows = Rows(out, handed)
+    page = class_page(rubric.title, _columns(rubric), rows)
+    write_parts(out / CSV, _csv(rows, rubric), force=True)
+    write_parts(out / JSON, _document(rows, rubric), force=True)
+    write_parts(out / PAGE, (part.encode() for part in page), force=True)
     return rows
 
 
@@ -102,12 +126,10 @@ def _columns(rubric: Rubric) -> list[Row]:
     ]
 
 
-def _csv(rows: Iterable[Row], rubric: Rubric) -> bytes:
-    """Return the table of grades; lines end in CR LF, no cell is a formula."""
+def _csv(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
+    """Yield the lines of the table of grades; they end in CR LF, and no cell is a formula."""
     names = [item.id for item in rubric.items]
-    table = io.StringIO(newline="")
-    writer = csv.writer(table)
-    writer.writerow([
+    yield _line([
         "student", "name", "status", "late", "earned", "possible", "percent", *names, "remarks",
     ])  # fmt: skip
     for row in rows:
@@ -115,8 +137,13 @@ def _csv(rows: Iterable[Row], rubric: Rubric) -> bytes:
         cells = [row["student"], row["name"], row["status"], "yes" if row["late"] else ""]
         cells += [_number(row[key]) for key in ("earned", "possible", "percent")]
         cells += [_cell(earned[name]) for name in names]
-        writer.writerow(map(safe_cell, [*cells, _remarks(row)]))
-    return table.getvalue().encode("utf-8", "replace")
+        yield _line(map(safe_cell, [*cells, _remarks(row)]))
+
+
+def _line(cells: Iterable[str]) -> bytes:
+    line = io.StringIO(newline="")
+    csv.writer(line).writerow(cells)
+    return line.getvalue().encode("utf-8", "replace")
 
 
 def _number(value: float | None) -> str:
@@ -138,14 +165,19 @@ def _remarks(row: Row) -> str:
     return "; ".join(filter(None, remarks))
 
 
-def _document(rows: Sequence[Row], rubric: Rubric) -> Row:
-    return {
+def _document(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
+    """Yield the gradebook as JSON, each student on a line."""
+    head = {
         "version": _VERSION,
         "tool": {"name": NAME, "version": tool_version()},
         "title": rubric.title,
         "points": rubric.points,
         "items": _columns(rubric),
-        "students": [
-            {key: row[key] for key in row if key not in {"version", "salt"}} for row in rows
-        ],
     }
+    yield json.dumps(head, indent=1).removesuffix("\n}").encode() + b',\n "students": ['
+    between = b"\n"
+    for row in rows:
+        shown = {key: row[key] for key in row if key not in {"version", "salt"}}
+        yield between + b"  " + json.dumps(shown).encode()
+        between = b",\n"
+    yield b"\n ]\n}\n"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import statistics
 from base64 import b64encode
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import jinja2
 from markupsafe import Markup
@@ -22,6 +22,7 @@ FOLDER = Path(__file__).resolve().parent / "templates"
 STUDENTS, REPORT = "students", "report.html"
 BIN = 10  # per cent
 _HARDEST = 20
+_PIECES = 500  # pieces of text that make a part of the page
 Row = Mapping[str, Any]
 
 
@@ -50,20 +51,24 @@ class ItemSummary(Struct, frozen=True):
     states: Mapping[str, int]
 
 
-def render_class(title: str, items: Sequence[Row], rows: Sequence[Row]) -> str:
-    """Return the page for the rows of a gradebook; the order of the rows is kept.
+class Rows(Sized, Iterable[Row], Protocol):
+    """The rows of a gradebook: counted, and read as often as asked for."""
+
+
+def class_page(title: str, items: Sequence[Row], rows: Rows) -> Iterator[str]:
+    """Yield the parts of the page for the rows of a gradebook, whose order is kept.
 
     It needs no network, and no script for reading: the script only sorts and filters.
     """
     percents = [row["percent"] for row in rows if row["percent"] is not None]
     style, script = (_text(name) for name in ("class.css", "class.js"))
-    return _environment().get_template("class.html.j2").render(
+    page = _environment().get_template("class.html.j2").stream(
         title=title,
         rows=rows,
         items=items,
         bars=list(distribution(percents)),
         hardest=hardest(rows),
-        summaries=[_summary(item, rows) for item in items],
+        summaries=summaries(items, rows),
         statuses=sorted(Counter(row["status"] for row in rows).items()),
         median=statistics.median(percents) if percents else None,
         mean=statistics.fmean(percents) if percents else None,
@@ -73,6 +78,8 @@ def render_class(title: str, items: Sequence[Row], rows: Sequence[Row]) -> str:
         policy=_policy(style, script),
         tool=f"{NAME} {tool_version()}",
     )  # fmt: skip
+    page.enable_buffering(_PIECES)
+    yield from page
 
 
 def distribution(percents: Sequence[float]) -> Iterator[Bar]:
@@ -84,7 +91,7 @@ def distribution(percents: Sequence[float]) -> Iterator[Bar]:
         yield Bar(start, counts[start], counts[start] / highest)
 
 
-def hardest(rows: Sequence[Row]) -> list[Hard]:
+def hardest(rows: Iterable[Row]) -> list[Hard]:
     """Return the requirements that most students lost, the most frequent first.
 
     At which item a student lost one does not matter here.
@@ -99,12 +106,24 @@ def hardest(rows: Sequence[Row]) -> list[Hard]:
     ]
 
 
-def _summary(item: Row, rows: Sequence[Row]) -> ItemSummary:
-    found = [each for row in rows for each in row["items"] if each["id"] == item["id"]]
-    shares = [each["earned"] / each["possible"] for each in found if each["possible"]]
-    mean = statistics.fmean(shares) if shares else None
-    states = Counter(each["state"] for each in found)
-    return ItemSummary(item["title"], item["points"], mean, dict(sorted(states.items())))
+def summaries(items: Sequence[Row], rows: Iterable[Row]) -> list[ItemSummary]:
+    """Return how each item of the rubric went."""
+    shares: dict[str, list[float]] = {item["id"]: [] for item in items}
+    states: dict[str, Counter[str]] = {item["id"]: Counter() for item in items}
+    for row in rows:
+        for each in row["items"]:
+            states[each["id"]][each["state"]] += 1
+            if each["possible"]:
+                shares[each["id"]].append(each["earned"] / each["possible"])
+    return [
+        ItemSummary(
+            item["title"],
+            item["points"],
+            statistics.fmean(shares[item["id"]]) if shares[item["id"]] else None,
+            dict(sorted(states[item["id"]].items())),
+        )
+        for item in items
+    ]
 
 
 def _text(name: str) -> str:
