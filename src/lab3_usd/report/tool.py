@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from functools import lru_cache
 
 NAME = "lab3-usd"
 UNKNOWN = "0+unknown"
@@ -17,7 +18,12 @@ def tool_version() -> str:
     Reads the name of the folder that every installer leaves beside the package; asking
     `importlib.metadata` costs more than checking a stage does, most of it for e-mail parsing.
     """
-    for folder in sys.path:
+    return _first_version(tuple(sys.path))
+
+
+@lru_cache(maxsize=1)  # each report of a class is signed
+def _first_version(folders: tuple[str, ...]) -> str:
+    for folder in folders:
         version = _version_in(folder)
         if version:
             return version

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from functools import cache
 from itertools import pairwise
 
 from lab3_usd.report.picture_model import Bezier, Point
@@ -39,10 +39,10 @@ def around(start: Point, end: Point, lane: float, bulge: float) -> tuple[Bezier,
 
 def points(path: Sequence[Bezier], steps: int = STEPS) -> Iterator[Point]:
     """Yield points along a path, ends included."""
-    weights = [_weights(step / steps) for step in range(steps + 1)]
-    for curve in path:
-        for each in weights:
-            yield _weighed(curve, each)
+    weights = _all_weights(steps)
+    for (x0, y0), (x1, y1), (x2, y2), (x3, y3) in path:
+        for a, b, c, d in weights:
+            yield a * x0 + b * x1 + c * x2 + d * x3, a * y0 + b * y1 + c * y2 + d * y3
 
 
 def point_at(curve: Bezier, t: float) -> Point:
@@ -50,7 +50,11 @@ def point_at(curve: Bezier, t: float) -> Point:
     return _weighed(curve, _weights(t))
 
 
-@lru_cache(maxsize=256)
+@cache
+def _all_weights(steps: int) -> list[tuple[float, float, float, float]]:
+    return [_weights(step / steps) for step in range(steps + 1)]
+
+
 def _weights(t: float) -> tuple[float, float, float, float]:
     return (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3
 

@@ -53,10 +53,11 @@ def crosses(path: Path, curve: Curve, boxes: Mapping[str, Box]) -> bool:
     own = {curve.source.key, curve.target.key}
     for piece in path:
         near = _near(piece, boxes)
-        if near and any(
-            _inside(point, box, -1.0 if box.key in own else CLEAR)
-            for point in points((piece,))
-            for box in near
+        walls = [_walls(box, -1.0 if box.key in own else CLEAR) for box in near]
+        if walls and any(
+            left < x < right and top < y < bottom
+            for x, y in points((piece,))
+            for left, right, top, bottom in walls
         ):
             return True
     return False
@@ -76,10 +77,13 @@ def _near(piece: Bezier, boxes: Mapping[str, Box]) -> list[Box]:
     ]
 
 
-def _inside(point: Point, box: Box, margin: float) -> bool:
+def _walls(box: Box, margin: float) -> tuple[float, float, float, float]:
+    """Return left, right, top and bottom of a box with room around it."""
     return (
-        box.x - margin < point[0] < box.x + box.w + margin
-        and box.y - margin < point[1] < box.y + box.h + margin
+        box.x - margin,
+        box.x + box.w + margin,
+        box.y - margin,
+        box.y + box.h + margin,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from functools import lru_cache
 
 from lab3_usd.report.escape import visible
 
@@ -26,6 +27,7 @@ OTHER = 0.85
 ELLIPSIS = "…"
 
 
+@lru_cache(maxsize=1024)  # types and ports come again in every picture
 def text_width(text: str, size: float, *, bold: bool = False) -> float:
     """Return the most pixels that `text` takes up at this font size."""
     extra = BOLD if bold else 0.0
