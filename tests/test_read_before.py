@@ -129,6 +129,18 @@ VARIANT = """"arm" (
         }
 """
 ORDER = '{\n    reorder nameChildren = ["other", "arm"]\n    d'
+REFERENCES = """    def Xform "other" (
+        references = </World/third>
+    )
+    {
+    }
+
+    def Xform "third" (
+        references = </World/arm>
+    )
+    {
+    }
+"""
 HEIR = '"arm" (\n        inherits = </_c>\n    )\n'
 CLASS = """
 class "_c"
@@ -172,6 +184,15 @@ OTHERS = {
     "a prim in a string": other(MASS, STRING),
     "a prim in a comment": other(MASS, COMMENT),
     "a reference": other('"other"\n', '"other" (\n        references = </World/arm>\n    )\n'),
+    "a reference to what changed": other(MASS, "mass = 3").replace(
+        '"other"\n', '"other" (\n        references = </World/arm>\n    )\n'
+    ),
+    "a reference beside what it brings": other(
+        '"other"\n    {\n',
+        '"other" (\n        references = </World/arm>\n    )\n    {\n'
+        '        over "hand"\n        {\n            double physics:mass = 9\n        }\n',
+    ),
+    "a reference to a reference": other(OTHER, REFERENCES),
     "a class to inherit from": other('"arm"\n', HEIR) + CLASS,
     "a variant": other('"arm"\n    {\n', VARIANT),
     "children in another order": other("{\n    d", ORDER),
@@ -192,6 +213,24 @@ def test_a_stage_that_only_looks_alike_is_read_anew(name: str, tmp_path: Path) -
     expected = parts(read_model(first, LAB, ""))
     assert parts(read_model(second, LAB, "")) == parts(alone(path))
     assert parts(read_model(third, LAB, "")) == expected
+
+
+@pytest.mark.usefixtures("remembering")
+@pytest.mark.parametrize("name", OTHERS)
+def test_every_stage_may_come_after_this_one(name: str, tmp_path: Path) -> None:
+    paths = [written(tmp_path / f"{i}.usda", text) for i, text in enumerate(OTHERS.values())]
+    before = written(tmp_path / "before.usda", OTHERS[name])
+    kept = []
+    for path in paths:
+        kept += [open_stage(before), open_stage(path)]
+        read_model(kept[-2], LAB, "")
+        assert parts(read_model(kept[-1], LAB, "")) == parts(alone(path))
+
+
+def test_a_prim_that_refers_to_others_has_their_text_as_well(tmp_path: Path) -> None:
+    texts = own_texts(open_stage(written(tmp_path / "a.usda", OTHERS["a reference"])))
+    assert texts["/World/other"] == texts["/World/other/hand"]
+    assert texts["/World/arm/hand"] in texts["/World/other"]
 
 
 @pytest.mark.usefixtures("remembering")

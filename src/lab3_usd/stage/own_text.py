@@ -7,7 +7,7 @@ written in the same letters below the same ancestors is the same prim, and need 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from pxr import Sdf, Usd
@@ -19,7 +19,11 @@ _HEADER = re.compile(r'\n( *)(?:def|over|class) (?:\w+ )?"([^"\n]+)"(?: \()?(?=\
 # What spans lines, or could hide that a line is no header.
 _UNCLEAR = ('"""', "'''", "/*", "@@@", "\r", "\t")
 # What brings opinions from elsewhere to the prim and to those below it.
-_ARCS = ("references", "payload", "inherits", "specializes", "variant", "instanceable", "clips")
+_LOCAL_ARCS = ("references", "instanceable")
+_OTHER_ARCS = ("payload", "inherits", "specializes", "variant", "clips")
+_TARGET = re.compile(r"<([^<>]*)>")
+_ASSET = "@"
+_NOWHERE = "//"  # no path begins so
 # What the head of a layer may say without a say in its prims.
 _HARMLESS = frozenset({
     *("documentation", "comment", "customLayerData", "defaultPrim", "upAxis", "metersPerUnit"),
@@ -38,8 +42,9 @@ def texts_of(stage: Usd.Stage) -> Mapping[str, str]:
 def own_texts(stage: Usd.Stage) -> Mapping[str, str]:
     """Return the text of every prim without its children, by path.
 
-    Left out are prims that take anything from elsewhere. There is none at all where the stage
-    consists of several layers, or its one layer is not laid out as usd-core writes it.
+    What refers to prims of the same layer has their text as well. Left out are prims that take
+    anything else from elsewhere. There is none at all where the stage consists of several layers,
+    or its one layer is not laid out as usd-core writes it.
     """
     root = stage.GetRootLayer()
     if not _is_alone(stage, root):
@@ -49,39 +54,67 @@ def own_texts(stage: Usd.Stage) -> Mapping[str, str]:
     except (OSError, UnicodeDecodeError):
         return {}
     texts = _split(text) if text.startswith("#usda") else {}
-    written, mixed = _without_arcs(texts)
-    if written != _paths(stage, mixed):
+    paths, mixed = _paths(stage), _mixed(texts)
+    written = _outside(texts, mixed)
+    if written != _outside(paths, mixed):
         return {}  # a line that looks like a prim is none, or a prim does not look like one
-    return {path: texts[path] for path in written if path not in mixed}
+    own = {path: texts[path] for path in written if path not in mixed}
+    return own | {path: text for top in mixed for path, text in _borrowed(top, paths, texts, own)}
 
 
-def _without_arcs(texts: Mapping[str, str]) -> tuple[list[str], set[str]]:
-    """Return the paths that are not below an arc, and those among them that have one."""
-    written: list[str] = []
-    mixed: set[str] = set()
-    below = "//"  # which is below nothing
+def _paths(stage: Usd.Stage) -> list[str]:
+    everything = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
+    prims = Usd.PrimRange(stage.GetPseudoRoot(), everything)
+    return [str(prim.GetPath()) for prim in prims][1:]
+
+
+def _mixed(texts: Mapping[str, str]) -> dict[str, None]:
+    """Return the topmost prims to which an arc brings anything, in their order."""
+    found: dict[str, None] = {}
+    below = _NOWHERE
     whole = "".join(texts.values())
-    words = [word for word in _ARCS if word in whole]
+    words = [word for word in (*_LOCAL_ARCS, *_OTHER_ARCS) if word in whole]
     for path, text in texts.items():
+        if not path.startswith(below) and any(word in text for word in words):
+            found[path] = None
+            below = f"{path}/"
+    return found
+
+
+def _outside(paths: Iterable[str], mixed: Collection[str]) -> list[str]:
+    """Return the paths that are not below any of the mixed ones."""
+    kept = []
+    below = _NOWHERE
+    for path in paths:
         if path.startswith(below):
             continue
-        written.append(path)
-        if any(word in text for word in words):
-            mixed.add(path)
-            below = f"{path}/"
-    return written, mixed
-
-
-def _paths(stage: Usd.Stage, mixed: Collection[str]) -> list[str]:
-    everything = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
-    prims = iter(Usd.PrimRange(stage.GetPseudoRoot(), everything))
-    paths = []
-    for prim in prims:
-        path = str(prim.GetPath())
-        paths.append(path)
+        kept.append(path)
         if path in mixed:
-            prims.PruneChildren()
-    return paths[1:]
+            below = f"{path}/"
+    return kept
+
+
+def _borrowed(
+    top: str, paths: Iterable[str], texts: Mapping[str, str], own: Mapping[str, str]
+) -> Iterator[tuple[str, str]]:
+    """Yield, for a prim that refers to others of its stage and for all below it, all their text."""
+    said = [texts[path] for path in _inside(texts, top)]
+    whole = "".join(said)
+    if _ASSET in whole or any(word in whole for word in _OTHER_ARCS):
+        return
+    for target in dict.fromkeys(_TARGET.findall(whole)):
+        parts = _inside(texts, target)
+        if not parts or not all(path in own for path in parts):
+            return
+        said += [own[path] for path in parts]
+    text = "\0".join(said)
+    for path in _inside(paths, top):
+        yield path, text
+
+
+def _inside(paths: Iterable[str], top: str) -> list[str]:
+    below = f"{top}/"
+    return [path for path in paths if path.startswith(below) or path == top]
 
 
 def _is_alone(stage: Usd.Stage, root: Sdf.Layer) -> bool:
