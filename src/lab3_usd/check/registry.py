@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any, Literal, TypeVar
 
 from msgspec import Struct
@@ -78,6 +79,7 @@ def rule(
             message = f"rule {rule_id} is registered twice"
             raise ValueError(message)
         _RULES[rule_id] = Rule(rule_id, name, severity, scope, check)
+        _in_order.cache_clear()
         return check
 
     return register
@@ -94,7 +96,12 @@ def rules_of(scope: Scope, *families: str) -> list[Rule]:
     """Return the rules of one scope in order of id, importing only the families named."""
     for family in families:
         importlib.import_module(f"lab3_usd.check.rules.{FAMILIES[family]}")
-    return [found for _, found in sorted(_RULES.items()) if found.scope == scope]
+    return list(_in_order(scope))
+
+
+@cache
+def _in_order(scope: Scope) -> tuple[Rule, ...]:
+    return tuple(found for _, found in sorted(_RULES.items()) if found.scope == scope)
 
 
 def run_rule(found: Rule, subject: Any) -> list[Problem]:  # noqa: ANN401 - the scope decides

@@ -82,12 +82,12 @@ def _changes(pair: Pair) -> Iterator[Change]:
         if skipped is not None and path.HasPrefix(skipped):
             continue
         skipped = None
+        if was.text and was.text == texts.get(was.path):
+            continue  # it is written as it was, below a prim that is there
         twin = pair.stage.GetPrimAtPath(path)
         if _is_passed_over(path, twin, pair):
             skipped = path
         elif is_there(twin):
-            if was.text and was.text == texts.get(was.path):
-                continue  # it is written as it was
             yield from pair.changes(was, twin)
         else:
             skipped = path
