@@ -6,6 +6,8 @@ import os
 import re
 import subprocess
 import sys
+from errno import ENOSPC
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -133,6 +135,23 @@ def test_the_tab_key_completes_commands_and_imports_none() -> None:
     )
     assert done.stdout.split() == ["plain,rules", "plain,rule"]
     assert not [name for name in done.stderr.split() if name.startswith("lab3_usd.commands.")]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device without room")
+def test_a_full_disk_is_no_failure_of_the_program() -> None:
+    with open("/dev/full", "wb") as full:  # noqa: PTH123 - a device, not a path
+        done = subprocess.run(
+            [sys.executable, "-c", "from lab3_usd.cli import main; main()", "rules"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+    assert done.returncode == cli.EXIT_CRASH
+    assert done.stderr.splitlines() == [
+        f"lab3: the output cannot be written: {os.strerror(ENOSPC)}"
+    ]
 
 
 def test_rules_lists_every_rule_once_and_families_in_order() -> None:

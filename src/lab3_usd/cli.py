@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import importlib
 import os
@@ -33,6 +34,7 @@ COMMANDS = {
 }
 EXIT_USAGE = 2
 EXIT_CRASH = 3
+_NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 class LazyGroup(click.Group):
@@ -110,10 +112,18 @@ def main() -> None:
         _fail(str(error), EXIT_USAGE, "usage")
     except BrokenPipeError:
         # The reader of a pipe has gone (`lab3 check ... | head`); nothing is left to say.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _close_output()
         sys.exit(EXIT_CRASH)
     except Exception as error:  # noqa: BLE001 - reported as what it is: our own failure
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            _close_output()
+            _fail(f"the output cannot be written: {error.strerror}", EXIT_CRASH, "crash")
         _fail(f"internal error, please report it: {_described(error)}", EXIT_CRASH, "crash")
+
+
+def _close_output() -> None:
+    """Let what is still to be printed go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _usage_line(error: click.UsageError) -> str:
