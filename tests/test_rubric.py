@@ -305,6 +305,37 @@ def test_comments_and_order_of_keys_leave_a_rubric_the_same(tmp_path: Path) -> N
     assert made(tmp_path, only(checkpoint="01")).digest != RUBRIC.digest
 
 
+def turned(data: dict[str, Any], name: str) -> None:
+    """Turn round the order of the entries of a mapping or a list."""
+    entries = data[name]
+    data[name] = entries[::-1] if isinstance(entries, list) else dict(reversed(entries.items()))
+
+
+def test_the_order_of_items_decides_who_pays_and_makes_another_rubric(tmp_path: Path) -> None:
+    def change(data: dict[str, Any]) -> None:
+        data["items"]["tree"].pop("needs")
+        data["caps"] *= 2
+        data["caps"][1] = {**data["caps"][1], "because": "another reason"}
+
+    before = made(tmp_path, change)
+    other = made(tmp_path, lambda data: (change(data), turned(data, "items")))
+    stages = class_of(everywhere(WIRE))
+    assert grade(before, stages).percent != grade(other, stages).percent
+    assert before.digest != other.digest
+    other = made(tmp_path, lambda data: (change(data), turned(data, "caps")))
+    assert before.digest != other.digest
+
+
+@pytest.mark.parametrize("name", ["weights", "late"])
+def test_an_order_that_decides_nothing_leaves_a_rubric_the_same(tmp_path: Path, name: str) -> None:
+    def change(data: dict[str, Any]) -> None:
+        data["weights"] = {"wire": 2, "node": 3}
+        data["late"] = {"at_most": 0.5, "students": ["ali", "jane"]}
+
+    before = made(tmp_path, change)
+    assert made(tmp_path, lambda data: (change(data), turned(data, name))).digest == before.digest
+
+
 WRONG: dict[str, tuple[Any, str]] = {
     "unknown key": (lambda data: data.update(pionts=1), "pionts"),
     "no title": (lambda data: data.pop("title"), "title"),

@@ -10,6 +10,9 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+from msgspec import to_builtins
+from msgspec.structs import replace
+
 from lab3_usd.check.checker import judge
 from lab3_usd.check.finding import Requirement
 from lab3_usd.check.model import StageModel
@@ -40,9 +43,9 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     known_keys(data, ("title", "weights", "items", "caps", "late"), where)
     asked = everything_asked(lab)
     items = _items(need(data, "items", dict, where), asked, where)
-    return Rubric(
+    rubric = Rubric(
         title=need(data, "title", str, where),
-        digest=hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest(),
+        digest="",
         weights=_weights(data.get("weights", {}), asked, where),
         items=items,
         caps=_caps(data.get("caps", []), items, where),
@@ -52,6 +55,16 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
             for item in items
         },
     )
+    return replace(rubric, digest=_digest(rubric))
+
+
+def _digest(rubric: Rubric) -> str:
+    """Return what tells the rubric from others, the order of its items and caps included.
+
+    What the checkpoints ask for is no part of it: that is the lab's, not the rubric's.
+    """
+    said = to_builtins(replace(rubric, asked={}))
+    return hashlib.sha256(json.dumps(said).encode()).hexdigest()
 
 
 def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
