@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from itertools import permutations
 from pathlib import Path
@@ -347,6 +350,9 @@ WRONG: dict[str, tuple[Any, str]] = {
     "negative points": (only(checkpoint="01", points=-5), "points"),
     "points without end": (only(checkpoint="01", points=float("inf")), "points"),
     "points that are no number": (only(checkpoint="01", points=float("nan")), "points"),
+    "more points than there can be": (only(checkpoint="01", points=1e308), "1e+308"),
+    "points of hundreds of digits": (only(checkpoint="01", points=10**400), "points"),
+    "points too small to see": (only(checkpoint="01", points=1e-300), "1e-300"),
     "points as text": (only(checkpoint="01", points="ten"), "points"),
     "points as yes": (only(checkpoint="01", points=True), "points"),
     "unknown checkpoint": (only(checkpoint="09"), "09"),
@@ -368,6 +374,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "unknown visibility": (only(checkpoint="01", visibility="never"), "never"),
     "partial as text": (only(checkpoint="01", partial="yes"), "partial"),
     "unknown kind": (lambda data: data.update(weights={"wires": 1}), "wires"),
+    "weight of everything": (lambda data: data.update(weights={"wire": 1e308}), "wire"),
     "weight of nothing": (lambda data: data.update(weights={"wire": 0}), "wire"),
     "cap of an unknown rule": (
         lambda data: data["caps"][0].update(rules=["T99"]),
@@ -397,6 +404,61 @@ def test_a_file_that_is_no_rubric_is_refused(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(SpecError, match=r"^mine\.yaml: "):
         load_rubric(path, LAB)
+
+
+HEAD = "title: T\nitems:\n  one: {title: One, checkpoint: '01', points: "
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("title: " + "[" * 100_000, "line 1: is nested"),
+        ("title:\n" + "- " * 300 + "x\n", "line 2: is nested"),
+        ("title: " + "{a: " * 400 + "}" * 400, "line 1: is nested"),
+        ("# " + "x" * 1_000_000, "is larger than 1000000 bytes"),
+        (f"{HEAD}{'9' * 5000}}}\n", "line 3: "),
+        (f"{HEAD}2020-13-45}}\n", "line 3: '2020-13-45' cannot be read"),
+        (f"{HEAD}!!bool maybe}}\n", "line 3: 'maybe' cannot be read"),
+    ],
+    ids=["flow", "blocks", "mappings", "size", "digits", "date", "bool"],
+)
+def test_no_text_brings_the_reading_of_a_rubric_down(tmp_path: Path, text: str, named: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    reading = (
+        "import sys\nfrom pathlib import Path\nfrom lab3_usd.errors import SpecError\n"
+        "from lab3_usd.spec.yaml_file import read_foreign_yaml\n"
+        "try:\n    read_foreign_yaml(Path(sys.argv[1]))\n"
+        "except SpecError as error:\n    print(error)\n"
+    )
+    # In a process of its own, which is the only one that a crash of the loader ends.
+    done = subprocess.run(
+        [sys.executable, "-c", reading, str(path)],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert done.stdout.startswith(f"mine.yaml: {named}")
+    assert done.stdout.count("\n") == 1
+    assert len(done.stdout) < 300
+
+
+def test_a_value_that_unfolds_without_end_is_refused_in_one_short_line(tmp_path: Path) -> None:
+    lists = [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 10)]
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "title: T\nitems:\n  one: {title: One, checkpoint: '01', points: 1}\n"
+        f"late: {{students: [{{a0: &a0 [x], {', '.join(lists)}}}]}}\n"
+    )
+    with pytest.raises(SpecError, match=r"^mine\.yaml: late: 'students'") as error:
+        load_rubric(path, LAB)
+    assert len(str(error.value)) < 300
+
+
+def test_a_rubric_may_only_be_a_file(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="is no file"):
+        load_rubric(tmp_path, LAB)
 
 
 def test_a_missing_rubric_is_named(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.yaml_file import read_yaml
+from lab3_usd.spec.yaml_file import read_foreign_yaml
 
 METADATA = "submission_metadata.yml"
 _MOST_BYTES = 20_000_000
@@ -17,10 +17,8 @@ def names_by_folder(path: Path) -> dict[str, tuple[str, str]]:
 
     Without it the folders keep their numbers, so that nobody is left out.
     """
-    if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-        return {}
     try:
-        data = read_yaml(path)
+        data = read_foreign_yaml(path, _MOST_BYTES)
     except SpecError:
         return {}
     found = {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -21,10 +20,11 @@ from lab3_usd.errors import SpecError
 from lab3_usd.grade.rubric import VISIBILITIES, Cap, Item, Late, Rubric
 from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.spec import Lab
-from lab3_usd.spec.yaml_file import expect, known_keys, need, read_yaml, texts
+from lab3_usd.spec.yaml_file import expect, known_keys, need, read_foreign_yaml, texts
 
 FILE = "rubric.yaml"
 _NUMBER = (int, float)
+_LEAST, _MOST = 0.001, 1e6  # of points and weights: their sums and shares stay sane numbers
 _ITEM_KEYS = (
     "title", "points", "checkpoint", "groups", "requirements", "checklist",
     "partial", "optional", "needs", "visibility",
@@ -38,7 +38,7 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
         SpecError: the file is missing or wrong; the line names the item and the key.
     """
     file = path if path is not None else data_folder("graphs") / FILE
-    data = read_yaml(file)
+    data = read_foreign_yaml(file)
     where = file.name
     known_keys(data, ("title", "weights", "items", "caps", "late"), where)
     asked = everything_asked(lab)
@@ -190,19 +190,23 @@ def _late(given: object, where: str) -> Late:
 
 
 def _positive(data: Mapping[str, Any], key: str, place: str) -> float:
-    value = float(need(data, key, _NUMBER, place))
-    if not math.isfinite(value) or value <= 0:
-        message = f"{place}: '{key}' is {value:g}, expected a number above 0"
-        raise SpecError(message)
-    return value
+    return _between(need(data, key, _NUMBER, place), (_LEAST, _MOST), f"{place}: '{key}'")
 
 
 def _share(data: Mapping[str, Any], place: str) -> float:
-    value = float(need(data, "at_most", _NUMBER, place))
-    if not 0 <= value <= 1:
-        message = f"{place}: 'at_most' is {value:g}, expected a share from 0 to 1"
-        raise SpecError(message)
-    return value
+    return _between(need(data, "at_most", _NUMBER, place), (0, 1), f"{place}: 'at_most'")
+
+
+def _between(value: float, ends: tuple[float, float], place: str) -> float:
+    least, most = ends
+    if least <= value <= most:
+        return float(value)
+    try:
+        shown = f"{value:g}"
+    except OverflowError:
+        shown = "a number without end"
+    message = f"{place} is {shown}, expected a number from {least:.7g} to {most:.7g}"
+    raise SpecError(message)
 
 
 def _one_of(value: str, known: tuple[str, ...], place: str) -> str:

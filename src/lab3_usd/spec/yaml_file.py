@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import reprlib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,10 @@ from lab3_usd.errors import SpecError
 # The C loader reads the catalog about seven times as fast as the plain one.
 _Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _TEXT = "tag:yaml.org,2002:str"
+_MEGABYTE = 1_000_000
+_NESTING = 50  # levels; what the lab's own files need is below ten
+_SHOWN = reprlib.Repr()
+_SHOWN.maxlevel, _SHOWN.maxstring, _SHOWN.maxother, _SHOWN.maxlong = 2, 100, 100, 60
 
 
 class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run time
@@ -33,14 +38,66 @@ class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run tim
         return mapping
 
 
+def _whole(construct: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Have a value that looks like a number or a date but is none refused like other mistakes."""
+
+    def constructed(loader: Any, node: Any) -> Any:  # noqa: ANN401 - PyYAML's types
+        try:
+            return construct(loader, node)
+        except (ValueError, LookupError, AttributeError) as error:
+            problem = f"{_SHOWN.repr(node.value)} cannot be read"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark) from error
+
+    return constructed
+
+
+for _kind in ("bool", "int", "float", "timestamp"):
+    _tag = f"tag:yaml.org,2002:{_kind}"
+    _UniqueKeys.add_constructor(_tag, _whole(_UniqueKeys.yaml_constructors[_tag]))
+
+
 def read_yaml(path: Path) -> dict[str, Any]:
-    """Return the mapping that a YAML file holds.
+    """Return the mapping that a YAML file of the lab holds.
 
     Raises:
         SpecError: the file is missing, is not YAML, holds a wrong key, or is no mapping.
     """
+    return _read(path, path.read_bytes)
+
+
+def read_foreign_yaml(path: Path, most: int = _MEGABYTE) -> dict[str, Any]:
+    """Return the mapping that a YAML file of unknown origin holds, of at most `most` bytes.
+
+    Raises:
+        SpecError: as `read_yaml`, or the file is larger, or nested too deeply.
+    """
+    return _read(path, lambda: _bounded(path, most))
+
+
+def _bounded(path: Path, most: int) -> bytes:
+    """Return what the file holds, if it is small and flat: the loader descends without limit."""
+    if path.exists() and not path.is_file():
+        message = f"{path.name}: is no file"
+        raise SpecError(message)
+    with path.open("rb") as file:
+        text = file.read(most + 1)
+    if len(text) > most:
+        message = f"{path.name}: is larger than {most} bytes"
+        raise SpecError(message)
+    depth = 0
+    event: Any
+    for event in yaml.parse(text, Loader=_Safe):
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if depth > _NESTING:
+            problem = f"is nested more than {_NESTING} levels deep"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
+    return text
+
+
+def _read(path: Path, content: Callable[[], bytes]) -> dict[str, Any]:
     try:
-        data = yaml.load(path.read_bytes(), Loader=_UniqueKeys)  # noqa: S506 - a safe loader
+        data = yaml.load(content(), Loader=_UniqueKeys)  # noqa: S506 - a safe loader
     except OSError as error:
         message = f"{path.name}: cannot be read ({error.strerror}); expected at {path}"
         raise SpecError(message) from error
@@ -79,7 +136,8 @@ def expect(value: Any, kind: type | tuple[type, ...], where: str) -> Any:  # noq
         return value
     kinds = kind if isinstance(kind, tuple) else (kind,)
     names = " or ".join(_KINDS.get(each, each.__name__) for each in kinds)
-    message = f"{where} is {value!r}, expected {names}"
+    quotes = "; put it in quotes" if kind is str and not isinstance(value, _NO_TEXT) else ""
+    message = f"{where} is {_SHOWN.repr(value)}, expected {names}{quotes}"
     raise SpecError(message)
 
 
@@ -93,8 +151,9 @@ def texts(
     """
     if optional and key not in data:
         return ()
-    place = f"{where}: '{key}'"
-    return tuple(expect(each, str, place) for each in need(data, key, list, where))
+    place = f"{where}: '{key}': entry"
+    entries = enumerate(need(data, key, list, where), start=1)
+    return tuple(expect(each, str, f"{place} {number}") for number, each in entries)
 
 
 def parts(
@@ -111,7 +170,11 @@ def parts(
     return {name: expect(value, kind, f"{where}: '{key}': {name}") for name, value in found.items()}
 
 
-_KINDS = {dict: "a mapping", list: "a list", str: "text", int: "a whole number", float: "a number"}
+_NO_TEXT = (dict, list, type(None))
+_KINDS = {
+    dict: "a mapping", list: "a list", str: "text", int: "a whole number", float: "a number",
+    bool: "true or false",
+}  # fmt: skip
 
 
 def known_keys(data: Mapping[str, Any], allowed: tuple[str, ...], where: str) -> None:
@@ -122,5 +185,5 @@ def known_keys(data: Mapping[str, Any], allowed: tuple[str, ...], where: str) ->
     """
     for key in data:
         if key not in allowed:
-            message = f"{where}: '{key}' is not known; known are {', '.join(allowed)}"
+            message = f"{where}: {key!r} is not known; known are {', '.join(allowed)}"
             raise SpecError(message)
