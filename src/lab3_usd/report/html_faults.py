@@ -24,6 +24,7 @@ from lab3_usd.report.html_model import (
 from lab3_usd.spec.spec import Lab
 
 FRAME_WIDTH = 96
+_NOT_OPENED = ("Z01", "Z02")  # what is not opened is the cause of what is then missing
 MOST_FRAMES = 80  # in one block: a page stays small whatever a stage holds
 _SECTION = re.compile(r"(?:([A-Z])(?=\d|$))?(\d+)?(?:\.(\d+))?")
 _Key = tuple[int, str, int, int, str]
@@ -65,8 +66,9 @@ def _place(finding: Finding, block: Block) -> str:
     return ":".join([place, *(str(number) for number in numbers if number is not None)])
 
 
-def _order(finding: Finding) -> tuple[_Key, int]:
-    return section_key(finding.handout), SEVERITIES.index(finding.severity)
+def _order(finding: Finding) -> tuple[bool, _Key, int]:
+    is_later = finding.rule not in _NOT_OPENED
+    return is_later, section_key(finding.handout), SEVERITIES.index(finding.severity)
 
 
 def section_key(name: str | None) -> _Key:
@@ -110,13 +112,29 @@ def chapters(found: Sequence[Card], lab: Lab) -> tuple[Chapter, ...]:
     titles: dict[str, str] = {}
     for each in lab.checkpoints.values():
         titles.setdefault(each.part, each.title)
-    sections: dict[str, list[Card]] = {}
+    sections: dict[tuple[str, str], list[Card]] = {}
     for card in found:
-        sections.setdefault(card.fault.finding.handout or "", []).append(card)
+        name = card.fault.finding.handout or ""
+        is_cause = card.fault.finding.rule in _NOT_OPENED
+        title = "Not opened" if is_cause else _chapter(name, titles)
+        sections.setdefault((title, name), []).append(card)
     parts: dict[str, list[Section]] = {}
-    for name, inside in sections.items():
-        parts.setdefault(_chapter(name, titles), []).append(Section(name, tuple(inside)))
+    for (title, name), inside in sections.items():
+        parts.setdefault(title, []).append(Section(name, tuple(inside)))
     return tuple(Chapter(title, tuple(inside)) for title, inside in parts.items())
+
+
+def by_severity(found: Iterable[Chapter]) -> tuple[Chapter, ...]:
+    """Return chapters by the worst that is in them, those alike in the order they come in."""
+
+    def worst(chapter: Chapter) -> int:
+        return min(
+            SEVERITIES.index(card.fault.finding.severity)
+            for section in chapter.sections
+            for card in section.cards
+        )
+
+    return tuple(sorted(found, key=worst))
 
 
 def _chapter(section: str, titles: Mapping[str, str]) -> str:
