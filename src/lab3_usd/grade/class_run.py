@@ -109,7 +109,9 @@ def _with_lateness(handed: Handed, rubric: Rubric) -> Handed:
 
 def _task(handed: Handed, settings: ClassSettings, salt: str) -> Task:
     known = known_digest(settings.out, handed, salt) if settings.resume else ""
-    return Task(handed.student, handed.folder, handed.sources, handed.late, known=known)
+    return Task(
+        handed.student, handed.folder, handed.sources, handed.late, handed.name, known=known
+    )
 
 
 def _record(out: Path, handed: Handed, salt: str, answer: Json, rubric: Rubric) -> None:
@@ -117,7 +119,7 @@ def _record(out: Path, handed: Handed, salt: str, answer: Json, rubric: Rubric) 
         return
     if "failed" in answer:
         how = answer["failed"]
-        answer = not_judged(rubric, handed.student, status_of(how), how)
+        answer = not_judged(rubric, handed.student, status_of(how), how, handed.name)
     write_student(out, handed, salt, answer)
 
 

@@ -49,14 +49,16 @@ class Course(Struct, frozen=True):
 class Task(Struct, frozen=True):
     """One submission to judge: whose it is, what it consists of, and what is known of it.
 
-    `folder` is the student's place in the gradebook. `broken` names files that ended a worker,
-    and how; `known` is the digest of what was judged before, with which there is nothing to do.
+    `folder` is the student's place in the gradebook, `name` what the platform calls the student.
+    `broken` names files that ended a worker, and how; `known` is the digest of what was judged
+    before, with which there is nothing to do.
     """
 
     student: str
     folder: str
     sources: tuple[Source, ...]
     late: bool = False
+    name: str = ""
     broken: Mapping[str, str] | None = None
     known: str = ""
 
@@ -69,9 +71,9 @@ def judge_task(course: Course, task: Task, scratch: Path, announce: Callable[[st
     try:
         staged = stage_submission(task.sources, scratch, course.limits)
     except TooLargeError as error:
-        return not_judged(course.rubric, task.student, "too large", str(error))
+        return not_judged(course.rubric, task.student, "too large", str(error), task.name)
     except ArchiveError as error:
-        return not_judged(course.rubric, task.student, "unreadable", str(error))
+        return not_judged(course.rubric, task.student, "unreadable", str(error), task.name)
     if task.known and task.known == staged.digest:
         return {"status": "known", "digest": staged.digest}
     fence = Fence(
@@ -88,7 +90,8 @@ def judge_task(course: Course, task: Task, scratch: Path, announce: Callable[[st
         found = _with_fence(found, task.student, staged.refused, fence.found.values())
         points = _points(course, found, late=task.late)
         fence.closed = _not_pictured(found.results)
-        reports = write_reports(Report(found.results, (found.submission,)), course.rubric, points)
+        report = Report(found.results, (found.submission,))
+        reports = write_reports(report, course.rubric, points, task.name)
     return {
         **_record(points, _status(found, task.broken or {}, staged.refused)),
         "digest": staged.digest,
@@ -117,7 +120,7 @@ def _not_pictured(results: Sequence[StageResult]) -> set[str]:
     }
 
 
-def not_judged(rubric: Rubric, student: str, status: str, reason: str) -> Json:
+def not_judged(rubric: Rubric, student: str, status: str, reason: str, name: str = "") -> Json:
     """Return the record of a submission of which nothing could be judged, with a report of why."""
     points = grade(rubric, ())
     finding = _finding(all_rules()["Z01"], student, reason)
@@ -127,7 +130,7 @@ def not_judged(rubric: Rubric, student: str, status: str, reason: str) -> Json:
         "digest": "",
         "verdicts": {},
         "crashes": [],
-        "reports": write_reports(report, rubric, points),
+        "reports": write_reports(report, rubric, points, name),
     }
 
 

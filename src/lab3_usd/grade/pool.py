@@ -159,6 +159,7 @@ def message_of(task: Task) -> Json:
         "folder": task.folder,
         "sources": [[str(source.path.absolute()), source.name] for source in task.sources],
         "late": task.late,
+        "name": task.name,
         "broken": dict(task.broken or {}),
         "known": task.known,
     }

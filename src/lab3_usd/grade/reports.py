@@ -10,16 +10,19 @@ from lab3_usd.check.finding import Report
 from lab3_usd.check.registry import all_rules
 from lab3_usd.grade.rubric import Item, Rubric
 from lab3_usd.grade.scoring import Grade, ItemGrade
+from lab3_usd.grade.sheet import grade_sheet
 from lab3_usd.report.formats import Options, render
 from lab3_usd.report.markdown import text
 
 HTML, JSON, GRADESCOPE = "report.html", "report.json", "results.json"
 
 
-def write_reports(report: Report, rubric: Rubric, points: Grade) -> dict[str, str]:
-    """Return the texts of the report files by name."""
+def write_reports(report: Report, rubric: Rubric, points: Grade, name: str = "") -> dict[str, str]:
+    """Return the texts of the report files by name; `name` is the student's, where it is known."""
+    student = report.submissions[0].path if report.submissions else ""
+    sheet = grade_sheet(rubric, points, student, name)
     return {
-        HTML: render("html", report, all_rules(), Options()),
+        HTML: render("html", report, all_rules(), Options(sheet=sheet)),
         JSON: render("json", report, None, Options()),
         GRADESCOPE: gradescope(report, rubric, points),
     }

@@ -121,6 +121,7 @@ def task_of(message: Json) -> Task:
         folder=message["folder"],
         sources=tuple(Source(Path(path), name) for path, name in message["sources"]),
         late=message["late"],
+        name=message["name"],
         broken=message["broken"],
         known=message["known"],
     )

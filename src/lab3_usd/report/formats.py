@@ -11,6 +11,7 @@ from msgspec import Struct
 from lab3_usd.check.finding import Report
 from lab3_usd.check.registry import Rule
 from lab3_usd.errors import UsageError
+from lab3_usd.report.html_sheet import Sheet
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 Rules = Mapping[str, Rule]
@@ -22,7 +23,8 @@ class Options(Struct, frozen=True):
     `color` and `width` (columns) describe the terminal, `statistics` adds the table of faults by
     rule; only text heeds the three. `verbosity` is heeded by text and json. `root` is the folder
     that paths in SARIF, GitHub and GitLab are relative to (None: the current one). `visibility`
-    says when Gradescope shows the results to the student.
+    says when Gradescope shows the results to the student. `sheet` is the grade of the one
+    submission that is reported; only HTML shows it.
     """
 
     color: bool = False
@@ -31,6 +33,7 @@ class Options(Struct, frozen=True):
     statistics: bool = False
     root: str | None = None
     visibility: str = "visible"
+    sheet: Sheet | None = None
 
 
 class Format(Struct, frozen=True):

@@ -8,7 +8,7 @@ from lab3_usd.check.finding import SEVERITIES, ChecklistItem, Crash, Report
 from lab3_usd.check.registry import Rule
 from lab3_usd.report.formats import Options, Rules
 from lab3_usd.report.html_blocks import blocks
-from lab3_usd.report.html_faults import cards, chapters, faults
+from lab3_usd.report.html_faults import by_severity, cards, chapters, faults
 from lab3_usd.report.html_model import Block, Checks, View
 from lab3_usd.report.html_pictures import gallery, topics
 from lab3_usd.report.html_stages import look
@@ -28,14 +28,17 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return the page; the stages are read again from their paths, for pictures and tables.
 
     The page forbids itself the network and every script and style but its own. A stage that is
-    no longer where it was is reported without pictures.
+    no longer where it was is reported without pictures. With a grade, everything belongs to the
+    one submission, and faults come before notes.
     """
-    del options
+    sheet = options.sheet
     lab = load_lab()
-    views = tuple(_view(block, lab) for block in blocks(report, lab))
+    found = blocks(report, lab, graded=sheet is not None)
+    views = tuple(_view(block, lab, graded=sheet is not None) for block in found)
     return fill(
         "report.html.j2",
         views=views,
+        sheet=sheet,
         rules=_manuals(views, rules or {}),
         severities=SEVERITIES,
         states=STATES,
@@ -45,14 +48,15 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     )
 
 
-def _view(block: Block, lab: Lab) -> View:
+def _view(block: Block, lab: Lab, *, graded: bool) -> View:
     found = faults(block)
     looked = {stage.index: look(stage.result, lab) for stage in block.stages}
     seen = {index: each for index, each in looked.items() if each is not None}
     shown = gallery(block, seen, found)
+    parts = chapters(list(cards(block, found, shown.links)), lab)
     return View(
         block=block,
-        chapters=chapters(list(cards(block, found, shown.links)), lab),
+        chapters=by_severity(parts) if graded else parts,
         graphs=tuple(each for each in shown.pictures if each.kind == "graph"),
         trees=tuple(each for each in shown.pictures if each.kind == "frames"),
         topics=topics(seen),

@@ -12,15 +12,16 @@ from lab3_usd.report.html_model import Block, Part, Stage
 from lab3_usd.spec.spec import Lab
 
 
-def blocks(report: Report, lab: Lab) -> list[Block]:
+def blocks(report: Report, lab: Lab, *, graded: bool = False) -> list[Block]:
     """Return a block for each submission with its stages, and one for the stages beside them.
 
-    Stages keep the order of the report within their block, and are numbered over the page.
+    Stages keep the order of the report within their block, and are numbered over the page. Those
+    that are graded are all of one submission, which is known by the student and not by a folder.
     """
     left = [*report.results]
     groups: list[tuple[str, list[StageResult], Submission | None]] = []
     for submission in report.submissions:
-        inside = [result for result in left if _is_below(result.path, submission.path)]
+        inside = [result for result in left if graded or _is_below(result.path, submission.path)]
         left = [result for result in left if result not in inside]
         groups.append((submission.path, inside, submission))
     if left or not groups:

@@ -1,0 +1,184 @@
+"""The grade on a student's page: the points, and of each item what was lost and why."""
+
+from __future__ import annotations
+
+from html_pages import Element, read
+from msgspec.structs import replace
+from report_examples import FAILED, HOSTILE, OLD_NAME, PASSED, SUBMISSION
+
+from lab3_usd.check.finding import Finding, Report, Requirement
+from lab3_usd.check.registry import all_rules
+from lab3_usd.grade.reports import HTML, write_reports
+from lab3_usd.grade.rubric import Cap, Item, Rubric
+from lab3_usd.grade.scoring import Grade, ItemGrade, Lost
+from lab3_usd.grade.sheet import MOST_LOST, grade_sheet
+from lab3_usd.report.formats import Options, render
+
+WIRE = Requirement("ROS_Clock/wire/tick", "ROS_Clock", "wire", "tick reaches the clock", met=False)
+RUBRIC = Rubric(
+    title="Lab 3",
+    digest="",
+    weights={"wire": 1.0},
+    items=(
+        Item("clock", "/clock is publishing", 10, checkpoint="05"),
+        Item("tree", "The TF tree is connected", 10, checkpoint="05", needs=("clock",)),
+        Item("nav2", "It is there for navigation", 5, checkpoint="08"),
+        Item("film", "The robot drives", 5, checklist="the robot drives on the film"),
+    ),
+    caps=(Cap(("T07",), ("tree",), 0.5, "the handout forbids it"),),
+    asked={"clock": (WIRE,), "tree": (WIRE,), "nav2": (WIRE,), "film": ()},
+)
+GRADE = Grade(
+    items=(
+        ItemGrade("clock", "part", 7.5, 10.0, 0.0),
+        ItemGrade("tree", "blocked", 0.0, 0.0, 10.0, "stands on clock"),
+        ItemGrade("nav2", "missing", 0.0, 5.0, 0.0),
+        ItemGrade("film", "open", 0.0, 0.0, 0.0, "for a person to judge"),
+    ),
+    lost=(
+        Lost("clock", WIRE.id, WIRE.title),
+        Lost("nav2", "checkpoint 08", "checkpoint 08 is missing"),
+    ),
+    earned=7.5,
+    possible=15.0,
+    percent=50.0,
+    because=("late: at most 50%",),
+)
+LEFT_OUT = Finding("Z02", "reference-left-out", "error", "/", "x is not opened", handout="6.1")
+
+
+def report(*findings: Finding) -> Report:
+    about = replace(SUBMISSION, path="1234567", findings=())
+    return Report((PASSED, replace(FAILED, findings=findings)), (about,))
+
+
+def shown(about: Report | None = None, grade: Grade = GRADE, name: str = "Jane Doe") -> Element:
+    return read(write_reports(about or report(OLD_NAME), RUBRIC, grade, name)[HTML])
+
+
+def test_the_page_opens_with_the_student_and_the_points() -> None:
+    tree = shown()
+    hero = tree.one("header", "hero")
+    assert tree.one("h1").text == "Jane Doe"
+    assert tree.one("title").text == "Jane Doe: 7.5 of 15 points"
+    said = " ".join(hero.one("p", "points").text.split())
+    assert said == "7.5 of 15 points 50 % late: at most 50%"
+    assert "1234567" in hero.text
+
+
+def test_without_a_name_the_number_stands_for_the_student() -> None:
+    tree = shown(name="")
+    assert tree.one("h1").text == "1234567"
+    assert tree.one("header", "hero").text.count("1234567") == 1
+
+
+def test_every_item_has_its_points_its_state_and_its_reasons() -> None:
+    rows = list(shown().one("table", "grade").one("tbody").all("tr"))
+    found = [[" ".join(cell.text.split()) for cell in row.inside] for row in rows]
+    assert [cells[1:3] for cells in found] == [
+        ["7.5 of 10", "part"],
+        ["\N{EN DASH}", "blocked"],
+        ["0 of 5", "missing"],
+        ["\N{EN DASH}", "open"],
+    ]
+    assert [cells[3] for cells in found] == [
+        "ROS_Clock: tick reaches the clock",
+        "blocked by /clock is publishing: 10 of 10 points do not count",
+        "the stage of checkpoint 08 was not handed in",
+        "for a person to judge: the robot drives on the film",
+    ]
+
+
+def test_a_cap_says_why_it_limits() -> None:
+    capped = (ItemGrade("tree", "part", 5.0, 10.0, 0.0, "the handout forbids it"),)
+    grade = replace(GRADE, items=(GRADE.items[0], *capped, *GRADE.items[2:]))
+    sheet = grade_sheet(RUBRIC, grade, "1", "")
+    assert sheet.items[1].why == ("limited: the handout forbids it",)
+
+
+def test_what_was_lost_before_is_said_to_be_blocked() -> None:
+    items = (*GRADE.items[:2], ItemGrade("nav2", "part", 4.0, 4.0, 1.0), GRADE.items[3])
+    sheet = grade_sheet(RUBRIC, replace(GRADE, items=items), "1", "")
+    assert sheet.items[2].why == (
+        "blocked by faults that cost points above: 1 of 5 points do not count",
+    )
+
+
+def test_what_cannot_be_opened_and_what_is_not_met_is_said() -> None:
+    items = (
+        *GRADE.items[:2],
+        ItemGrade("nav2", "unreadable", 0.0, 5.0, 0.0),
+        ItemGrade("film", "none", 0.0, 5.0, 0.0),
+    )
+    sheet = grade_sheet(RUBRIC, replace(GRADE, items=items), "1", "")
+    assert [item.why for item in sheet.items[2:]] == [
+        ("the stage of checkpoint 08 cannot be opened",),
+        ("not met: the robot drives on the film",),
+    ]
+
+
+def test_extra_points_and_all_or_nothing_are_said() -> None:
+    first = replace(RUBRIC.items[0], optional=True, partial=False)
+    rubric = replace(RUBRIC, items=(first, *RUBRIC.items[1:]))
+    items = (ItemGrade("clock", "none", 0.0, 10.0, 0.0), *GRADE.items[1:])
+    sheet = grade_sheet(rubric, replace(GRADE, items=items), "1", "")
+    assert sheet.items[0].why == (
+        "extra points: nothing is lost where they are missing",
+        "all or nothing",
+    )
+
+
+def test_not_every_lost_requirement_is_named() -> None:
+    lost = tuple(Lost("clock", f"ROS_Clock/{n}", str(n)) for n in range(MOST_LOST + 3))
+    item = grade_sheet(RUBRIC, replace(GRADE, lost=lost), "1", "").items[0]
+    assert len(item.lost) == MOST_LOST
+    assert item.more == 3
+
+
+def test_one_submission_is_one_block_whose_counts_agree() -> None:
+    tree = shown(report(OLD_NAME, LEFT_OUT))
+    assert len(list(tree.all("section", "block"))) == 1
+    hero = [each.text for each in tree.one("header", "hero").all("span", "count")]
+    bar = [each.one("span").text for each in tree.one("form", "tools").all("label", "toggle")]
+    assert hero == bar
+    assert len(hero) == 2
+
+
+def test_what_was_not_opened_comes_before_what_is_missing_for_it() -> None:
+    missing = replace(LEFT_OUT, rule="S01", message="the robot is missing", handout="A2")
+    tree = shown(report(missing, LEFT_OUT))
+    assert [each.one("h5").text for each in tree.all("article", "card")] == [
+        "x is not opened",
+        "the robot is missing",
+    ]
+    assert tree.one("section", "chapter").one("h3").text == "Not opened"
+
+
+def test_errors_come_before_notes_whatever_the_section() -> None:
+    note = replace(OLD_NAME, severity="note", handout="4.2")
+    error = replace(OLD_NAME, severity="error", handout="6.1")
+    tree = shown(report(note, error))
+    severities = [each.attributes["data-severity"] for each in tree.all("article", "card")]
+    assert severities == ["error", "note"]
+
+
+def test_nothing_that_can_be_judged_has_no_per_cent() -> None:
+    tree = shown(grade=replace(GRADE, earned=0.0, possible=0.0, percent=None, because=()))
+    assert tree.one("svg", "ring").text == "\N{EN DASH}"
+    assert "%" not in tree.one("p", "points").text
+
+
+def test_a_check_without_a_grade_shows_none() -> None:
+    tree = read(render("html", report(OLD_NAME), all_rules(), Options()))
+    assert not list(tree.all("table", "grade"))
+    assert not list(tree.all("p", "points"))
+
+
+def test_neither_a_name_nor_a_title_becomes_markup() -> None:
+    for text in HOSTILE:
+        rubric = replace(RUBRIC, title=text)
+        html = write_reports(report(OLD_NAME), rubric, GRADE, text)[HTML]
+        tree = read(html)
+        assert len(list(tree.all("script"))) == 1
+        assert len(list(tree.all("h1"))) == 1
+        assert {letter for letter in html if not letter.isprintable()} == {"\n"}
