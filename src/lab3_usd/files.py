@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
 from lab3_usd.errors import UsageError
+
+_RANDOM = re.compile("[a-z0-9_]{8}")  # what tempfile puts behind a prefix
 
 
 def write_whole(target: Path, data: bytes, *, force: bool = False) -> None:
@@ -39,6 +42,18 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool = False) ->
     except OSError as error:
         message = f"{target} cannot be written ({error.strerror})"
         raise UsageError(message) from error
+
+
+def leftovers(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:
+    """Return what writing files of these `names` in `folder` left when it was killed, in order."""
+    prefixes = tuple(f".{name}." for name in names)
+    return tuple(
+        path
+        for path in sorted(folder.glob(".*"))
+        if path.name.startswith(prefixes)
+        and any(_RANDOM.fullmatch(path.name.removeprefix(prefix)) for prefix in prefixes)
+        and path.is_file()
+    )
 
 
 def refuse_existing(target: Path, *, force: bool) -> None:

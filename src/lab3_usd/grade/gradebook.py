@@ -6,11 +6,13 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sized
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 from lab3_usd.errors import UsageError
-from lab3_usd.files import write_parts, write_whole
+from lab3_usd.files import leftovers, write_parts, write_whole
+from lab3_usd.grade import reports
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.submissions import Handed
 from lab3_usd.report.class_page import class_page
@@ -20,12 +22,18 @@ from lab3_usd.report.tool import NAME, tool_version
 STUDENTS, RESULT = "students", "result.json"
 CSV, JSON, PAGE = "grades.csv", "grades.json", "index.html"
 FINISHED = ("graded", "empty", "unreadable")  # the other ways to end may go better next time
+_TABLES = (CSV, JSON, PAGE)
+_FILES = (reports.HTML, reports.JSON, reports.GRADESCOPE, RESULT)
 _VERSION = 1
+# What desktops and spreadsheet programs leave in a folder that somebody looked into.
+_LITTER = (".ds_store", "thumbs.db", "desktop.ini", ".directory", "._*", ".~lock.*#", "~$*")
 Row = dict[str, Any]
 
 
 def check_target(out: Path, *, resume: bool) -> None:
     """Refuse to grade into a folder that holds something else, or a gradebook without `--resume`.
+
+    Halves of files, from a run that was killed as it wrote them, are removed.
 
     Raises:
         UsageError: the folder is in use, or is no folder.
@@ -35,14 +43,33 @@ def check_target(out: Path, *, resume: bool) -> None:
     if not out.is_dir():
         message = f"{out}: is not a folder; choose another one for -o"
         raise UsageError(message)
-    holds = {path.name for path in out.iterdir()}
-    if holds and not resume:
+    half = leftovers(out, _TABLES)
+    holds = {path.name for path in out.iterdir() if not _is_litter(path)} - {
+        path.name for path in half
+    }
+    if (holds or half) and not resume:
         message = f"{out}: is not empty; choose another folder, or give --resume to go on with it"
         raise UsageError(message)
-    foreign = sorted(holds - {STUDENTS, CSV, JSON, PAGE})
+    foreign = sorted(holds - {STUDENTS, *_TABLES})
     if foreign:
         message = f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
         raise UsageError(message)
+    _remove(
+        [*half, *(path for each in out.glob(f"{STUDENTS}/*/") for path in leftovers(each, _FILES))]
+    )
+
+
+def _is_litter(path: Path) -> bool:
+    return any(fnmatchcase(path.name.lower(), pattern) for pattern in _LITTER)
+
+
+def _remove(files: Iterable[Path]) -> None:
+    try:
+        for path in files:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        message = f"{error.filename} cannot be removed ({error.strerror})"
+        raise UsageError(message) from error
 
 
 def known_digest(out: Path, handed: Handed, salt: str) -> str:
@@ -52,7 +79,16 @@ def known_digest(out: Path, handed: Handed, salt: str) -> str:
         return ""
     if row.get("late") != handed.late or row.get("student") != handed.student:
         return ""
+    folder = out / STUDENTS / handed.folder
+    if not all((folder / name).is_file() for name in _reports(row)):
+        return ""
     return str(row.get("digest", ""))
+
+
+def _reports(row: Row) -> Iterator[str]:
+    """Yield the names of the reports of a student, of a result that somebody may have edited."""
+    names = row.get("reports")
+    return (str(name) for name in (names if isinstance(names, list) else ["no report"]))
 
 
 def read_result(out: Path, handed: Handed) -> Row | None:
@@ -65,8 +101,12 @@ def read_result(out: Path, handed: Handed) -> Row | None:
 
 
 def write_student(out: Path, handed: Handed, salt: str, answer: Mapping[str, Any]) -> None:
-    """Write a student's reports, and last the result, which says that the rest is complete."""
+    """Write a student's reports, and last the result, which says that the rest is complete.
+
+    The result of before goes first: it says nothing of reports that are written anew.
+    """
     folder = out / STUDENTS / handed.folder
+    _remove([folder / RESULT])
     for name, text in sorted(answer["reports"].items()):
         write_whole(folder / name, text.encode("utf-8", "replace"), force=True)
     row = {

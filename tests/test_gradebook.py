@@ -1,0 +1,138 @@
+"""The gradebook as a folder: what it may be written into, what is known of it, what is in it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from grade_files import files_below
+
+from lab3_usd.errors import UsageError
+from lab3_usd.files import leftovers
+from lab3_usd.grade.gradebook import (
+    check_target,
+    known_digest,
+    read_result,
+    write_student,
+    write_tables,
+)
+from lab3_usd.grade.judge import not_judged
+from lab3_usd.grade.load_rubric import load_rubric
+from lab3_usd.grade.submissions import Handed
+from lab3_usd.spec.loader import load_lab
+
+RUBRIC = load_rubric(None, load_lab())
+SALT = "salt"
+
+
+def handed(student: str) -> Handed:
+    return Handed(student, "", student, ())
+
+
+def answer(student: str) -> dict[str, Any]:
+    return {**not_judged(RUBRIC, student, "graded", ""), "digest": "d1"}
+
+
+def written(out: Path, *students: str) -> list[Handed]:
+    """Write a gradebook of these students."""
+    class_ = [handed(student) for student in students]
+    for each in class_:
+        write_student(out, each, SALT, answer(each.student))
+    write_tables(out, class_, RUBRIC)
+    return class_
+
+
+def test_a_half_written_table_is_removed_when_a_run_goes_on(tmp_path: Path) -> None:
+    written(tmp_path, "jane")
+    before = files_below(tmp_path)
+    for name in ("grades.csv", "grades.json", "index.html"):
+        (tmp_path / f".{name}.4e28_qqi").write_text("half")
+    with pytest.raises(UsageError, match="--resume"):
+        check_target(tmp_path, resume=False)
+    assert (tmp_path / ".grades.csv.4e28_qqi").exists()
+    check_target(tmp_path, resume=True)
+    assert files_below(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    "name", [".thesis.tex.4e28oqqi", ".grades.csv.swp", ".grades.csv.old.4e28oqqi", ".grades.csv"]
+)
+def test_what_only_looks_like_a_half_is_neither_removed_nor_written_over(
+    tmp_path: Path, name: str
+) -> None:
+    written(tmp_path, "jane")
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(UsageError, match="no part of a gradebook"):
+        check_target(tmp_path, resume=True)
+    assert (tmp_path / name).read_text() == "mine"
+
+
+def test_a_folder_of_that_name_is_no_half(tmp_path: Path) -> None:
+    (tmp_path / ".grades.csv.4e28oqqi").mkdir()
+    assert leftovers(tmp_path, ["grades.csv"]) == ()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [".DS_Store", "Thumbs.db", "desktop.ini", "._grades.csv", ".~lock.grades.csv#", "~$grades.csv"],
+)
+@pytest.mark.parametrize("resume", [True, False])
+def test_what_a_desktop_leaves_makes_no_folder_foreign(
+    tmp_path: Path, name: str, *, resume: bool
+) -> None:
+    (tmp_path / name).write_text("litter")
+    check_target(tmp_path, resume=resume)
+    assert (tmp_path / name).read_text() == "litter"
+
+
+@pytest.mark.parametrize("student", ["jane", "who left"])
+def test_halves_of_reports_are_removed_when_a_run_goes_on(tmp_path: Path, student: str) -> None:
+    written(tmp_path, "jane", "who left")
+    before = files_below(tmp_path)
+    folder = tmp_path / "students" / student
+    for name in ("report.html", "report.json", "results.json", "result.json"):
+        (folder / f".{name}.0123_abc").write_text("half")
+    check_target(tmp_path, resume=True)
+    assert files_below(tmp_path) == before
+
+
+def test_what_is_finished_is_known(tmp_path: Path) -> None:
+    (jane,) = written(tmp_path, "jane")
+    assert known_digest(tmp_path, jane, SALT) == "d1"
+    assert known_digest(tmp_path, jane, "pepper") == ""
+
+
+@pytest.mark.parametrize("name", ["report.html", "report.json", "results.json"])
+def test_a_student_whose_report_was_deleted_is_not_known(tmp_path: Path, name: str) -> None:
+    (jane,) = written(tmp_path, "jane")
+    (tmp_path / "students" / "jane" / name).unlink()
+    assert known_digest(tmp_path, jane, SALT) == ""
+
+
+def test_a_result_that_names_no_reports_is_not_known(tmp_path: Path) -> None:
+    (jane,) = written(tmp_path, "jane")
+    path = tmp_path / "students" / "jane" / "result.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "reports": None}))
+    assert known_digest(tmp_path, jane, SALT) == ""
+
+
+def test_a_result_never_stands_beside_reports_of_another_time(tmp_path: Path) -> None:
+    (jane,) = written(tmp_path, "jane")
+    (tmp_path / "students" / "jane" / "report.json").unlink()
+    (tmp_path / "students" / "jane" / "report.json").mkdir()
+    with pytest.raises(UsageError):
+        write_student(tmp_path, jane, SALT, answer("jane"))
+    assert read_result(tmp_path, jane) is None
+
+
+def test_who_left_the_class_keeps_a_folder_and_is_in_no_table(tmp_path: Path) -> None:
+    written(tmp_path, "jane", "nobodyelse")
+    written(tmp_path, "jane")
+    assert (tmp_path / "students" / "nobodyelse" / "report.html").is_file()
+    for name in ("grades.csv", "grades.json", "index.html"):
+        assert "nobodyelse" not in (tmp_path / name).read_text()
+    with (tmp_path / "grades.csv").open(newline="") as file:
+        assert [row["student"] for row in csv.DictReader(file)] == ["jane"]
