@@ -119,7 +119,7 @@ def _goal_by_words(text: str, goal: GoalSpec) -> Iterator[GoalRun]:
     """Read what the collecting script, `ros2 action send_goal` or Nav2's log say of a goal."""
     measured = _MEASURED.search(text)
     if measured:
-        yield GoalRun(int(measured[1]), float(measured[2]) if measured[2] else None)
+        yield GoalRun(int(measured[1]), outputs.number(measured[2]) if measured[2] else None)
     numbers = {name: number for number, name in enumerate(goal.names)}
     results = [word.lower() for word in _RESULT.findall(text)]
     logged = {text.rfind(words): name for name, words in goal.log.items()}

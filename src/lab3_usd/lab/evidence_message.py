@@ -9,9 +9,8 @@ from typing import Any
 import yaml
 
 from lab3_usd.check.subjects_lab import Message, Scalar
+from lab3_usd.lab.plain_yaml import load_plain
 
-# libyaml, fast as it is, ends the process where a file is nested too deep.
-_SAFE = yaml.SafeLoader
 _SCALARS = (str, int, float, bool, type(None))
 # What rclcpp and ros2cli print between messages: log lines, and the notice of a lost message.
 _NOISE = re.compile(r"^(\[(INFO|WARN|ERROR|DEBUG)\]|WARNING:|A message was lost|\ttotal count)")
@@ -32,7 +31,7 @@ def parse_messages(text: str) -> list[Message]:
 
 def _parse(document: str) -> Message:
     try:
-        data = yaml.load(document, Loader=_SAFE)  # noqa: S506 - a safe loader
+        data = load_plain(document)
         if isinstance(data, dict):
             return dict(_flat(data, "", set()))
     except (yaml.YAMLError, RecursionError, ValueError):
@@ -72,7 +71,7 @@ def _by_line(document: str) -> Iterator[tuple[str, Scalar]]:
 
 def _scalar(text: str) -> Scalar:
     try:
-        value = yaml.load(text, Loader=_SAFE)  # noqa: S506 - a safe loader
+        value = load_plain(text)
     except (yaml.YAMLError, RecursionError, ValueError):
         return text
     return value if isinstance(value, _SCALARS) else text

@@ -45,7 +45,7 @@ def parse_types(text: str) -> tuple[str, ...]:
 
 def parse_rate(text: str) -> float:
     """Read `ros2 topic hz` (ros2topic/verb/hz.py): the last average in hertz, 0 when none came."""
-    rates = [_number(found) for found in _RATE.findall(text)]
+    rates = [number(found) for found in _RATE.findall(text)]
     known = [rate for rate in rates if math.isfinite(rate)]
     return known[-1] if known else 0.0
 
@@ -96,7 +96,7 @@ def parse_lookup(text: str) -> Lookup:
     found = _TRANSLATION.findall(text)
     if not found:
         return Lookup(found=False)
-    numbers = [_number(number) for number in found[-1].split(",")]
+    numbers = [number(each) for each in found[-1].split(",")]
     if len(numbers) != 3:  # noqa: PLR2004 - x, y, z
         return Lookup(found=True)
     return Lookup(found=True, translation=(numbers[0], numbers[1], numbers[2]))
@@ -130,10 +130,11 @@ def parse_manifest(text: str) -> Iterator[Run]:
         columns = line.split("\t")
         if len(columns) == _FIELDS and re.fullmatch(r"\d{1,3}", columns[1]):
             file, status, start, seconds, command = columns
-            yield Run(file, int(status), start, _number(seconds), command)
+            yield Run(file, int(status), start, number(seconds), command)
 
 
-def _number(text: str) -> float:
+def number(text: str) -> float:
+    """Return the number that a text is, nan when it is none."""
     try:
         return float(text)
     except ValueError:

@@ -9,10 +9,8 @@ import yaml
 
 from lab3_usd.check.subjects_lab import Agreement, MapSubject
 from lab3_usd.lab.maps import MapError, read_pgm
+from lab3_usd.lab.plain_yaml import load_plain
 from lab3_usd.spec.ros_spec import MapFacts
-
-# libyaml, fast as it is, ends the process where a file is nested too deep.
-_SAFE = yaml.SafeLoader
 
 
 def find_map(folder: Path, facts: MapFacts) -> Path:
@@ -79,7 +77,7 @@ def _is_inside(path: Path, base: Path) -> bool:
 
 def _read(path: Path) -> tuple[dict[str, object] | None, str | None]:
     try:
-        data = yaml.load(path.read_bytes(), Loader=_SAFE)  # noqa: S506 - a safe loader
+        data = load_plain(path.read_bytes())
     except OSError as error:
         return None, f"cannot be read ({error.strerror})"
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:

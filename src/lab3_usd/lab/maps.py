@@ -11,13 +11,14 @@ import yaml
 from msgspec import Struct
 
 from lab3_usd.errors import Lab3Error
+from lab3_usd.lab.plain_yaml import load_plain
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 _WHITE = 255
 _TWO_BYTES = 65535
 _AXES = 3
-_SAFE_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _MOST_CELLS = 10**8
+_MOST_DIGITS = 9
 _GAP = rb"(?:\s|#[^\n]*\n)+"
 # One white space ends the header: in a binary file the next byte is a cell.
 _HEADER = re.compile(
@@ -72,8 +73,8 @@ def read_map_yaml(path: Path) -> MapFile:
         MapError: the file cannot be read, or lacks what map_server needs; the line names the key.
     """
     try:
-        data = yaml.load(path.read_bytes(), Loader=_SAFE_LOADER)  # noqa: S506 - a safe loader
-    except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
+        data = load_plain(path.read_bytes())
+    except (OSError, yaml.YAMLError, RecursionError, ValueError) as error:
         message = f"{path} cannot be read as YAML"
         raise MapError(message) from error
     if not isinstance(data, dict):
@@ -173,7 +174,7 @@ def _binary(body: bytes, white: int) -> Sequence[int]:
 
 def _decimal(body: bytes, path: Path) -> Sequence[int]:
     words = re.sub(rb"#[^\n]*", b"", body).split()
-    if all(word.isdigit() for word in words):
+    if all(word.isdigit() and len(word) <= _MOST_DIGITS for word in words):
         return [int(word) for word in words]
     message = f"{path}: a text PGM (P2) holds only whole numbers"
     raise MapError(message)

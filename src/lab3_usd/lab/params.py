@@ -9,12 +9,11 @@ from typing import Any
 import yaml
 
 from lab3_usd.check.subjects_lab import NavigationSubject, Parameter
+from lab3_usd.lab.plain_yaml import PlainLoader
 from lab3_usd.spec.ros_spec import RosSpec
 from lab3_usd.spec.spec import FrameSpec
 
 _PARAMETERS = "ros__parameters"
-# libyaml, fast as it is, ends the process where a file is nested too deep.
-_SAFE = yaml.SafeLoader
 
 
 def read_params(
@@ -42,7 +41,7 @@ def read_params(
 
 
 def _parameters(data: bytes) -> Iterator[Parameter]:
-    loader = _SAFE(data)
+    loader = PlainLoader(data)
     try:
         root = loader.get_single_node()
         repeated = _repeated(root)

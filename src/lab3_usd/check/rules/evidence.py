@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.finding import Problem, Severity
+from lab3_usd.check.in_short import in_short
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules import evidence_frames, evidence_topics
 from lab3_usd.check.subjects_lab import EvidenceSubject, Names, Outputs, Shown, best
@@ -69,8 +70,9 @@ def lifecycle_not_active(subject: EvidenceSubject) -> Iterator[Problem]:
             def judge(shown: Shown[str], node: str = node, handout: str = handout) -> list[Problem]:
                 if shown.fact == wanted:
                     return []
-                message = f"{node} is '{shown.fact}', expected '{wanted}'"
-                return [Problem(shown.file, message, node, wanted, shown.fact, handout)]
+                said = in_short(shown.fact)
+                message = f"{node} is '{said}', expected '{wanted}'"
+                return [Problem(shown.file, message, node, wanted, said, handout)]
 
             yield from best(subject.evidence.lifecycle.get(node, ()), judge)
 

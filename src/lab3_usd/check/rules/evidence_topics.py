@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from lab3_usd.check.finding import Problem
+from lab3_usd.check.in_short import in_short
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subjects_lab import (
     Endpoint,
@@ -147,8 +148,9 @@ def _differing(
     for path, wanted in expected.items():
         actual = shown.fact.get(path, wanted)
         if not _same(actual, wanted):
-            message = f"{path} of {topic.name} is {actual}, expected {wanted}"
-            yield Problem(shown.file, message, topic.name, str(wanted), str(actual), topic.handout)
+            said = in_short(actual)
+            message = f"{path} of {topic.name} is {said}, expected {wanted}"
+            yield Problem(shown.file, message, topic.name, str(wanted), said, topic.handout)
 
 
 def _same(actual: Scalar, wanted: Scalar) -> bool:

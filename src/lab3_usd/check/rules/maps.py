@@ -8,6 +8,7 @@ from pathlib import PurePosixPath, PureWindowsPath
 from posixpath import normpath
 
 from lab3_usd.check.finding import Problem
+from lab3_usd.check.in_short import in_short
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subjects_lab import MapSubject
 
@@ -48,7 +49,8 @@ def map_image_path(subject: MapSubject) -> Iterator[Problem]:
     image = subject.values.get("image")
     expected = subject.facts.image
     if not isinstance(image, str) or not image:
-        message = f"'image' is {image!r}" if "image" in subject.values else "'image' is missing"
+        given = "image" in subject.values
+        message = f"'image' is {_quoted(image)}" if given else "'image' is missing"
         yield Problem(subject.file, message, "image", expected, handout="8.13")
     elif subject.image_absolute:
         message = f"'image' is the absolute path '{image}', which exists on one computer only"
@@ -129,8 +131,9 @@ def map_value(subject: MapSubject) -> Iterator[Problem]:
             message = f"'{name}' is missing, expected {expected}"
             yield Problem(subject.file, message, name, str(expected), handout="4.2")
         elif not _same(actual, expected):
-            message = f"'{name}' is {actual}, expected {expected}"
-            yield Problem(subject.file, message, name, str(expected), str(actual), "4.2")
+            said = in_short(actual)
+            message = f"'{name}' is {said}, expected {expected}"
+            yield Problem(subject.file, message, name, str(expected), said, "4.2")
 
 
 @rule("M07", "map-origin", scope="maps")
@@ -151,8 +154,9 @@ def map_origin(subject: MapSubject) -> Iterator[Problem]:
     is_triple = isinstance(actual, list) and len(actual) == len(expected)
     if is_triple and all(map(_same, actual or (), expected)):  # type: ignore[call-overload]
         return
-    message = f"'origin' is {actual}, expected {_numbers(expected)}"
-    yield Problem(subject.file, message, "origin", _numbers(expected), str(actual), "8.14")
+    said = in_short(actual)
+    message = f"'origin' is {said}, expected {_numbers(expected)}"
+    yield Problem(subject.file, message, "origin", _numbers(expected), said, "8.14")
 
 
 @rule("M08", "map-size", scope="maps")
@@ -209,6 +213,10 @@ def map_not_given(subject: MapSubject) -> Iterator[Problem]:
     """
     if not subject.given:
         yield Problem(subject.file, "map files were not checked", handout="4.2")
+
+
+def _quoted(value: object) -> str:
+    return "''" if value == "" else in_short(value)
 
 
 def _same(actual: object, expected: object) -> bool:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from lab3_usd.check.finding import Problem
+from lab3_usd.check.in_short import in_short
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subjects_lab import NavigationSubject, Parameter
 
@@ -41,7 +42,7 @@ def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
     said = {p.node: p for p in subject.parameters if p.name == name}
     for parameter in said.values():
         if parameter.value is not True:
-            message = f"{name} is {_shown(parameter.value)}, expected true"
+            message = f"{name} is {in_short(parameter.value)}, expected true"
             yield _problem(subject, parameter, message, expected="true", handout="8.16")
     managed = {node.strip("/") for node in subject.ros.lifecycle}
     for node in dict.fromkeys(p.node for p in subject.parameters):
@@ -67,7 +68,7 @@ def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
         if parameter.last in subject.ros.navigation.parameters.base_frame:
             if parameter.value in robot:
                 continue
-            message = f"{parameter.name} is {_shown(parameter.value)}, no frame of the robot"
+            message = f"{parameter.name} is {in_short(parameter.value)}, no frame of the robot"
             expected = subject.frames.deeper_under
             yield _problem(subject, parameter, message, expected=expected, handout="8.12")
 
@@ -88,7 +89,7 @@ def wrong_frame(subject: NavigationSubject) -> Iterator[Problem]:
         for parameter in subject.parameters:
             if _last(parameter.node) != node or parameter.name != name or parameter.value == frame:
                 continue
-            message = f"{name} is {_shown(parameter.value)}, expected {frame}"
+            message = f"{name} is {in_short(parameter.value)}, expected {frame}"
             yield _problem(subject, parameter, message, expected=frame, handout="H6")
 
 
@@ -108,7 +109,7 @@ def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
         if topic == navigation.scan_topic:
             continue
         said = ", which the handout forbids" if topic == navigation.wrong_scan_topic else ""
-        message = f"{parameter.name} is {_shown(parameter.value)}{said}"
+        message = f"{parameter.name} is {in_short(parameter.value)}{said}"
         yield _problem(subject, parameter, message, expected=navigation.scan_topic, handout="I3")
 
 
@@ -125,7 +126,7 @@ def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
     navigation = subject.ros.navigation
     for parameter in _named(subject, navigation.parameters.map):
         if _topic(parameter.value) not in {navigation.map_topic, "/"}:
-            message = f"{parameter.name} is {_shown(parameter.value)}"
+            message = f"{parameter.name} is {in_short(parameter.value)}"
             yield _problem(subject, parameter, message, expected=navigation.map_topic, handout="H4")
 
 
@@ -150,10 +151,10 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
     for parameter in subject.parameters:
         limit = limits.get(parameter.last)
         if limit is not None and not _close(parameter.value, limit):
-            message = f"{parameter.name} is {parameter.value}, the graph allows {limit}"
+            message = f"{parameter.name} is {in_short(parameter.value)}, the graph allows {limit}"
             yield _problem(subject, parameter, message, expected=str(limit), handout="C8")
         elif parameter.last in names.speeds and not _close_all(parameter.value, wanted):
-            message = f"{parameter.name} is {parameter.value}, the graph allows {wanted}"
+            message = f"{parameter.name} is {in_short(parameter.value)}, the graph allows {wanted}"
             yield _problem(subject, parameter, message, expected=str(wanted), handout="C8")
 
 
@@ -203,7 +204,7 @@ def _problem(
         f"line {parameter.line}: {message}",
         f"{parameter.node}.{parameter.name}",
         expected,
-        _shown(parameter.value),
+        in_short(parameter.value),
         handout,
     )
 
@@ -234,10 +235,6 @@ def _last(node: str) -> str:
 
 def _topic(value: object) -> str:
     return "/" + str(value).strip().lstrip("/")
-
-
-def _shown(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _close(value: object, limit: float) -> bool:
