@@ -21,6 +21,7 @@ from lab3_usd.grade.gradebook import (
 )
 from lab3_usd.grade.judge import not_judged
 from lab3_usd.grade.load_rubric import load_rubric
+from lab3_usd.grade.rubric import COLUMNS
 from lab3_usd.grade.submissions import Handed
 from lab3_usd.spec.loader import load_lab
 
@@ -136,3 +137,18 @@ def test_who_left_the_class_keeps_a_folder_and_is_in_no_table(tmp_path: Path) ->
         assert "nobodyelse" not in (tmp_path / name).read_text()
     with (tmp_path / "grades.csv").open(newline="") as file:
         assert [row["student"] for row in csv.DictReader(file)] == ["jane"]
+
+
+def test_the_columns_that_no_item_may_be_called_are_those_of_the_table(tmp_path: Path) -> None:
+    written(tmp_path, "jane")
+    with (tmp_path / "grades.csv").open(newline="") as file:
+        head = next(csv.reader(file))
+    items = [item.id for item in RUBRIC.items]
+    assert head == [*COLUMNS[:-1], *items, COLUMNS[-1]]
+
+
+def test_no_item_of_a_rubric_is_a_formula(tmp_path: Path) -> None:
+    rubric = tmp_path / "mine.yaml"
+    rubric.write_text('title: T\nitems:\n  =1+1: {title: A, checkpoint: "01", points: 1}\n')
+    write_tables(tmp_path, [], load_rubric(rubric, load_lab()))
+    assert ",'=1+1," in (tmp_path / "grades.csv").read_text()

@@ -339,6 +339,12 @@ def test_an_order_that_decides_nothing_leaves_a_rubric_the_same(tmp_path: Path, 
     assert made(tmp_path, lambda data: (change(data), turned(data, name))).digest == before.digest
 
 
+def renamed(data: dict[str, Any], name: str) -> None:
+    """Call the first item of a rubric so."""
+    data["items"] = {name: data["items"]["starter"]}
+    data["caps"] = []
+
+
 WRONG: dict[str, tuple[Any, str]] = {
     "unknown key": (lambda data: data.update(pionts=1), "pionts"),
     "no title": (lambda data: data.pop("title"), "title"),
@@ -356,7 +362,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "points as text": (only(checkpoint="01", points="ten"), "points"),
     "points as yes": (only(checkpoint="01", points=True), "points"),
     "unknown checkpoint": (only(checkpoint="09"), "09"),
-    "checkpoint as a number": (only(checkpoint=1), "checkpoint"),
+    "checkpoint as a number": (only(checkpoint=1), 'quotes, as "01"'),
     "neither checkpoint nor checklist": (only(), "checkpoint"),
     "checkpoint and checklist": (only(checkpoint="01", checklist="x"), "checklist"),
     "unknown line of the checklist": (only(checklist="Robot flies"), "Robot flies"),
@@ -368,14 +374,27 @@ WRONG: dict[str, tuple[Any, str]] = {
     ),
     "needs what comes later": (
         lambda data: data["items"]["clock"].update(needs=["drive"]),
-        "drive",
+        "only need items above it, so move 'drive' up",
     ),
-    "needs itself": (lambda data: data["items"]["clock"].update(needs=["clock"]), "clock"),
+    "needs itself": (lambda data: data["items"]["clock"].update(needs=["clock"]), "itself"),
+    "needs nobody": (lambda data: data["items"]["drive"].update(needs=["clok"]), "clock"),
+    "needs each other": (
+        lambda data: (
+            data["items"]["clock"].update(needs=["drive"]),
+            data["items"]["drive"].update(needs=["clock"]),
+        ),
+        "only need items above it, so move 'drive' up",
+    ),
+    "item without a name": (lambda data: renamed(data, ""), "''"),
+    "item of two lines": (lambda data: renamed(data, "a\nb"), "'a\\nb'"),
+    "item called like a column": (lambda data: renamed(data, "percent"), "grades.csv"),
+    "item called nearly like a column": (lambda data: renamed(data, "Remarks"), "grades.csv"),
     "unknown visibility": (only(checkpoint="01", visibility="never"), "never"),
     "partial as text": (only(checkpoint="01", partial="yes"), "partial"),
     "unknown kind": (lambda data: data.update(weights={"wires": 1}), "wires"),
     "weight of everything": (lambda data: data.update(weights={"wire": 1e308}), "wire"),
     "weight of nothing": (lambda data: data.update(weights={"wire": 0}), "wire"),
+    "cap of no rules": (lambda data: data["caps"][0].update(rules=[]), "'rules' is empty"),
     "cap of an unknown rule": (
         lambda data: data["caps"][0].update(rules=["T99"]),
         "T99",
@@ -384,6 +403,10 @@ WRONG: dict[str, tuple[Any, str]] = {
     "cap above everything": (lambda data: data["caps"][0].update(at_most=50), "at_most"),
     "cap without a reason": (lambda data: data["caps"][0].pop("because"), "because"),
     "late above everything": (lambda data: data.update(late={"at_most": 1.1}), "at_most"),
+    "late students as numbers": (
+        lambda data: data.update(late={"students": ["ali", 1000]}),
+        "'students': entry 2 is 1000, expected text; put it in quotes",
+    ),
     "late with an unknown key": (lambda data: data.update(late={"penalty": 1}), "penalty"),
 }
 

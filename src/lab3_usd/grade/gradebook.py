@@ -13,7 +13,7 @@ from typing import Any
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftovers, write_parts, write_whole
 from lab3_usd.grade import reports
-from lab3_usd.grade.rubric import Rubric
+from lab3_usd.grade.rubric import COLUMNS, Rubric
 from lab3_usd.grade.submissions import Handed
 from lab3_usd.report.class_page import class_page
 from lab3_usd.report.csv_report import safe_cell
@@ -169,9 +169,7 @@ def _columns(rubric: Rubric) -> list[Row]:
 def _csv(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
     """Yield the lines of the table of grades; they end in CR LF, and no cell is a formula."""
     names = [item.id for item in rubric.items]
-    yield _line([
-        "student", "name", "status", "late", "earned", "possible", "percent", *names, "remarks",
-    ])  # fmt: skip
+    yield _line(map(safe_cell, [*COLUMNS[:-1], *names, COLUMNS[-1]]))
     for row in rows:
         earned = {item["id"]: item for item in row["items"]}
         cells = [row["student"], row["name"], row["status"], "yes" if row["late"] else ""]

@@ -17,7 +17,7 @@ from lab3_usd.check.finding import Requirement
 from lab3_usd.check.model import StageModel
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
-from lab3_usd.grade.rubric import VISIBILITIES, Cap, Item, Late, Rubric
+from lab3_usd.grade.rubric import COLUMNS, VISIBILITIES, Cap, Item, Late, Rubric
 from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.spec import Lab
 from lab3_usd.spec.yaml_file import expect, known_keys, need, read_foreign_yaml, texts
@@ -87,9 +87,10 @@ def _items(
         raise SpecError(message)
     items: dict[str, Item] = {}
     for name, spec in data.items():
+        _check_name(name, where)
         place = f"{where}: {name}"
         item = _item(name, expect(spec, dict, place), place)
-        _check_needs(item, items, place)
+        _check_needs(item, tuple(data), place)
         if item.checklist:
             _check_line(item, place)
         else:
@@ -107,6 +108,10 @@ def _item(name: str, spec: Mapping[str, Any], place: str) -> Item:
         key: texts(spec, key, place) for key in ("groups", "requirements", "needs") if key in spec
     }
     values |= {key: need(spec, key, bool, place) for key in ("partial", "optional") if key in spec}
+    number = spec.get("checkpoint")
+    if isinstance(number, int) and not isinstance(number, bool):
+        message = f"{place}: 'checkpoint' is {number}, expected text; write it in quotes, as \"01\""
+        raise SpecError(message)
     values |= {
         key: need(spec, key, str, place) for key in ("checkpoint", "checklist") if key in spec
     }
@@ -116,14 +121,31 @@ def _item(name: str, spec: Mapping[str, Any], place: str) -> Item:
     return Item(id=name, title=title, points=_positive(spec, "points", place), **values)
 
 
-def _check_needs(item: Item, earlier: Mapping[str, Item], place: str) -> None:
+def _check_name(name: str, where: str) -> None:
+    """Refuse what can head no column of the table of grades."""
+    if not name or not name.isprintable() or name != name.strip():
+        message = f"{where}: items: {name!r} is no name for an item"
+        raise SpecError(message)
+    if name.casefold() in COLUMNS:
+        message = f"{where}: items: '{name}' is a column of grades.csv; choose another name"
+        raise SpecError(message)
+
+
+def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
+    """Refuse what does not stand above: an item is judged after those that it needs."""
+    above = names[: names.index(item.id)]
     for name in item.needs:
-        if name not in earlier:
-            known = ", ".join(earlier) or "none"
-            message = (
-                f"{place}: needs '{name}', which no item above it is called; those are {known}"
+        if name in above:
+            continue
+        why = f"no item is called that; those above are {', '.join(above) or 'none'}"
+        if name == item.id:
+            why = "which is the item itself"
+        elif name in names:
+            why = (
+                f"which stands below it; an item may only need items above it, so move '{name}' up"
             )
-            raise SpecError(message)
+        message = f"{place}: needs '{name}', {why}"
+        raise SpecError(message)
 
 
 def _check_line(item: Item, place: str) -> None:
@@ -171,6 +193,9 @@ def _caps(data: object, items: tuple[Item, ...], where: str) -> tuple[Cap, ...]:
         place = f"{where}: cap {number}"
         known_keys(expect(spec, dict, place), ("rules", "items", "at_most", "because"), place)
         rules = texts(spec, "rules", place)
+        if not rules:
+            message = f"{place}: 'rules' is empty; name the rules whose errors limit the points"
+            raise SpecError(message)
         named = texts(spec, "items", place, optional=True)
         for rule in rules:
             _one_of(rule, tuple(all_rules()), place)

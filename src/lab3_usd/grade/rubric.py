@@ -9,6 +9,8 @@ from msgspec import Struct, field
 
 from lab3_usd.check.finding import Requirement
 
+# The columns of the table of grades that are no items; the last stands behind the items.
+COLUMNS = ("student", "name", "status", "late", "earned", "possible", "percent", "remarks")
 VISIBILITIES = ("visible", "hidden", "after_due_date", "after_published")
 
 
