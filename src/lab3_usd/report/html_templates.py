@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from base64 import b64encode
+from collections.abc import Mapping
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -21,18 +22,19 @@ _CODE = re.compile(r"`([^`]+)`")
 
 def fill(template: str, **values: object) -> str:
     """Return a template with its values, and the page's style, script and policy."""
+    return _environment().get_template(template).render(**_same(), **values)
+
+
+@lru_cache(maxsize=1)
+def _same() -> Mapping[str, object]:
+    """Return what is the same on every page: style, script, and the policy that lets them in."""
     style = _style()
     script = (FOLDER / "report.js").read_text(encoding="utf-8")
-    return (
-        _environment()
-        .get_template(template)
-        .render(
-            style=_as_it_is(style),
-            script=_as_it_is(script),
-            policy=_policy(style, script),
-            **values,
-        )
-    )
+    return {
+        "style": _as_it_is(style),
+        "script": _as_it_is(script),
+        "policy": _policy(style, script),
+    }
 
 
 @lru_cache(maxsize=1)
