@@ -350,6 +350,22 @@ def test_a_wide_picture_can_be_fitted(chromium: Browser, pages: dict[str, Path])
     assert button.text == "Full size"
 
 
+def test_a_picture_that_can_still_be_read_is_fitted_at_once(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    chromium.open(pages["clean"])
+    found = chromium.run(
+        "return [...document.querySelectorAll('figure')].map((figure) => {"
+        " const picture = figure.querySelector('.picture');"
+        " const hint = figure.querySelector('figcaption small');"
+        " return [picture.clientWidth / picture.querySelector('svg').width.baseVal.value,"
+        " picture.scrollWidth <= picture.clientWidth, Boolean(hint && !hint.hidden)]; })"
+    )
+    assert {share >= 0.75 for share, _, _ in found} == {True, False}
+    assert [fits for _, fits, _ in found] == [share >= 0.75 for share, _, _ in found]
+    assert [hint for _, _, hint in found] == [not fits for _, fits, _ in found]
+
+
 def test_on_paper_everything_is_there_and_nothing_is_cut(
     chromium: Browser, pages: dict[str, Path]
 ) -> None:

@@ -52,16 +52,20 @@
 
   for (const picture of all(".picture")) {
     const drawn = picture.querySelector("svg");
-    if (drawn.width.baseVal.value <= document.documentElement.clientWidth - 80) continue;
+    const share = picture.clientWidth / drawn.width.baseVal.value;
+    if (share >= 1) continue;
     const button = document.createElement("button");
-    const name = () => (picture.classList.contains("fit") ? "Full size" : "Fit to width");
+    const hint = document.createElement("small");
     button.type = "button";
-    button.textContent = name();
-    button.addEventListener("click", () => {
-      picture.classList.toggle("fit");
-      button.textContent = name();
-    });
-    picture.parentElement.querySelector("figcaption").append(button);
+    hint.textContent = "wider than the page: scroll sideways";
+    const fit = (on) => {
+      picture.classList.toggle("fit", on);
+      button.textContent = on ? "Full size" : "Fit to width";
+      hint.hidden = on;
+    };
+    button.addEventListener("click", () => fit(!picture.classList.contains("fit")));
+    picture.parentElement.querySelector("figcaption").append(hint, button);
+    fit(share >= 0.75); // the smallest text is 11 pixels high in full size
   }
 
   tools.hidden = cards.length < 2 && !tools.elements.stage;
