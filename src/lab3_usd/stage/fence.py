@@ -18,6 +18,7 @@ from lab3_usd.stage.fence_layers import (
     honest_about_memory,
     name_of,
     open_layer,
+    shown_name,
 )
 from lab3_usd.stage.missing import find_unresolved
 from lab3_usd.stage.opening import check_file, memory, opener, quiet
@@ -103,7 +104,8 @@ def _check_used(fence: Fence, stage: Usd.Stage, path: Path) -> None:
     """Make sure that usd-core opened what was looked at, and nothing else."""
     for layer in stage.GetUsedLayers():
         if not layer.anonymous and layer.identifier not in fence.layers:
-            message = f"{path}: reads {layer.identifier}, which was not looked at"
+            read = shown_name(fence, os.path.realpath(layer.realPath))
+            message = f"{path}: reads {read}, which was not looked at"
             raise StageError(message)
 
 

@@ -42,10 +42,11 @@ class Barred(Struct, frozen=True):
 class Fence:
     """What may be opened while one submission is judged, and what came of it.
 
-    `check` looks at the bytes of a layer before usd-core does: it raises StageError, or returns
-    the text of a text layer. `broken` holds files that are not opened, and why; `announce` is
-    told of every stage before it is opened. `graphs` are paths at which a graph belongs. Stages in
-    `closed`, by their names in the submission, are not opened again.
+    `check` looks at the bytes of a layer before usd-core does: it raises StageError, which says
+    why and leaves the name of the file to the fence, or returns the text of a text layer. `broken`
+    holds files that are not opened, and why; `announce` is told of every stage before it is
+    opened. `graphs` are paths at which a graph belongs. Stages in `closed`, by their names in the
+    submission, are not opened again.
     """
 
     root: Path
@@ -68,6 +69,11 @@ def name_of(fence: Fence, real: str) -> str | None:
     return None if inside == ".." or inside.startswith(f"..{os.sep}") else inside
 
 
+def shown_name(fence: Fence, real: str) -> str:
+    """Return how a message names a file: never by where the copy of a submission lies."""
+    return name_of(fence, real) or Path(real).name
+
+
 def open_layer(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
     """Look at the bytes of a layer, let usd-core read it, and drop the clips that are in it.
 
@@ -75,11 +81,16 @@ def open_layer(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
         StageError: usd-core should not be given the file, or reads no layer from it.
         MemoryError: there is not enough for it.
     """
-    text = b"" if file in fence.allowed else fence.check(Path(file))
+    name = shown_name(fence, file)
+    try:
+        text = b"" if file in fence.allowed else fence.check(Path(file))
+    except StageError as error:
+        message = f"{name}: {error}"
+        raise StageError(message) from error
     with honest_about_memory():
         layer = Sdf.Layer.FindOrOpen(identifier)
     if layer is None:
-        message = f"{file}: usd-core opens no stage from it; save it again from Isaac Sim"
+        message = f"{name}: usd-core opens no stage from it; save it again from Isaac Sim"
         raise StageError(message)
     fence.layers[layer.identifier] = layer
     if text is None or _CLIPS.encode() in text:
@@ -125,7 +136,9 @@ def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
         is_trusted = os.path.realpath(layer.realPath) in fence.allowed
         assets = [each for each in layer.GetCompositionAssetDependencies() if each]
         if len(assets) > _MOST_ASSETS:
-            message = f"{root.realPath}: refers to {len(assets)} files; not opened"
+            message = (
+                f"{shown_name(fence, root.realPath)}: refers to {len(assets)} files; not opened"
+            )
             raise StageError(message)
         for asset in assets:
             found = (
