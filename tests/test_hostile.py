@@ -126,6 +126,13 @@ def test_nothing_is_written_outside(run: Run) -> None:
     assert not list(run.out.parent.rglob("written.usda"))
 
 
+def test_no_report_names_a_temporary_folder(run: Run) -> None:
+    place = str(run.out.parent).encode()
+    files = {str(path): path.read_bytes() for path in run.out.rglob("*") if path.is_file()}
+    named = [name for name, data in files.items() if b"lab3-grade-" in data or place in data]
+    assert named == []
+
+
 def test_nothing_of_the_solution_is_shown(run: Run) -> None:
     solved = [
         name
