@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from lab3_usd.check.finding import ChecklistItem, Finding, Requirement, Score, StageResult
+from lab3_usd.check.registry import all_rules
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.grade.load_rubric import everything_asked, load_rubric
@@ -271,6 +272,51 @@ def test_a_cap_without_items_limits_every_item_of_the_checkpoint(tmp_path: Path)
     assert [each.id for each in graded.items if each.earned == 0] == ["odometry", "tree"]
 
 
+CHANGED = ["U01", "U02", "U03", "U04", "U05"]
+
+
+@pytest.mark.parametrize("rule", CHANGED)
+@pytest.mark.parametrize("numbers", [["00"], ["05"], ["08"], sorted(LAB.checkpoints)])
+def test_a_changed_robot_loses_the_item_of_the_starter_once(rule: str, numbers: list[str]) -> None:
+    stages = [
+        replace(each, findings=(finding(rule),)) if each.checkpoint in numbers else each
+        for each in class_of()
+    ]
+    graded = grade(RUBRIC, stages)
+    starter = item(graded, "starter")
+    assert (starter.state, starter.earned, starter.possible) == ("none", 0.0, 5.0)
+    assert "5.4" in starter.because
+    assert (graded.earned, graded.possible) == (95.0, 100.0)
+
+
+def test_a_changed_look_costs_nothing() -> None:
+    stages = [replace(each, findings=(finding("U04", "warning"),)) for each in class_of()]
+    assert grade(RUBRIC, stages).earned == 100.0
+
+
+def test_the_rubric_knows_every_rule_that_finds_an_error_in_what_the_starter_brought() -> None:
+    rules = [each for each in all_rules().values() if each.scope == "starter"]
+    errors = sorted(each.id for each in rules if each.severity == "error")
+    assert errors == CHANGED
+    assert errors == sorted(RUBRIC.caps[1].rules)
+
+
+@pytest.mark.parametrize(
+    ("checkpoints", "earned"), [(["05"], 0.0), (["0[5-8]"], 0.0), (["04"], 10.0), ([], 10.0)]
+)
+def test_a_cap_may_say_in_whose_stages_an_error_counts(
+    tmp_path: Path, checkpoints: list[str], earned: float
+) -> None:
+    def change(data: dict[str, Any]) -> None:
+        only(checkpoint="01")(data)
+        cap = {"rules": ["T07"], "checkpoints": checkpoints, "at_most": 0, "because": "no"}
+        data["caps"] = [cap]
+
+    stages = class_of()
+    stages[5] = replace(stages[5], findings=(finding("T07"),))
+    assert grade(made(tmp_path, change), stages).earned == earned
+
+
 def test_a_late_submission_earns_at_most_its_share(tmp_path: Path) -> None:
     rubric = made(tmp_path, lambda data: data.update(late={"at_most": 0.8}))
     assert grade(rubric, class_of()).earned == 100.0
@@ -400,6 +446,14 @@ WRONG: dict[str, tuple[Any, str]] = {
         "T99",
     ),
     "cap of an unknown item": (lambda data: data["caps"][0].update(items=["tre"]), "tre"),
+    "cap of an unknown checkpoint": (
+        lambda data: data["caps"][0].update(checkpoints=["09"]),
+        "'09'",
+    ),
+    "cap of a checkpoint as a number": (
+        lambda data: data["caps"][0].update(checkpoints=[1]),
+        "quotes",
+    ),
     "cap above everything": (lambda data: data["caps"][0].update(at_most=50), "at_most"),
     "cap without a reason": (lambda data: data["caps"][0].pop("because"), "because"),
     "late above everything": (lambda data: data.update(late={"at_most": 1.1}), "at_most"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from msgspec import to_builtins
@@ -22,6 +23,7 @@ from lab3_usd.spec.spec import Lab
 from lab3_usd.spec.yaml_file import expect, known_keys, need, read_foreign_yaml, texts
 
 FILE = "rubric.yaml"
+_CAP_KEYS = ("rules", "items", "checkpoints", "at_most", "because")
 
 
 def load_rubric(path: Path | None, lab: Lab) -> Rubric:
@@ -41,7 +43,7 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
         digest="",
         weights=_weights(data.get("weights", {}), asked, where),
         items=items,
-        caps=_caps(data.get("caps", []), items, where),
+        caps=_caps(data.get("caps", []), items, tuple(asked), where),
         late=_late(data.get("late", {}), where),
         asked={
             item.id: tuple(each for each in asked.get(item.checkpoint, ()) if item.asks(each))
@@ -82,25 +84,36 @@ def _weights(
     return dict.fromkeys(kinds, 1.0) | {kind: positive(given, kind, place) for kind in given}
 
 
-def _caps(data: object, items: tuple[Item, ...], where: str) -> tuple[Cap, ...]:
+def _caps(
+    data: object, items: tuple[Item, ...], checkpoints: tuple[str, ...], where: str
+) -> tuple[Cap, ...]:
+    places = enumerate(expect(data, list, f"{where}: 'caps'"), start=1)
+    names = tuple(item.id for item in items)
+    return tuple(
+        _cap(spec, names, checkpoints, f"{where}: cap {number}") for number, spec in places
+    )
+
+
+def _cap(data: object, items: tuple[str, ...], checkpoints: tuple[str, ...], place: str) -> Cap:
     from lab3_usd.check.registry import all_rules  # noqa: PLC0415 - only where a rubric has caps
 
-    caps = []
-    for number, spec in enumerate(expect(data, list, f"{where}: 'caps'"), start=1):
-        place = f"{where}: cap {number}"
-        known_keys(expect(spec, dict, place), ("rules", "items", "at_most", "because"), place)
-        rules = texts(spec, "rules", place)
-        if not rules:
-            message = f"{place}: 'rules' is empty; name the rules whose errors limit the points"
-            raise SpecError(message)
-        named = texts(spec, "items", place, optional=True)
-        for rule in rules:
-            one_of(rule, tuple(all_rules()), place)
-        for name in named:
-            one_of(name, tuple(item.id for item in items), place)
-        because = need(spec, "because", str, place)
-        caps.append(Cap(rules, named, share(spec, place), because))
-    return tuple(caps)
+    spec = expect(data, dict, place)
+    known_keys(spec, _CAP_KEYS, place)
+    rules = texts(spec, "rules", place)
+    if not rules:
+        message = f"{place}: 'rules' is empty; name the rules whose errors limit the points"
+        raise SpecError(message)
+    named = texts(spec, "items", place, optional=True)
+    looked_at = texts(spec, "checkpoints", place, optional=True)
+    for rule in rules:
+        one_of(rule, tuple(all_rules()), place)
+    for name in named:
+        one_of(name, items, place)
+    for pattern in looked_at:
+        if not any(fnmatchcase(number, pattern) for number in checkpoints):
+            one_of(pattern, checkpoints, place)
+    because = need(spec, "because", str, place)
+    return Cap(rules, named, share(spec, place), because, looked_at)
 
 
 def _late(given: object, where: str) -> Late:

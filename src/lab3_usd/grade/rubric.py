@@ -41,12 +41,23 @@ class Item(Struct, frozen=True):
 
 
 class Cap(Struct, frozen=True):
-    """An error of one of `rules` limits `items` (all where none is named) to a share."""
+    """An error of one of `rules` limits `items` (all where none is named) to a share.
+
+    `checkpoints` are patterns of those in whose stages an error counts; where there are none it
+    is the item's own, and any for an item of the handout's checklists.
+    """
 
     rules: tuple[str, ...]
     items: tuple[str, ...]
     at_most: float
     because: str
+    checkpoints: tuple[str, ...] = ()
+
+    def looks_at(self, number: str, item: Item) -> bool:
+        """Whether an error in the stage of this checkpoint limits the item."""
+        if self.checkpoints:
+            return any(fnmatchcase(number, each) for each in self.checkpoints)
+        return item.checkpoint in {"", number}
 
 
 class Late(Struct, frozen=True):

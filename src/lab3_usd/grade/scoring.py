@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.finding import ChecklistItem, StageResult
-from lab3_usd.grade.rubric import Item, Rubric
+from lab3_usd.grade.rubric import Cap, Item, Rubric
 
 State = Literal["full", "part", "none", "missing", "unreadable", "blocked", "open"]
 
@@ -57,6 +57,7 @@ def grade(
     """Return the points for the results of one submission, in whatever order they come."""
     stages = _by_checkpoint(results)
     states = {line.text: line.state for line in checklist}
+    errors = {number: _errors(result) for number, result in stages.items()}
     found: dict[str, ItemGrade] = {}
     lost: dict[str, Lost] = {}
     for item in rubric.items:
@@ -68,7 +69,7 @@ def grade(
             graded = _by_requirements(rubric, item, stages.get(item.checkpoint), needed, lost)
             if item.optional:
                 lost = before
-        found[item.id] = _capped(rubric, item, graded, stages.values())
+        found[item.id] = _capped(rubric.caps, item, graded, errors)
     return _total(rubric, found, tuple(lost.values()), late=late)
 
 
@@ -142,21 +143,25 @@ def _weighed(item: Item, weights: Mapping[str, float]) -> ItemGrade:
     return ItemGrade(item.id, state, possible * weights["met"] / counted, possible, blocked)
 
 
+def _errors(result: StageResult) -> frozenset[str]:
+    return frozenset(each.rule for each in result.findings if each.severity == "error")
+
+
 def _capped(
-    rubric: Rubric, item: Item, graded: ItemGrade, results: Iterable[StageResult]
+    caps: Iterable[Cap], item: Item, graded: ItemGrade, errors: Mapping[str, frozenset[str]]
 ) -> ItemGrade:
-    wrong = {
-        finding.rule
-        for result in results
-        if result.checkpoint == item.checkpoint or not item.checkpoint
-        for finding in result.findings
-        if finding.severity == "error"
-    }
-    for cap in rubric.caps:
+    """Limit what an item earned, given the rules that found errors in each checkpoint."""
+    for cap in caps:
         limit = graded.possible * cap.at_most
-        applies = (not cap.items or item.id in cap.items) and not wrong.isdisjoint(cap.rules)
-        if applies and graded.earned > limit:
-            graded = replace(graded, earned=limit, state="part", because=cap.because)
+        if graded.earned <= limit or (cap.items and item.id not in cap.items):
+            continue
+        if any(
+            not rules.isdisjoint(cap.rules)
+            for number, rules in errors.items()
+            if cap.looks_at(number, item)
+        ):
+            state: State = "part" if limit else "none"
+            graded = replace(graded, earned=limit, state=state, because=cap.because)
     return graded
 
 
