@@ -152,3 +152,17 @@ def test_no_item_of_a_rubric_is_a_formula(tmp_path: Path) -> None:
     rubric.write_text('title: T\nitems:\n  =1+1: {title: A, checkpoint: "01", points: 1}\n')
     write_tables(tmp_path, [], load_rubric(rubric, load_lab()))
     assert ",'=1+1," in (tmp_path / "grades.csv").read_text()
+
+
+def test_the_table_says_why_an_item_was_limited(tmp_path: Path) -> None:
+    jane = handed("jane")
+    found = answer("jane")
+    head, *others = found["items"]
+    limited = {**head, "state": "none", "because": "the robot was changed"}
+    found["items"] = [limited, *others]
+    write_student(tmp_path, jane, SALT, found)
+    write_tables(tmp_path, [jane], RUBRIC)
+    with (tmp_path / "grades.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    first, second, *_ = (item.id for item in RUBRIC.items)
+    assert row["remarks"].startswith(f"{first}: the robot was changed; {second}: missing")

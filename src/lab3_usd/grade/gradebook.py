@@ -195,11 +195,10 @@ def _cell(item: Row) -> str:
 
 def _remarks(row: Row) -> str:
     remarks = [row["reason"], *row["because"]]
-    remarks += [
-        f"{item['id']}: {item['state']}"
-        for item in row["items"]
-        if item["state"] in {"missing", "unreadable", "blocked", "open"}
-    ]
+    for item in row["items"]:
+        named = item["state"] in {"missing", "unreadable", "blocked", "open"}
+        why = item["state"] if named else item["because"]
+        remarks.append(f"{item['id']}: {why}" if why else "")
     return "; ".join(filter(None, remarks))
 
 
