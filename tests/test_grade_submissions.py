@@ -67,7 +67,7 @@ def test_canvas_names(tmp_path: Path) -> None:
     assert list(found) == ["12345", "23456"]
     jane, ali = found["12345"], found["23456"]
     assert (jane.name, jane.late) == ("doejane", False)
-    assert [name for _, name in sources(jane)] == ["Lab3.zip", "report.pdf"]
+    assert sorted(name for _, name in sources(jane)) == ["Lab3.zip", "report.pdf"]
     assert (ali.name, ali.late) == ("smithali", True)
     assert [name for _, name in sources(ali)] == ["Lab3.zip"]
 
@@ -182,9 +182,9 @@ def test_the_archive_of_a_whole_class(
     tmp_path: Path, names: list[str], students: list[str]
 ) -> None:
     with submissions_in(class_zip(tmp_path / "class.zip", *names)) as place:
-        assert isinstance(place, Path)
+        assert isinstance(place.where, Path)
         assert [each.student for each in find_submissions(place)] == students
-    assert not place.exists()
+    assert not place.where.exists()
 
 
 @pytest.mark.parametrize("data", [b"", b"no zip"])
@@ -197,3 +197,116 @@ def test_a_damaged_archive_of_a_class_is_an_error(tmp_path: Path, data: bytes) -
 def test_a_missing_archive_of_a_class_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no such"), submissions_in(tmp_path / "class.zip"):
         pytest.fail("it was opened")
+
+
+TWO_OF_ONE = """
+submission_11:
+  :submitters:
+  - :name: Jane Doe
+    :sid: '1001'
+    :email: jane@example.invalid
+submission_12:
+  :submitters:
+  - :name: Mallory
+    :sid: '1001'
+    :email: jane@example.invalid
+submission_13:
+  :submitters:
+  - :name: Eve
+    :sid: '1001 (submission_11)'
+submission_14:
+  :submitters:
+  - :name: Bo
+    :sid: submission_15
+"""
+
+
+def test_two_who_claim_one_number_are_two_students(tmp_path: Path) -> None:
+    (tmp_path / "submission_metadata.yml").write_text(TWO_OF_ONE)
+    found = handed(tmp_path, *(f"submission_{number}/work/" for number in range(11, 16)))
+    who = {each.sources[0].path.name: (each.student, each.name) for each in found.values()}
+    assert len(who) == len(found) == 5
+    assert who["submission_11"] == ("1001 (submission_11)", "Jane Doe")
+    assert who["submission_12"] == ("1001 (submission_12)", "Mallory")
+    assert who["submission_13"][1] == "Eve"
+    assert who["submission_15"] == ("submission_15", "submission_15")
+    assert len({each.folder.casefold() for each in found.values()}) == 5
+    numbers = {each.number for each in found.values() if "Doe" in each.name or "Mal" in each.name}
+    assert numbers == {"1001"}
+
+
+def test_a_student_called_as_the_report_folder_of_another_has_another_one(tmp_path: Path) -> None:
+    taken = handed(tmp_path / "one", "b c/")["b c"].folder
+    found = handed(tmp_path / "two", "b c/", f"{taken}/", f"a/{taken}", f"{taken.upper()}/")
+    assert len({each.folder.casefold() for each in found.values()}) == len(found) == 4
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "  :results: !ruby/object:Thing {a: 1}\n",
+        "7: x\n",
+        "? [1]\n: x\n",
+        "  :created_at: 2026-99-99\n",
+        "submission_13: 'not closed\n",
+        "submission_13:\n  :a: {\n",
+        "\tsubmission_13: x\n",
+    ],
+)
+def test_a_fault_in_the_metadata_costs_nobody_elses_name(tmp_path: Path, damage: str) -> None:
+    text = (
+        "submission_11:\n  :submitters:\n  - :name: Jane\n    :sid: 0123\n"
+        f"{damage}"
+        "submission_12:\n  :submitters:\n"
+        "  - :name: Ali\n    :sid: ~\n    :email: a@example.invalid\n"
+    )
+    (tmp_path / "submission_metadata.yml").write_text(text)
+    found = handed(tmp_path, "submission_11/", "submission_12/")
+    assert {each.student: each.name for each in found.values()} == {
+        "0123": "Jane",
+        "a@example.invalid": "Ali",
+    }
+
+
+def said_of(place: Path) -> list[str]:
+    said: list[str] = []
+    find_submissions(place, said.append)
+    return said
+
+
+def test_names_that_are_missing_are_said_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "submission_metadata.yml").write_text(METADATA + "x: [\n")
+    handed(tmp_path, *(f"submission_{number}/work/" for number in (11, 12, 13)))
+    (line,) = said_of(tmp_path)
+    assert line.startswith("submission_metadata.yml: ")
+    assert line.endswith("graded under the names of their folders: submission_13")
+    assert "line " in line
+
+
+def test_what_is_passed_over_is_said_in_one_line(tmp_path: Path) -> None:
+    names = ["bob.pdf", "..x/", ".DS_Store", "._a", "__MACOSX/", "Thumbs.db"]
+    handed(tmp_path, "jane/", *names, *(f"note{number}.txt" for number in range(9)))
+    (line,) = said_of(tmp_path)
+    begins, _, named = line.rpartition(": ")
+    assert begins == f"{tmp_path}: passed over, as nobody's submission"
+    assert named == "..x, bob.pdf, note0.txt, note1.txt, note2.txt and 6 more"
+
+
+def test_of_two_uploads_to_canvas_the_newer_comes_first(tmp_path: Path) -> None:
+    found = handed(tmp_path, f"bob_7_998_{STAGE}", f"bob_7_1000_{STAGE}", "bob_7_999_a.usda")
+    assert [source.path.name for source in found["7"].sources] == [
+        f"bob_7_1000_{STAGE}",
+        "bob_7_999_a.usda",
+        f"bob_7_998_{STAGE}",
+    ]
+
+
+def test_a_folder_of_submissions_that_cannot_be_read_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_folder: object) -> list[str]:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("lab3_usd.grade.entries.os.listdir", refuse)
+    with pytest.raises(UsageError, match=r"cannot be read \(Permission denied\)"):
+        find_submissions(tmp_path)

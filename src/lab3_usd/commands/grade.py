@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections import Counter
@@ -14,8 +15,32 @@ import click
 EXIT_CRASH = 3
 
 
+class Seconds(click.FloatRange):
+    """A range of seconds; what is no number lies in none."""
+
+    def convert(
+        self,
+        value: Any,  # noqa: ANN401 - click's signature
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> Any:  # noqa: ANN401 - click's signature
+        """Return a number of the range."""
+        seconds = super().convert(value, param, ctx)
+        if not math.isfinite(seconds):
+            self.fail(f"{value} is no number of seconds.", param, ctx)
+        return seconds
+
+
+def _named(context: click.Context, parameter: click.Parameter, submissions: str) -> str:
+    """Refuse the empty name, which stands for the current folder and is never meant."""
+    if not submissions.strip():
+        message = "give a folder, an archive or an address; '.' is the current folder"
+        raise click.BadParameter(message, context, parameter)
+    return submissions
+
+
 @click.command("grade")
-@click.argument("submissions")
+@click.argument("submissions", callback=_named)
 @click.option(
     "--starter",
     required=True,
@@ -46,7 +71,7 @@ EXIT_CRASH = 3
 )
 @click.option(
     "--timeout",
-    type=click.FloatRange(1, 3600),
+    type=Seconds(1, 3600),
     default=20,
     show_default=True,
     metavar="S",
@@ -83,6 +108,7 @@ def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one ent
         jobs=options["jobs"] or _processors(),
         resume=options["resume"],
         runner=_runner(options["cluster"]),
+        say=lambda line: click.echo(f"lab3: {line}", err=True),
     )
     rows = grade_class(settings, _progress())
     counts = Counter(row["status"] for row in rows)

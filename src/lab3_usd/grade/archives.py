@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import lzma
 import stat
 import tarfile
@@ -24,6 +25,7 @@ _DAMAGED = (
     zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, EOFError, OSError,
     ValueError, NotImplementedError, RuntimeError, IndexError, OverflowError,
 )  # fmt: skip
+_NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 class ArchiveError(Lab3Error):
@@ -33,6 +35,11 @@ class ArchiveError(Lab3Error):
 def is_archive(name: str) -> bool:
     """Whether a file of this name is an archive that can be unpacked."""
     return name.lower().endswith((*ZIP_ENDINGS, *TAR_ENDINGS))
+
+
+def is_no_room(error: Exception) -> bool:
+    """Whether the disk is full, which is nobody's fault who handed something in."""
+    return isinstance(error, OSError) and error.errno in _NO_ROOM
 
 
 def _admit(name: str, intake: Intake) -> bool:
@@ -49,9 +56,10 @@ def unpack(archive: Path, prefix: str, intake: Intake) -> None:
     The one folder that holds everything in a student's archive is left aside.
 
     Raises:
-        ArchiveError: it is damaged from the start, or of no kind that is known.
+        ArchiveError: it cannot be read, is damaged from the start, or is of no kind that is known.
         TooLargeError: it holds too many files or too much in them.
     """
+    _make_sure_of(archive)
     if archive.stat().st_size > intake.limits.total_size:
         message = f"is larger than {intake.limits.total_size >> 20} MB"
         raise TooLargeError(message)
@@ -60,10 +68,22 @@ def unpack(archive: Path, prefix: str, intake: Intake) -> None:
     try:
         reader(archive, prefix, intake)
     except _DAMAGED as error:
-        if len(intake.digests) == taken:
+        if is_no_room(error):
+            raise
+        # Students would be lost with what follows in the archive of a class.
+        if len(intake.digests) == taken or intake.archives:
             message = f"{archive.name}: is damaged or no such archive; pack it again"
             raise ArchiveError(message) from error
         intake.refuse(archive.name, "the archive is damaged; what follows in it is lost")
+
+
+def _make_sure_of(archive: Path) -> None:
+    """Raise ArchiveError where an archive cannot be read, which is not its own fault."""
+    try:
+        archive.open("rb").close()
+    except OSError as error:
+        message = f"{archive.name}: cannot be read ({error.strerror})"
+        raise ArchiveError(message) from error
 
 
 def _from_zip(archive: Path, prefix: str, intake: Intake) -> None:
@@ -75,7 +95,9 @@ def _from_zip(archive: Path, prefix: str, intake: Intake) -> None:
         names = [] if intake.archives else [each.filename for each in entries if not each.is_dir()]
         for entry in entries:
             name = prefix + _without_top(entry.filename, names)
-            if not entry.is_dir() and _admit(name, intake):
+            if entry.is_dir():
+                intake.keep_folder(name)
+            elif _admit(name, intake):
                 _zip_entry(packed, entry, name, intake)
 
 
@@ -87,7 +109,9 @@ def _zip_entry(packed: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str, intak
     try:
         with packed.open(entry) as stream:
             intake.take(name, entry.file_size, cast("BinaryIO", stream))
-    except _DAMAGED:
+    except _DAMAGED as error:
+        if is_no_room(error):
+            raise
         intake.forget(name, "it is damaged in the archive")
 
 
@@ -111,6 +135,9 @@ def _from_tar(archive: Path, prefix: str, intake: Intake) -> None:
     names = [] if intake.archives else _tar_names(archive, intake)
     for name, member, packed in _tar_entries(archive, intake):
         inside = prefix + _without_top(name, names)
+        if member.isdir():
+            intake.keep_folder(inside)
+            continue
         if not member.isreg() or member.issparse():
             intake.refuse(inside, "it is a link, pipe or device; not unpacked")
             continue
@@ -123,8 +150,9 @@ def _tar_names(archive: Path, intake: Intake) -> list[str]:
     """Return the names up to the end of the archive, or to where it is damaged."""
     names = []
     with contextlib.suppress(*_DAMAGED):
-        for name, _, _ in _tar_entries(archive, intake):
-            names.append(name)
+        for name, member, _ in _tar_entries(archive, intake):
+            if not member.isdir():
+                names.append(name)
     return names
 
 
@@ -142,8 +170,7 @@ def _tar_entries(
             if total > intake.limits.total_size or total > allowed:
                 message = f"grows to more than {min(total, intake.limits.total_size) >> 20} MB"
                 raise TooLargeError(message)
-            if not member.isdir():
-                yield member.name, member, packed
+            yield member.name, member, packed
 
 
 def _without_top(name: str, names: list[str]) -> str:

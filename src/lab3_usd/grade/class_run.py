@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from msgspec import Struct, field
@@ -13,27 +11,28 @@ from msgspec.structs import replace
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.grade.archives import ArchiveError, is_archive, unpack
+from lab3_usd.grade.class_archive import submissions_in
 from lab3_usd.grade.gradebook import Rows, check_target, known_digest, write_student, write_tables
-from lab3_usd.grade.intake import Intake, TooLargeError
 from lab3_usd.grade.judge import Json, Task, not_judged
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.load_rubric import load_rubric
 from lab3_usd.grade.outcome import status_of
 from lab3_usd.grade.pool import run_tasks
+from lab3_usd.grade.remote import local_path
 from lab3_usd.grade.rubric import Rubric
-from lab3_usd.grade.submissions import Handed, find_submissions, within_wrapper
+from lab3_usd.grade.submissions import Handed, Place, find_submissions
 from lab3_usd.grade.worker_process import PoolSettings
 from lab3_usd.report.tool import tool_version
 from lab3_usd.spec.loader import load_lab
 
 Runner = Callable[[Iterable[Task], PoolSettings], Iterator[tuple[Task, Json]]]
-# A class in one archive holds many submissions.
-_CLASS = Limits(files=200_000, total_size=16 << 30, file_size=1 << 30)
 
 
 class ClassSettings(Struct, frozen=True):
-    """What to grade, with what, and where to write; `runner` has the tasks judged."""
+    """What to grade, with what, and where to write.
+
+    `runner` has the tasks judged; `say` is told, in a line each, what of a class is passed over.
+    """
 
     submissions: Path | str
     starter: Path
@@ -43,6 +42,7 @@ class ClassSettings(Struct, frozen=True):
     jobs: int = 1
     resume: bool = False
     runner: Runner = run_tasks
+    say: Callable[[str], None] = lambda _line: None
 
 
 def grade_class(
@@ -58,19 +58,21 @@ def grade_class(
         StageError: the starter cannot be opened.
         UsageError: there are no submissions, or the gradebook cannot be written.
     """
+    submissions = local_path(settings.submissions)
+    check_apart(submissions, settings.out)
     rubric = load_rubric(settings.rubric, load_lab())
     check_starter(settings.starter)
     check_target(settings.out, resume=settings.resume)
     salt = salt_of(rubric, settings.starter)
-    with submissions_in(settings.submissions) as place:
-        handed = [_with_lateness(each, rubric) for each in find_submissions(place)]
+    with submissions_in(submissions) as place:
+        handed = [_with_lateness(each, rubric) for each in find_submissions(place, settings.say)]
         by_folder = {each.folder: each for each in handed}
         tasks = (_task(each, settings, salt) for each in handed)
         pool = PoolSettings(
             settings.starter,
             settings.rubric,
             settings.limits,
-            (place,) if isinstance(place, Path) else (),
+            _readable(place),
             min(settings.jobs, len(handed)),
         )
         progress(0, len(handed))
@@ -78,6 +80,25 @@ def grade_class(
             _record(settings.out, by_folder[task.folder], salt, answer, rubric)
             progress(done, len(handed))
     return write_tables(settings.out, handed, rubric)
+
+
+def check_apart(submissions: Path | str, out: Path) -> None:
+    """Make sure that the gradebook does not become a submission.
+
+    Raises:
+        UsageError: it would lie among them.
+    """
+    inside = isinstance(submissions, Path) and submissions.is_dir()
+    if inside and out.resolve().is_relative_to(Path(submissions).resolve()):
+        message = f"{out}: lies in {submissions}, among what is graded; choose another -o"
+        raise UsageError(message)
+
+
+def _readable(place: Place) -> tuple[Path, ...]:
+    """Return what workers may read of a class."""
+    if isinstance(place.where, str):
+        return ()
+    return (place.where, *([place.nowhere] if place.left_out else []))
 
 
 def check_starter(starter: Path) -> None:
@@ -99,12 +120,25 @@ def salt_of(rubric: Rubric, starter: Path) -> str:
     digest = hashlib.sha256(f"{tool_version()}\0{rubric.digest}\0".encode())
     for path in [starter, *sorted(data_folder("graphs").glob("*.yaml"))]:
         digest.update(hashlib.sha256(path.read_bytes()).digest())
+    for name, content in sorted(_files_of(starter)):
+        digest.update(name.encode("utf-8", "backslashreplace") + b"\0" + content)
     return digest.hexdigest()
+
+
+def _files_of(starter: Path) -> Iterator[tuple[str, bytes]]:
+    """Yield name and digest of every file that the starter consists of, wherever they lie."""
+    from lab3_usd.stage.fence import files_of  # noqa: PLC0415 - pxr
+
+    for each in files_of(starter):
+        path = Path(each.partition("[")[0])  # a file in a package is read with the package
+        if path.is_file():
+            yield path.name, hashlib.sha256(path.read_bytes()).digest()
 
 
 def _with_lateness(handed: Handed, rubric: Rubric) -> Handed:
     """Return the submission as late where the platform or the rubric says so."""
-    return replace(handed, late=handed.late or handed.student in rubric.late.students)
+    listed = not {handed.student, handed.number}.isdisjoint(rubric.late.students)
+    return replace(handed, late=handed.late or listed)
 
 
 def _task(handed: Handed, settings: ClassSettings, salt: str) -> Task:
@@ -121,25 +155,3 @@ def _record(out: Path, handed: Handed, salt: str, answer: Json, rubric: Rubric) 
         how = answer["failed"]
         answer = not_judged(rubric, handed.student, status_of(how), how, handed.name)
     write_student(out, handed, salt, answer)
-
-
-@contextmanager
-def submissions_in(place: Path | str) -> Iterator[Path | str]:
-    """Yield the folder of submissions; an archive of a whole class is unpacked first.
-
-    Raises:
-        UsageError: the archive is damaged or too large.
-    """
-    if isinstance(place, str) or place.is_dir() or not is_archive(place.name):
-        yield place
-        return
-    if not place.is_file():
-        message = f"{place}: there is no such folder or archive of submissions"
-        raise UsageError(message)
-    with tempfile.TemporaryDirectory(prefix="lab3-class-") as folder:
-        try:
-            unpack(place, "", Intake(Path(folder), _CLASS, archives=True))
-        except (ArchiveError, TooLargeError) as error:
-            message = f"{place}: {str(error).removeprefix(f'{place.name}: ')}"
-            raise UsageError(message) from error
-        yield within_wrapper(Path(folder))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -16,7 +18,12 @@ _CHUNK = 1 << 20
 _LONGEST_NAME = 200  # bytes; file systems end at 255
 _LONGEST_PATH = 1000
 # What operating systems, editors and Isaac Sim leave behind; nobody hands it in on purpose.
-_LEFTOVERS = ("__MACOSX", "__pycache__", "Thumbs.db", "desktop.ini")
+LEFTOVERS = ("__MACOSX", "__pycache__", "Thumbs.db", "desktop.ini")
+_YAML = (".yaml", ".yml")
+_LARGEST_YAML = 8 << 20  # saved messages may be long; maps and parameters are some kilobytes
+_ALIAS = re.compile(rb"(?<![^\s\[{,:-])\*\w")
+_MOST_ALIASES = 50  # a few lines of aliases of aliases unfold to gigabytes
+_MOST_BRACKETS = 60
 
 
 class TooLargeError(Lab3Error):
@@ -34,7 +41,9 @@ class Refused(Struct, frozen=True):
 class Intake:
     """The copy of a submission that is judged: plain files below `target`, and nothing else.
 
-    With `archives`, archives in an archive come in as they are: those of a class are students'.
+    With `archives`, the files of a class come in as they are, and archives in an archive too:
+    those of a class are students', and are looked into one by one. `hidden` are the names of what
+    is passed over there without a word.
     """
 
     target: Path
@@ -42,6 +51,7 @@ class Intake:
     archives: bool = False
     digests: dict[str, str] = field(default_factory=dict)
     refused: list[Refused] = field(default_factory=list)
+    hidden: list[str] = field(default_factory=list)
     taken: int = 0
 
     def refuse(self, name: str, reason: str) -> None:
@@ -57,9 +67,10 @@ class Intake:
     def place(self, name: str) -> Path | None:
         """Return where a file of this name goes; None for leftovers and names that are refused."""
         parts = [part for part in name.replace("\\", "/").split("/") if part not in {"", "."}]
-        if not parts or any(part.startswith(".") and part != ".." for part in parts):
-            return None
-        if any(part in _LEFTOVERS for part in parts):
+        hidden = any(part.startswith(".") and part != ".." for part in parts)
+        if not parts or hidden or any(part in LEFTOVERS for part in parts):
+            if self.archives:
+                self.hidden.append(name)
             return None
         reason = self._name_fault(name, parts)
         if reason:
@@ -89,12 +100,21 @@ class Intake:
         if path is None:
             return
         if str(path) in self.digests:
-            self.refuse(name, "it is there twice; the first one counts")
+            self.refuse(name, "it is there twice; the other one counts")
             return
         self._check_count(1)
         if size > self.limits.file_size:
             self.refuse(name, f"it is larger than {self.limits.file_size >> 20} MB; not opened")
             return
+        if name.lower().endswith(_YAML) and not self.archives:
+            if size > _LARGEST_YAML:
+                self.refuse(name, f"it is larger than {_LARGEST_YAML >> 20} MB; not opened")
+                return
+            data = stream.read(size)
+            if _unfolds(data):
+                self.refuse(name, "it unfolds to far more than it says; not opened")
+                return
+            stream = io.BytesIO(data)
         self.taken += size
         if self.taken > self.limits.total_size:
             message = f"holds more than {self.limits.total_size >> 20} MB"
@@ -135,6 +155,15 @@ class Intake:
         path.write_bytes(b"\0")
         self.digests[str(path)] = ""
 
+    def keep_folder(self, name: str) -> None:
+        """Make a folder of a class, also when it is empty: a student may have handed it in."""
+        path = self.place(name) if self.archives else None
+        if path is not None:
+            try:
+                path.mkdir(parents=True, exist_ok=True)
+            except OSError:
+                self.refuse(name, "a file and a folder have the same name")
+
     def digest(self) -> str:
         """Return what tells this submission from every other, wherever it was copied to."""
         digest = hashlib.sha256()
@@ -144,3 +173,12 @@ class Intake:
         for refused in sorted(self.refused, key=lambda each: (each.path, each.reason)):
             digest.update(f"{refused.path}\0{refused.reason}\n".encode())
         return digest.hexdigest()
+
+
+def _unfolds(data: bytes) -> bool:
+    """Whether YAML has more aliases or brackets than maps and parameters need."""
+    depth = deepest = 0
+    for letter in data.translate(None, bytes(set(range(256)) - set(b"[]{}"))):
+        depth += 1 if letter in b"[{" else -1
+        deepest = max(deepest, depth)
+    return len(_ALIAS.findall(data)) > _MOST_ALIASES or deepest > _MOST_BRACKETS

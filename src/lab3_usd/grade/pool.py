@@ -15,6 +15,7 @@ from lab3_usd.grade.intake import TooLargeError
 from lab3_usd.grade.judge import Json, Task
 from lab3_usd.grade.outcome import TOO_LARGE
 from lab3_usd.grade.remote import fetched
+from lab3_usd.grade.staging import source_message
 from lab3_usd.grade.worker_process import (
     DiedError,
     PoolSettings,
@@ -157,7 +158,7 @@ def message_of(task: Task) -> Json:
     return {
         "student": task.student,
         "folder": task.folder,
-        "sources": [[str(source.path.absolute()), source.name] for source in task.sources],
+        "sources": [source_message(source) for source in task.sources],
         "late": task.late,
         "name": task.name,
         "broken": dict(task.broken or {}),

@@ -3,25 +3,53 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator
+import queue
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
+from lab3_usd.grade.archives import is_archive
+from lab3_usd.grade.fetching import Fetched, FetchError, Held, fetch, reason_of
+from lab3_usd.grade.gradescope_export import LARGEST
 from lab3_usd.grade.intake import TooLargeError
 from lab3_usd.grade.judge import Task
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.staging import Source
 
 _SLASHES = "://"
+_TIMES_AS_LONG = 10  # fetching a submission of many files may take as long as judging ten
+_HOUR = 3600.0
+
+
+class At(Struct, frozen=True):
+    """A storage of fsspec, and a path in it."""
+
+    storage: Any
+    root: str
 
 
 def is_address(place: str) -> bool:
     """Whether a place is an address for fsspec (`s3://course/lab3`) and not a path."""
     return _SLASHES in place
+
+
+def local_path(place: Path | str) -> Path | str:
+    """Return the path of an address that is on this computer (`file://`), others as they are.
+
+    Raises:
+        UsageError: fsspec is not installed, or knows no such address.
+    """
+    if isinstance(place, Path):
+        return place
+    at = _storage(place)
+    local: type = importlib.import_module("fsspec.implementations.local").LocalFileSystem
+    return Path(at.root) if isinstance(at.storage, local) else place
 
 
 def entries_at(address: str) -> list[tuple[str, bool]]:
@@ -30,9 +58,9 @@ def entries_at(address: str) -> list[tuple[str, bool]]:
     Raises:
         UsageError: fsspec is not installed, knows no such address, or cannot list it.
     """
-    storage, root = _storage(address)
+    at = _storage(address)
     try:
-        found = storage.ls(root, detail=True)
+        found = at.storage.ls(at.root, detail=True)
     except Exception as error:
         message = f"{address}: cannot be listed ({type(error).__name__}: {error})"
         raise UsageError(message) from error
@@ -40,11 +68,50 @@ def entries_at(address: str) -> list[tuple[str, bool]]:
     return sorted((name, is_folder) for name, is_folder in names if name)
 
 
+def read_at(address: str, name: str) -> bytes | str:
+    """Return a file's bytes, or a few words about why it cannot be read."""
+    at = _storage(address)
+    path = f"{at.root.rstrip('/')}/{name}"
+    try:
+        with at.storage.open(path, "rb") as stream:
+            data: bytes = stream.read(LARGEST + 1)
+    except Exception as error:  # noqa: BLE001 - a storage may raise anything
+        return f"it cannot be read: {reason_of(error)}"
+    return data if len(data) <= LARGEST else f"it is larger than {LARGEST // 1_000_000} MB"
+
+
+def archive_at(address: str, scratch: Path, limits: Limits) -> Path | None:
+    """Fetch the archive of a class that lies at an address; None where a folder lies there.
+
+    Raises:
+        UsageError: it cannot be fetched, or what lies there is neither.
+    """
+    at = _storage(address)
+    name = _name(at.root)
+    try:
+        is_file = bool(at.storage.isfile(at.root))
+    except Exception as error:
+        message = f"{address}: cannot be looked at ({reason_of(error)})"
+        raise UsageError(message) from error
+    if not is_file:
+        return None
+    if not is_archive(name):
+        message = f"{address}: is neither a folder nor an archive of submissions"
+        raise UsageError(message)
+    held = Held(limits, threading.Event(), whole=True)
+    try:
+        within(_HOUR, lambda: fetch(at.storage, at.root, scratch / name, held), held)
+    except (FetchError, TooLargeError) as error:
+        message = f"{address}: {error}"
+        raise UsageError(message) from error
+    return scratch / name
+
+
 def _name(path: str) -> str:
     return path.rstrip("/").rpartition("/")[2]
 
 
-def _storage(address: str) -> tuple[Any, str]:
+def _storage(address: str) -> At:
     try:
         core = importlib.import_module("fsspec.core")
     except ImportError as error:
@@ -55,12 +122,14 @@ def _storage(address: str) -> tuple[Any, str]:
     except Exception as error:
         message = f"{address}: fsspec does not know it ({error})"
         raise UsageError(message) from error
-    return storage, str(root)
+    return At(storage, str(root))
 
 
 @contextmanager
 def fetched(task: Task, folder: Path, limits: Limits) -> Iterator[Task]:
     """Yield the task with everything that lies elsewhere fetched into `folder`.
+
+    What cannot be fetched becomes the fault of its source, for the one submission alone.
 
     Raises:
         TooLargeError: more would be fetched than a submission may hold.
@@ -68,24 +137,50 @@ def fetched(task: Task, folder: Path, limits: Limits) -> Iterator[Task]:
     if not any(source.address for source in task.sources):
         yield task
         return
-    sources = [_fetch(source, folder / str(n), limits) for n, source in enumerate(task.sources)]
+    sources = [
+        _fetched(source, folder / str(n), limits) if source.address else source
+        for n, source in enumerate(task.sources)
+    ]
     yield replace(task, sources=tuple(sources))
 
 
-def _fetch(source: Source, target: Path, limits: Limits) -> Source:
-    storage, root = _storage(source.address)
-    name = _name(root)
-    files = storage.find(root, detail=True)
-    if len(files) > limits.files or sum(each["size"] or 0 for each in files.values()) > (
-        limits.total_size
-    ):
-        message = f"holds more than {limits.files} files or {limits.total_size >> 20} MB"
-        raise TooLargeError(message)
-    for path in sorted(files):
-        inside = path[len(root) :].strip("/")
-        place = target / name / inside if inside else target / name
-        if not place.resolve().is_relative_to(target.resolve()):
-            continue  # a key with dots in it, which is no file name
-        place.parent.mkdir(parents=True, exist_ok=True)
-        storage.get_file(path, str(place))
-    return Source(target / name, source.name)
+def _fetched(source: Source, target: Path, limits: Limits) -> Source:
+    target.mkdir(parents=True, exist_ok=True)
+    held = Held(limits, threading.Event())
+
+    def get() -> tuple[Path, Fetched]:
+        at = _storage(source.address)
+        path = target / _name(at.root)
+        return path, fetch(at.storage, at.root, path, held)
+
+    try:
+        path, left_out = within(_TIMES_AS_LONG * limits.seconds, get, held)
+    except (FetchError, UsageError) as error:
+        return Source(target, source.name, fault=str(error))
+    return Source(path, source.name, left_out=left_out)
+
+
+def within(seconds: float, get: Callable[[], Any], held: Held) -> Any:  # noqa: ANN401 - what `get` returns
+    """Return what `get` returns or raise what it raises; a storage that hangs is not waited for.
+
+    Raises:
+        FetchError: it took too long.
+    """
+    answers: queue.Queue[Any] = queue.Queue()
+
+    def run() -> None:
+        try:
+            answers.put(get())
+        except Exception as error:  # noqa: BLE001 - raised again in the caller's thread
+            answers.put(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    try:
+        answer = answers.get(timeout=seconds)
+    except queue.Empty:
+        held.stopped.set()
+        message = f"cannot be fetched: took longer than {seconds:g} s"
+        raise FetchError(message) from None
+    if isinstance(answer, Exception):
+        raise answer
+    return answer

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-import re
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from msgspec import Struct
 
 from lab3_usd.check.folder import is_submission
-from lab3_usd.grade.archives import OTHER_ENDINGS, ArchiveError, is_archive, unpack
+from lab3_usd.grade.archives import OTHER_ENDINGS, ArchiveError, is_archive, is_no_room, unpack
 from lab3_usd.grade.intake import Intake, Refused
 from lab3_usd.grade.limits import Limits
 
@@ -25,21 +24,33 @@ _ONLY_NAMES = (
 _MAPS_MAY_BE = (".png", ".bmp")
 _SMALL_PICTURE = 4 << 20
 _DEEPEST = 4
-_YAML = (".yaml", ".yml")
-_ALIAS = re.compile(rb"(?<![^\s\[{,:-])\*\w")
-_MOST_ALIASES = 50  # a few lines of aliases of aliases unfold to gigabytes
-_MOST_BRACKETS = 60
+_UNREAD = "it cannot be read"
 
 
 class Source(Struct, frozen=True):
     """A file, folder or archive that a submission consists of, and its name there ('' for all).
 
-    `address` says where it is to be fetched from when it is not on this computer.
+    `address` says where it is to be fetched from when it is not on this computer, `left_out` what
+    is not there because it was refused on the way here, and `fault` why nothing of it is.
     """
 
     path: Path
     name: str = ""
     address: str = ""
+    left_out: tuple[Refused, ...] = ()
+    fault: str = ""
+
+
+def source_message(source: Source) -> list[Any]:
+    """Return a source on this computer as plain data."""
+    left_out = [[each.path, each.reason] for each in source.left_out]
+    return [str(source.path.absolute()), source.name, left_out, source.fault]
+
+
+def source_of(message: list[Any]) -> Source:
+    """Return the source that plain data describes (see `source_message`)."""
+    path, name, left_out, fault = message
+    return Source(Path(path), name, "", tuple(Refused(*each) for each in left_out), fault)
 
 
 class Staged(Struct, frozen=True):
@@ -55,21 +66,34 @@ def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) ->
 
     Raises:
         TooLargeError: it holds too many files or too much in them.
-        ArchiveError: the one archive that it consists of cannot be unpacked.
+        ArchiveError: the one archive that it consists of cannot be unpacked, or nothing in it read.
     """
     intake = Intake(target, limits)
     every = list(sources)
     for source in every:
-        if source.path.is_dir() and not source.path.is_symlink():
-            _take_folder(source, intake)
-        else:
-            _take_file(source.path, source.name or source.path.name, intake, alone=len(every) == 1)
+        _take(source, intake, alone=len(every) == 1)
+    unread = [each for each in intake.refused if each.reason.startswith(_UNREAD)]
+    if unread and not intake.digests:
+        message = f"{unread[0].path}: {unread[0].reason.removeprefix('it ')}"
+        raise ArchiveError(message)
     folder = _submission_in(target)
     inside = folder.relative_to(target).as_posix()
     refused = tuple(
         Refused(each.path.removeprefix(f"{inside}/"), each.reason) for each in intake.refused
     )
     return Staged(folder, intake.digest(), refused)
+
+
+def _take(source: Source, intake: Intake, *, alone: bool) -> None:
+    if source.fault:
+        message = f"{source.name or source.path.name}: {source.fault}"
+        raise ArchiveError(message)
+    for each in source.left_out:
+        intake.refuse(each.path, each.reason)
+    if os.path.isdir(source.path) and not source.path.is_symlink():  # noqa: PTH112 - never raises
+        _take_folder(source, intake)
+    else:
+        _take_file(source.path, source.name or source.path.name, intake, alone=alone)
 
 
 def _take_folder(source: Source, intake: Intake) -> None:
@@ -83,8 +107,12 @@ def _files_below(root: Path, intake: Intake) -> Iterator[tuple[Path, str]]:
     waiting = [""]
     while waiting:
         below = waiting.pop()
-        with os.scandir(root / below) as scan:
-            entries = sorted(scan, key=lambda entry: entry.name)
+        try:
+            with os.scandir(root / below) as scan:
+                entries = sorted(scan, key=lambda entry: entry.name)
+        except OSError as error:
+            intake.refuse(below.rstrip("/") or root.name, f"{_UNREAD} ({error.strerror})")
+            continue
         for entry in entries:
             name = f"{below}{entry.name}"
             if not entry.is_dir(follow_symlinks=False):
@@ -123,7 +151,12 @@ def _inside(link: Path, root: Path | None) -> Path | None:
 
 
 def _unpack(path: Path, name: str, intake: Intake, *, alone: bool) -> None:
-    if not stat.S_ISREG(path.lstat().st_mode):
+    try:
+        is_file = stat.S_ISREG(path.lstat().st_mode)
+    except OSError as error:
+        intake.refuse(name, f"{_UNREAD} ({error.strerror})")
+        return
+    if not is_file:
         intake.refuse(name, "it is no file but a pipe, socket or device; not opened")
         return
     try:
@@ -139,28 +172,18 @@ def _copy(path: Path, name: str, intake: Intake) -> None:
         with _opened(path) as (stream, size):
             if stream is None:
                 intake.refuse(name, "it is no file but a pipe, socket or device; not opened")
-            elif _only_name_counts(name, size):
+            elif only_name_counts(name, size):
                 intake.keep_name(name)
-            elif name.lower().endswith(_YAML) and _unfolds(stream):
-                intake.refuse(name, "it unfolds to far more than it says; not opened")
             else:
                 intake.take(name, size, stream)
     except OSError as error:
-        intake.refuse(name, f"it cannot be read ({error.strerror})")
+        if is_no_room(error):
+            raise
+        intake.refuse(name, f"{_UNREAD} ({error.strerror})")
 
 
-def _unfolds(stream: BinaryIO) -> bool:
-    """Whether YAML has more aliases or brackets than maps and parameters need."""
-    data = stream.read()
-    stream.seek(0)
-    depth = deepest = 0
-    for letter in data.translate(None, bytes(set(range(256)) - set(b"[]{}"))):
-        depth += 1 if letter in b"[{" else -1
-        deepest = max(deepest, depth)
-    return len(_ALIAS.findall(data)) > _MOST_ALIASES or deepest > _MOST_BRACKETS
-
-
-def _only_name_counts(name: str, size: int) -> bool:
+def only_name_counts(name: str, size: int) -> bool:
+    """Whether nobody judges what is in a file: pictures, videos and documents."""
     lower = name.lower()
     if lower.endswith(_MAPS_MAY_BE) and size <= _SMALL_PICTURE:
         return False

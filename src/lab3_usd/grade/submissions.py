@@ -1,10 +1,12 @@
-"""Finds who handed in what: folders, archives and files as learning platforms export them."""
+"""Finds who handed in what in a class, so that everybody has a place of their own."""
 
 from __future__ import annotations
 
 import hashlib
+import os
 import re
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from msgspec import Struct
@@ -12,31 +14,32 @@ from msgspec.structs import replace
 
 from lab3_usd.check.folder import is_submission
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.archives import OTHER_ENDINGS, is_archive
-from lab3_usd.grade.gradescope_export import METADATA, names_by_folder
-from lab3_usd.grade.remote import entries_at
+from lab3_usd.grade.entries import (
+    Entry,
+    Known,
+    Part,
+    entries_in,
+    is_leftover,
+    is_part,
+    looks_like_submission,
+    part_of,
+)
+from lab3_usd.grade.gradescope_export import METADATA, Names, names_in, read_metadata
+from lab3_usd.grade.intake import Refused
+from lab3_usd.grade.remote import entries_at, read_at
 from lab3_usd.grade.staging import Source
 
-_STAGE = (".usd", ".usda", ".usdc", ".usdz", ".uda")
-_ARCHIVE_END = re.compile(r"(\.tar)?\.[A-Za-z0-9]+$")
-# doejane_LATE_12345_67890_work-1.zip: name, student number, number of the upload, file.
-_CANVAS = re.compile(r"^(?P<name>[^_]+)_(?:(?P<late>LATE)_)?(?P<id>\d+)_\d+_(?P<file>.+)$")
-# Jane Doe_1234567_assignsubmission_file_work.zip, as a file or as a folder
-_MOODLE = re.compile(
-    r"^(?P<name>[^_]+)_(?P<id>\d+)_assignsubmission_(?:file|onlinetext)(?:_(?P<file>.*))?$"
-)
-# jane_Lab3_05_odometry_tf.usda: a student's name before a checkpoint's
-_NAMED_STAGE = re.compile(r"^(?P<name>.+?)[ _-]+(?P<file>lab[ _-]*3[ _-].*)$", re.IGNORECASE)
-_AGAIN = re.compile(r"-\d+(?=\.[A-Za-z0-9.]+$)")  # Canvas numbers what is uploaded again
 _SLUG = re.compile(r"[^A-Za-z0-9._-]+")
 _LONGEST_SLUG = 80
+_MOST_NAMED = 5
+Say = Callable[[str], None]
 
 
 class Handed(Struct, frozen=True):
     """What one student handed in.
 
-    `student` is the number or name that the platform gives, `folder` the name of the report
-    folder, which no other student has.
+    `student` is the number or name that the platform gives, made unique where two claim the same
+    `number`; `folder` the name of the report folder, which no other student has.
     """
 
     student: str
@@ -44,123 +47,164 @@ class Handed(Struct, frozen=True):
     folder: str
     sources: tuple[Source, ...]
     late: bool = False
+    number: str = ""
 
 
-class _Part(Struct, frozen=True):
-    student: str
-    name: str
-    source: Source
-    late: bool = False
+class Place(Struct, frozen=True):
+    """Where submissions lie: a folder, or the address of one.
+
+    `given` is how the user calls it, and `name` whose it is when it is a single submission.
+    `left_out` is what is not there because it was not unpacked, by the entry that it belongs to,
+    and `nowhere` an empty folder, which stands for entries of which nothing is there.
+    """
+
+    where: Path | str
+    given: str
+    name: str = ""
+    left_out: tuple[tuple[Entry, Refused], ...] = ()
+    nowhere: Path = Path()
 
 
-def find_submissions(place: Path | str) -> tuple[Handed, ...]:
+def _quiet(_line: str) -> None:
+    """Say nothing."""
+
+
+def find_submissions(place: Place | Path | str, say: Say = _quiet) -> tuple[Handed, ...]:
     """Return every student's submission in a folder, in the order of the students.
 
-    A folder in object storage is given by its address, as text.
+    A folder in object storage is given by its address, as text. `say` is told, in a line each,
+    what is passed over, and of whom the name is not known.
 
     Raises:
-        UsageError: there is no such folder, or nothing in it is a submission.
+        UsageError: there is no such folder, it cannot be read, or nothing in it is a submission.
     """
-    if isinstance(place, str):
-        parts = _of_entries(entries_at(place), {})
-        elsewhere = [replace(each, source=_elsewhere(each.source, place)) for each in parts]
-        return tuple(_joined(elsewhere, place))
-    if not place.is_dir():
-        message = f"{place}: there is no such folder or archive of submissions"
+    at = place if isinstance(place, Place) else Place(place, str(place))
+    parts = _at_address(at, at.where, say) if isinstance(at.where, str) else _in(at, at.where, say)
+    if not parts:
+        message = f"{at.given}: holds no submission: no folder, archive or stage"
         raise UsageError(message)
-    return tuple(_joined(_parts(place), place))
+    return tuple(_joined(parts))
+
+
+def _at_address(at: Place, address: str, say: Say) -> list[Part]:
+    entries = entries_at(address)
+    name = address.rstrip("/").rpartition("/")[2]
+    if looks_like_submission(entries):
+        return [Part(name, name, Source(Path(name), address=address))]
+    names = Names({}, "")
+    if (METADATA, False) in entries:
+        names = names_in(read_at(address, METADATA))
+    return [
+        replace(each, source=_elsewhere(each.source, address))
+        for each in _parts(at, entries, names, say)
+    ]
 
 
 def _elsewhere(source: Source, address: str) -> Source:
+    if "::" in source.path.name:  # fsspec would read it as an address of its own
+        return replace(source, fault="its name holds '::' and is no part of an address")
     return replace(source, address=f"{address.rstrip('/')}/{source.path}")
 
 
-def within_wrapper(place: Path) -> Path:
-    """Return the one folder that an archive of a class wraps its students' folders in, if any."""
-    inside = [each for each in place.iterdir() if not each.name.startswith((".", "__MACOSX"))]
-    if len(inside) != 1 or not inside[0].is_dir() or is_submission(inside[0]):
-        return place
-    students = [each for each in inside[0].iterdir() if each.is_dir() or is_archive(each.name)]
-    return inside[0] if len(students) > 1 else place
+def _in(at: Place, folder: Path, say: Say) -> list[Part]:
+    if not folder.is_dir():
+        message = f"{at.given}: there is no such folder or archive of submissions"
+        raise UsageError(message)
+    try:
+        entries = entries_in(folder)
+    except OSError as error:
+        message = f"{at.given}: cannot be read ({error.strerror})"
+        raise UsageError(message) from error
+    if is_submission(folder):
+        name = at.name or folder.resolve().name or "submission"
+        left_out = tuple(_below(entry, refused) for entry, refused in at.left_out)
+        return [Part(name, name, Source(folder, left_out=left_out))]
+    names = Names({}, "")
+    if (METADATA, False) in entries:
+        names = read_metadata(folder / METADATA)
+    left_out: dict[str, list[Refused]] = {}
+    for (entry, _), refused in at.left_out:
+        left_out.setdefault(entry, []).append(refused)
+    return [
+        _placed(each, at, folder, left_out.get(each.source.path.name, []))
+        for each in _parts(at, entries, names, say)
+    ]
 
 
-def _parts(place: Path) -> list[_Part]:
-    if is_submission(place):
-        name = place.resolve().name or "submission"
-        return [_Part(name, name, Source(place))]
-    entries = sorted((path.name, path.is_dir()) for path in place.iterdir())
-    parts = _of_entries(entries, names_by_folder(place / METADATA))
-    return [replace(each, source=_within(each.source, place)) for each in parts]
+def _below(entry: Entry, refused: Refused) -> Refused:
+    name, is_folder = entry
+    return Refused(f"{name}/{refused.path}", refused.reason) if is_folder else refused
 
 
-def _within(source: Source, place: Path) -> Source:
-    return replace(source, path=place / source.path)
+def _placed(part: Part, at: Place, folder: Path, left_out: list[Refused]) -> Part:
+    """Say where a part lies, and what of it is not there."""
+    path = folder / part.source.path.name
+    if not os.path.lexists(path):
+        path = at.nowhere
+    return replace(part, source=replace(part.source, path=path, left_out=tuple(left_out)))
 
 
-def _of_entries(
-    entries: Iterable[tuple[str, bool]], known: dict[str, tuple[str, str]]
-) -> list[_Part]:
+def _parts(at: Place, entries: list[Entry], names: Names, say: Say) -> list[Part]:
     """Tell by their names whose the entries of a folder are."""
-    parts = []
-    for name, is_folder in entries:
-        path = Path(name)
-        if name.startswith((".", "__MACOSX")):
-            continue
-        if is_folder:
-            parts.append(_of_folder(path, known))
-        elif is_archive(path.name) or path.name.lower().endswith((*OTHER_ENDINGS, *_STAGE)):
-            parts.append(_of_file(path))
-        else:
-            parts += _of_platform(path)
+    here = {name for name, _ in entries}
+    missing = dict.fromkeys(entry for entry, _ in at.left_out if entry[0] not in here)
+    every = sorted({name: (name, is_folder) for name, is_folder in missing}.values()) + entries
+    _say_passed_over(at, every, say)
+    parts = [part_of(entry, names.by_folder) for entry in sorted(every) if is_part(entry)]
+    if METADATA in here:
+        _say_unnamed(every, names.by_folder, names.fault, say)
     return parts
 
 
-def _of_folder(path: Path, known: dict[str, tuple[str, str]]) -> _Part:
-    if path.name in known:
-        student, name = known[path.name]
-        return _Part(student, name, Source(path))
-    moodle = _MOODLE.match(path.name)
-    if moodle is not None:
-        return _Part(moodle["id"], moodle["name"], Source(path))
-    return _Part(path.name, path.name, Source(path))
+def _say_passed_over(at: Place, entries: list[Entry], say: Say) -> None:
+    names = [
+        name
+        for name, is_folder in sorted(entries)
+        if not is_part((name, is_folder)) and not is_leftover(name) and name != METADATA
+    ]
+    if names:
+        say(f"{at.given}: passed over, as nobody's submission: {_listed(names)}")
 
 
-def _of_platform(path: Path) -> Iterator[_Part]:
-    """Yield files of any other kind when a platform put a student's name before theirs."""
-    if _CANVAS.match(path.name) or _MOODLE.match(path.name):
-        yield _of_file(path)
+def _say_unnamed(entries: list[Entry], known: Known, fault: str, say: Say) -> None:
+    names = [name for name, folder in entries if folder and is_part((name, folder))]
+    unnamed = [name for name in names if name not in known]
+    if unnamed or fault:
+        because = f" ({fault})" if fault else ""
+        who = f"; graded under the names of their folders: {_listed(unnamed)}" if unnamed else ""
+        say(f"{METADATA}: does not name everybody{because}{who}")
 
 
-def _of_file(path: Path) -> _Part:
-    canvas = _CANVAS.match(path.name)
-    if canvas is not None:
-        file = _AGAIN.sub("", canvas["file"])
-        return _Part(canvas["id"], canvas["name"], Source(path, file), canvas["late"] is not None)
-    moodle = _MOODLE.match(path.name)
-    if moodle is not None:
-        return _Part(moodle["id"], moodle["name"], Source(path, moodle["file"] or path.name))
-    named = _NAMED_STAGE.match(path.name)
-    if named is not None and path.name.lower().endswith(_STAGE):
-        return _Part(named["name"], named["name"], Source(path, named["file"]))
-    student = _ARCHIVE_END.sub("", path.name) or path.name
-    return _Part(student, student, Source(path, path.name))
+def _listed(names: list[str]) -> str:
+    shown = ", ".join(_text(name) if name.isprintable() else repr(name) for name in names[:5])
+    more = len(names) - _MOST_NAMED
+    return f"{shown} and {more} more" if more > 0 else shown
 
 
-def _joined(parts: list[_Part], place: Path | str) -> Iterator[Handed]:
-    """Put together what belongs to one student; two of them never share a report folder."""
-    if not parts:
-        message = f"{place}: holds no submission: no folder, archive or stage"
-        raise UsageError(message)
-    students: dict[str, list[_Part]] = {}
+def _joined(parts: list[Part]) -> Iterator[Handed]:
+    """Put together what belongs to one student; two of them never share a name or a folder."""
+    groups: dict[tuple[str, str], list[Part]] = {}
     for part in parts:
-        students.setdefault(part.student, []).append(part)
-    taken: set[str] = set()
-    for student, own in sorted(students.items()):
-        folder = _slug(student, taken)
-        taken.add(folder.casefold())
-        sources = tuple(part.source for part in own)
-        late = any(part.late for part in own)
-        yield Handed(_text(student), _text(own[0].name), folder, sources, late)
+        groups.setdefault((part.student, part.entry), []).append(part)
+    claims = Counter(student for student, _ in groups)
+    names: set[str] = set()
+    folders: set[str] = set()
+    for (number, entry), own in sorted(groups.items()):
+        student = f"{number} ({entry})" if entry and claims[number] > 1 else number
+        while student in names:
+            student += " again"
+        names.add(student)
+        folder = _slug(student, folders)
+        folders.add(folder.casefold())
+        own.sort(key=lambda part: -part.upload)  # of two files with one name the first counts
+        yield Handed(
+            _text(student),
+            _text(own[0].name),
+            folder,
+            tuple(part.source for part in own),
+            any(part.late for part in own),
+            _text(number),
+        )
 
 
 def _text(name: str) -> str:
@@ -173,5 +217,9 @@ def _slug(student: str, taken: set[str]) -> str:
     plain = _SLUG.sub("_", student).strip("._-")[:_LONGEST_SLUG]
     if plain == student and plain.casefold() not in taken:
         return plain
-    digest = hashlib.sha256(student.encode("utf-8", "backslashreplace")).hexdigest()
-    return f"{plain or 'student'}-{digest[:8]}"
+    digest = student.encode("utf-8", "backslashreplace")
+    while True:  # a student may be called as another one's folder
+        digest = hashlib.sha256(digest).hexdigest().encode()
+        slug = f"{plain or 'student'}-{digest[:8].decode()}"
+        if slug.casefold() not in taken:
+            return slug

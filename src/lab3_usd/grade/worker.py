@@ -23,7 +23,7 @@ from lab3_usd.grade.judge import Course, Json, Task, judge_task
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.load_rubric import load_rubric
 from lab3_usd.grade.outcome import CRASHED, OUT_OF_MEMORY, TOOL_FAILED
-from lab3_usd.grade.staging import Source
+from lab3_usd.grade.staging import source_of
 from lab3_usd.spec.loader import load_lab
 
 _NEEDED = ("/usr", "/lib", "/lib64", "/etc/localtime", "/proc/self", "/dev/urandom")
@@ -119,7 +119,7 @@ def task_of(message: Json) -> Task:
     return Task(
         student=message["student"],
         folder=message["folder"],
-        sources=tuple(Source(Path(path), name) for path, name in message["sources"]),
+        sources=tuple(source_of(each) for each in message["sources"]),
         late=message["late"],
         name=message["name"],
         broken=message["broken"],
