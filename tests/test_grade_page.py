@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from typing import Any
 
 import pytest
 
-from lab3_usd.report.class_page import class_page, distribution, hardest
+from lab3_usd.report.class_page import class_page, distribution, hardest, losses, missing
 
 ITEMS = [
     {"id": "clock", "title": "/clock is publishing", "points": 10.0, "optional": False},
@@ -92,11 +93,44 @@ def test_the_hardest_requirements_come_first() -> None:
         row("c", lost=[{"item": "tree", "requirement": "ROS_Drive/wire/x", "title": "x"}]),
         row("d", lost=[{"item": "tree", "requirement": "checkpoint 05", "title": "missing"}]),
     ]
-    assert [(each.group, each.title, each.count) for each in hardest(rows)] == [
+    lost = losses(rows)
+    assert [(each.group, each.title, each.count) for each in hardest(lost)] == [
         ("ROS_Clock", "x", 2),
         ("ROS_Drive", "x", 1),
-        ("", "missing", 1),
     ]
+    assert [(each.group, each.count) for each in missing(lost)] == [("checkpoint 05", 1)]
+
+
+def test_checkpoints_that_are_missing_stand_apart() -> None:
+    lost = [
+        {"item": "clock", "requirement": "checkpoint 05", "title": "checkpoint 05 is missing"},
+        {"item": "tree", "requirement": "checkpoint 07", "title": "checkpoint 07 is unreadable"},
+    ]
+    page = Page(page_of("Lab 3", ITEMS, [row("a", lost=lost), row("b", lost=lost[:1])]))
+    text = " ".join(" ".join(page.text).split())
+    assert "2 did not hand in checkpoint 05" in text
+    assert "1 handed in an unreadable checkpoint 07" in text
+    assert "Lost by" not in text
+    assert "Nobody" not in text
+
+
+def test_the_rows_are_read_a_fixed_number_of_times() -> None:
+    class Counted(list[dict[str, Any]]):
+        times = 0
+
+        def __iter__(self) -> Iterator[dict[str, Any]]:
+            self.times += 1
+            return super().__iter__()
+
+    rows = Counted([row("a"), row("b")])
+    page_of("Lab 3", ITEMS, rows)
+    assert rows.times == 5
+
+
+def test_a_long_name_is_clipped_and_can_be_read_in_full() -> None:
+    page = Page(page_of("Lab 3", ITEMS, [row("a", name="N" * 250)]))
+    clipped = [each["title"] for each in page.all("span") if each.get("class") == "clip"]
+    assert clipped == ["a", "N" * 250]
 
 
 def test_every_student_has_a_line_with_a_link_to_the_report() -> None:
@@ -133,7 +167,13 @@ def test_an_empty_class_has_a_page() -> None:
 
 def test_nothing_that_a_student_wrote_is_markup() -> None:
     lost = [{"item": "clock", "requirement": "1", "title": EVIL}]
-    changes = {"name": EVIL, "reason": EVIL, "status": EVIL, "because": [EVIL], "lost": lost}
+    changes: dict[str, Any] = {
+        "name": EVIL,
+        "reason": EVIL,
+        "status": EVIL,
+        "because": [EVIL],
+        "lost": lost,
+    }
     html = page_of(EVIL, ITEMS, [row("a", **changes)])
     page = Page(html)
     assert len(page.all("script")) == 1

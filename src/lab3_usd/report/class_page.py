@@ -24,6 +24,7 @@ BIN = 10  # per cent
 _HARDEST = 20
 _PIECES = 500  # pieces of text that make a part of the page
 Row = Mapping[str, Any]
+Losses = Counter[tuple[str, str]]
 
 
 class Bar(Struct, frozen=True):
@@ -35,7 +36,7 @@ class Bar(Struct, frozen=True):
 
 
 class Hard(Struct, frozen=True):
-    """A requirement, the graph or part of the scene it belongs to, and how many lost it."""
+    """What was lost, the graph, part of the scene or checkpoint it belongs to, and by how many."""
 
     title: str
     group: str
@@ -60,6 +61,7 @@ def class_page(title: str, items: Sequence[Row], rows: Rows) -> Iterator[str]:
 
     It needs no network, and no script for reading: the script only sorts and filters.
     """
+    lost = losses(rows)
     percents = [row["percent"] for row in rows if row["percent"] is not None]
     style, script = (_text(name) for name in ("class.css", "class.js"))
     page = _environment().get_template("class.html.j2").stream(
@@ -67,7 +69,8 @@ def class_page(title: str, items: Sequence[Row], rows: Rows) -> Iterator[str]:
         rows=rows,
         items=items,
         bars=list(distribution(percents)),
-        hardest=hardest(rows),
+        hardest=hardest(lost),
+        missing=missing(lost),
         summaries=summaries(items, rows),
         statuses=sorted(Counter(row["status"] for row in rows).items()),
         median=statistics.median(percents) if percents else None,
@@ -91,19 +94,30 @@ def distribution(percents: Sequence[float]) -> Iterator[Bar]:
         yield Bar(start, counts[start], counts[start] / highest)
 
 
-def hardest(rows: Iterable[Row]) -> list[Hard]:
-    """Return the requirements that most students lost, the most frequent first.
+def losses(rows: Iterable[Row]) -> Losses:
+    """Count how many students lost each requirement, by its id and title.
 
     At which item a student lost one does not matter here.
     """
-    counts: Counter[tuple[str, str]] = Counter()
+    counts: Losses = Counter()
     for row in rows:
         counts.update((lost["requirement"], lost["title"]) for lost in row["lost"])
-    ordered = sorted(counts.items(), key=lambda pair: (-pair[1], pair[0]))
+    return counts
+
+
+def hardest(lost: Losses) -> list[Hard]:
+    """Return the requirements that most students lost, the most frequent first."""
+    asked = [(name, count) for name, count in lost.items() if "/" in name[0]]
+    ordered = sorted(asked, key=lambda pair: (-pair[1], pair[0]))
     return [
-        Hard(title, name.partition("/")[0] if "/" in name else "", count)
-        for (name, title), count in ordered[:_HARDEST]
+        Hard(title, name.partition("/")[0], count) for (name, title), count in ordered[:_HARDEST]
     ]
+
+
+def missing(lost: Losses) -> list[Hard]:
+    """Return the checkpoints that students lost as a whole, and how (see `scoring.Lost`)."""
+    files = sorted((name, count) for name, count in lost.items() if "/" not in name[0])
+    return [Hard(title, name, count) for (name, title), count in files]
 
 
 def summaries(items: Sequence[Row], rows: Iterable[Row]) -> list[ItemSummary]:
