@@ -20,7 +20,7 @@ from lab3_usd.grade.load_items import load_items
 from lab3_usd.grade.load_values import one_of, positive, share
 from lab3_usd.grade.rubric import Cap, Item, Late, Rubric
 from lab3_usd.spec.spec import Lab
-from lab3_usd.spec.yaml_file import expect, known_keys, need, read_foreign_yaml, texts
+from lab3_usd.spec.yaml_file import expect, known_keys, need, read_foreign_yaml, read_yaml, texts
 
 FILE = "rubric.yaml"
 _CAP_KEYS = ("rules", "items", "checkpoints", "at_most", "because")
@@ -33,7 +33,7 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
         SpecError: the file is missing or wrong; the line names the item and the key.
     """
     file = path if path is not None else data_folder("graphs") / FILE
-    data = read_foreign_yaml(file)
+    data = read_yaml(file) if path is None else read_foreign_yaml(file)
     where = file.name
     known_keys(data, ("title", "weights", "items", "caps", "late"), where)
     asked = everything_asked(lab)

@@ -64,11 +64,9 @@ def grade(
         if item.checklist:
             graded = _by_checklist(item, states.get(item.checklist, "not shown"))
         else:
-            before = dict(lost)
             needed = [found[name] for name in item.needs]
-            graded = _by_requirements(rubric, item, stages.get(item.checkpoint), needed, lost)
-            if item.optional:
-                lost = before
+            known = dict(lost) if item.optional else lost
+            graded = _by_requirements(rubric, item, stages.get(item.checkpoint), needed, known)
         found[item.id] = _capped(rubric.caps, item, graded, errors)
     return _total(rubric, found, tuple(lost.values()), late=late)
 
@@ -143,12 +141,12 @@ def _weighed(item: Item, weights: Mapping[str, float]) -> ItemGrade:
     return ItemGrade(item.id, state, possible * weights["met"] / counted, possible, blocked)
 
 
-def _errors(result: StageResult) -> frozenset[str]:
-    return frozenset(each.rule for each in result.findings if each.severity == "error")
+def _errors(result: StageResult) -> set[str]:
+    return {each.rule for each in result.findings if each.severity == "error"}
 
 
 def _capped(
-    caps: Iterable[Cap], item: Item, graded: ItemGrade, errors: Mapping[str, frozenset[str]]
+    caps: Iterable[Cap], item: Item, graded: ItemGrade, errors: Mapping[str, set[str]]
 ) -> ItemGrade:
     """Limit what an item earned, given the rules that found errors in each checkpoint."""
     for cap in caps:
