@@ -154,6 +154,18 @@ def test_what_was_not_opened_comes_before_what_is_missing_for_it() -> None:
     assert tree.one("section", "chapter").one("h3").text == "Not opened"
 
 
+def test_a_reference_that_cannot_be_found_comes_before_what_is_missing_below_it() -> None:
+    missing = replace(LEFT_OUT, rule="G01", prim="/World/ROS_Clock", handout="B2")
+    lost = replace(LEFT_OUT, rule="F02", prim="/World", severity="note", handout=None)
+    elsewhere = replace(lost, prim="/World2")
+    tree = shown(report(missing, lost, elsewhere))
+    sites = [each.one("p", "site").text for each in tree.all("article", "card")]
+    assert sites == ["/World", "/World/ROS_Clock", "/World2"]
+    unchanged = read(render("html", report(missing, lost, elsewhere), all_rules(), Options()))
+    sites = [each.one("p", "site").text for each in unchanged.all("article", "card")]
+    assert sites == ["/World/ROS_Clock", "/World", "/World2"]
+
+
 def test_errors_come_before_notes_whatever_the_section() -> None:
     note = replace(OLD_NAME, severity="note", handout="4.2")
     error = replace(OLD_NAME, severity="error", handout="6.1")

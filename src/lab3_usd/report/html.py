@@ -49,7 +49,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
 
 
 def _view(block: Block, lab: Lab, *, graded: bool) -> View:
-    found = faults(block)
+    found = faults(block, graded=graded)
     looked = {stage.index: look(stage.result, lab) for stage in block.stages}
     seen = {index: each for index, each in looked.items() if each is not None}
     shown = gallery(block, seen, found)

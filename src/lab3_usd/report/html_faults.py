@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from msgspec.structs import replace
@@ -24,30 +25,51 @@ from lab3_usd.report.html_model import (
 from lab3_usd.spec.spec import Lab
 
 FRAME_WIDTH = 96
-_NOT_OPENED = ("Z01", "Z02")  # what is not opened is the cause of what is then missing
+_NOT_OPENED = ("F03", "Z01", "Z02")
+_NOT_FOUND = "F02"  # is about one prim, for which other files may do as well
 MOST_FRAMES = 80  # in one block: a page stays small whatever a stage holds
 _SECTION = re.compile(r"(?:([A-Z])(?=\d|$))?(\d+)?(?:\.(\d+))?")
 _Key = tuple[int, str, int, int, str]
 
 
-def faults(block: Block) -> list[Fault]:
-    """Return the different faults of a block, in the order of the handout's sections."""
+def faults(block: Block, *, graded: bool = False) -> list[Fault]:
+    """Return the different faults of a block, in the order of the handout's sections.
+
+    Where they cost points, what was not opened comes before what is missing for it.
+    """
     found: dict[Finding, list[tuple[int, Finding]]] = {}
     for index, finding in _findings(block):
         # Where it stands differs from file to file, and so does what else it concerns.
         key = replace(finding, layer=None, line=None, column=None, related=())
         found.setdefault(key, []).append((index, finding))
-    order = sorted(found, key=_order)
-    return [_fault(f"{block.id}-f{n}", found[key], block) for n, key in enumerate(order, 1)]
+    causes = set(_causes(found)) if graded else set()
+    order = sorted(found, key=lambda finding: (finding not in causes, *_order(finding)))
+    return [
+        _fault(f"{block.id}-f{n}", found[key], block, is_cause=key in causes)
+        for n, key in enumerate(order, 1)
+    ]
 
 
-def _fault(name: str, seen: Sequence[tuple[int, Finding]], block: Block) -> Fault:
+def _causes(found: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield what was not opened, as far as something is wrong where it belongs."""
+    wrong = sorted(f"{each.prim}/" for each in found if each.severity == "error")
+    for each in found:
+        below = f"{each.prim}/"
+        at = bisect_left(wrong, below)
+        is_wrong = at < len(wrong) and wrong[at].startswith(below)
+        if each.rule in _NOT_OPENED or (each.rule == _NOT_FOUND and is_wrong):
+            yield each
+
+
+def _fault(
+    name: str, seen: Sequence[tuple[int, Finding]], block: Block, *, is_cause: bool
+) -> Fault:
     stages = tuple(dict.fromkeys(index for index, _ in seen if index >= 0))
     places = dict.fromkeys(_place(finding, block) for _, finding in seen)
     first = seen[0][1]
     related = max((finding.related for _, finding in seen), key=len)
     shown = tuple(place for place in places if place not in {"", first.prim})
-    return Fault(name, replace(first, related=related), stages, shown)
+    return Fault(name, replace(first, related=related), stages, shown, is_cause)
 
 
 def _findings(block: Block) -> Iterator[tuple[int, Finding]]:
@@ -66,9 +88,8 @@ def _place(finding: Finding, block: Block) -> str:
     return ":".join([place, *(str(number) for number in numbers if number is not None)])
 
 
-def _order(finding: Finding) -> tuple[bool, _Key, int]:
-    is_later = finding.rule not in _NOT_OPENED
-    return is_later, section_key(finding.handout), SEVERITIES.index(finding.severity)
+def _order(finding: Finding) -> tuple[_Key, int]:
+    return section_key(finding.handout), SEVERITIES.index(finding.severity)
 
 
 def section_key(name: str | None) -> _Key:
@@ -115,8 +136,7 @@ def chapters(found: Sequence[Card], lab: Lab) -> tuple[Chapter, ...]:
     sections: dict[tuple[str, str], list[Card]] = {}
     for card in found:
         name = card.fault.finding.handout or ""
-        is_cause = card.fault.finding.rule in _NOT_OPENED
-        title = "Not opened" if is_cause else _chapter(name, titles)
+        title = "Not opened" if card.fault.is_cause else _chapter(name, titles)
         sections.setdefault((title, name), []).append(card)
     parts: dict[str, list[Section]] = {}
     for (title, name), inside in sections.items():
@@ -125,13 +145,15 @@ def chapters(found: Sequence[Card], lab: Lab) -> tuple[Chapter, ...]:
 
 
 def by_severity(found: Iterable[Chapter]) -> tuple[Chapter, ...]:
-    """Return chapters by the worst that is in them, those alike in the order they come in."""
+    """Return chapters by the worst that is in them, those alike in the order they come in.
+
+    Causes of other faults are the worst.
+    """
 
     def worst(chapter: Chapter) -> int:
+        inside = [card.fault for section in chapter.sections for card in section.cards]
         return min(
-            SEVERITIES.index(card.fault.finding.severity)
-            for section in chapter.sections
-            for card in section.cards
+            -1 if fault.is_cause else SEVERITIES.index(fault.finding.severity) for fault in inside
         )
 
     return tuple(sorted(found, key=worst))

@@ -109,13 +109,15 @@ class Fault(Struct, frozen=True):
     """A finding, and all the stages that have it.
 
     A fault that is carried along from file to file is one fault: `finding` is that of the first.
-    `places` are the files with line and column, as editors take them.
+    `places` are the files with line and column, as editors take them. `is_cause` says that other
+    faults follow from it: something that the stage refers to was not opened.
     """
 
     id: str
     finding: Finding
     stages: Stages
     places: tuple[str, ...]
+    is_cause: bool = False
 
 
 class Link(Struct, frozen=True):
