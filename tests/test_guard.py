@@ -437,6 +437,7 @@ def test_pipes_are_refused_unopened(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.geteuid() == 0, reason="root reads every file")
 def test_a_file_without_permission_is_refused(tmp_path: Path) -> None:
     write(tmp_path / "jane/work/a.usda", STAGE).chmod(0)
+    write(tmp_path / "jane/work/b.usda", STAGE)
     assert staged(tmp_path, Source(tmp_path / "jane"))[1] == ["work/a.usda"]
 
 
@@ -569,6 +570,7 @@ def test_a_file_that_cannot_be_opened_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(tmp_path / "jane/work/a.usda", STAGE)
+    write(tmp_path / "jane/work/b.usda", STAGE)
     real = os.open
 
     def refuse(path: object, *arguments: int) -> int:

@@ -1,0 +1,243 @@
+"""Submissions at an address: plain files come in, and what fails is one student's affair."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import threading
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+from grade_files import files_below, stage, starter, submission
+
+from lab3_usd.errors import UsageError
+from lab3_usd.grade.class_archive import submissions_in
+from lab3_usd.grade.class_run import ClassSettings, grade_class
+from lab3_usd.grade.judge import Task
+from lab3_usd.grade.limits import Limits
+from lab3_usd.grade.remote import fetched, local_path
+from lab3_usd.grade.staging import Source
+from lab3_usd.grade.submissions import Handed, find_submissions
+
+fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
+memory = pytest.importorskip("fsspec.implementations.memory")
+STAGE = stage("00").name
+RELEASE = threading.Event()
+
+
+class Faulty(memory.MemoryFileSystem):  # type: ignore[misc, name-defined]  # fsspec has no types
+    """A storage in which names say what is wrong with a file."""
+
+    protocol = "faulty"
+    store: ClassVar[dict[str, Any]] = {}
+    pseudo_dirs: ClassVar[list[str]] = [""]
+    cachable = False
+    find = fsspec.AbstractFileSystem.find
+
+    @classmethod
+    def _strip_protocol(cls, path: str) -> str:
+        plain: str = super()._strip_protocol(path.replace("faulty://", "memory://"))
+        return plain
+
+    def ls(self, path: str, detail: bool = True, **options: Any) -> Any:  # noqa: FBT001, FBT002 - as fsspec has it
+        found = super().ls(path, detail=True, **options)
+        for each in [each for each in found if each["type"] == "file"]:
+            if "pipe" in each["name"]:
+                each["type"] = "other"
+            if "link" in each["name"]:
+                each["islink"] = True
+            if "unsized" in each["name"]:
+                each["size"] = None
+        return found if detail else [each["name"] for each in found]
+
+    def open(self, path: str, mode: str = "rb", **options: Any) -> Any:
+        if "forbidden" in path:
+            raise PermissionError(13, "Permission denied")
+        if "broken" in path:
+            message = f"https://secret@host/{path}"
+            raise RuntimeError(message)
+        if "hanging" in path:
+            RELEASE.wait(30)
+        return super().open(path, mode, **options)
+
+
+@pytest.fixture(autouse=True)
+def _storage() -> Iterator[None]:
+    fsspec.register_implementation("faulty", Faulty, clobber=True)
+    for kind in ("memory", "faulty"):
+        fsspec.filesystem(kind).store.clear()
+        fsspec.filesystem(kind).pseudo_dirs[:] = [""]
+    RELEASE.clear()
+    yield
+    RELEASE.set()
+
+
+def put(files: dict[str, bytes], kind: str = "memory") -> str:
+    """Put a class into a storage in memory, and return its address."""
+    storage = fsspec.filesystem(kind)
+    for name, data in files.items():
+        path = f"/class/{name}"
+        if name.endswith("/"):
+            storage.makedirs(path.rstrip("/"), exist_ok=True)
+        else:
+            storage.makedirs(path.rpartition("/")[0], exist_ok=True)
+            storage.store[path] = memory.MemoryFile(storage, path, data)
+    return f"{kind}://class"
+
+
+def graded(place: Path | str, out: Path, **changes: Any) -> dict[str, dict[str, Any]]:
+    grade_class(ClassSettings(place, starter(), out, **changes))
+    students = json.loads((out / "grades.json").read_text())["students"]
+    return {row["student"]: row for row in students}
+
+
+def got(address: str, target: Path, limits: Limits | None = None) -> Source:
+    """What is fetched of one student."""
+    name = address.rpartition("/")[2]
+    task = Task(name, name, (Source(Path(name), "", address),))
+    with fetched(task, target, limits or Limits()) as here:
+        (source,) = here.sources
+    return source
+
+
+def test_an_address_on_this_computer_is_a_path(tmp_path: Path) -> None:
+    for address in (tmp_path.as_uri(), f"local://{tmp_path}"):
+        assert local_path(address) == tmp_path
+    assert local_path("memory://class") == "memory://class"
+
+
+def test_a_link_at_an_address_on_this_computer_is_not_followed(tmp_path: Path) -> None:
+    submission(tmp_path / "outside", "00")
+    submission(tmp_path / "class" / "honest", "00")
+    work = tmp_path / "class" / "cheat" / "work"
+    work.mkdir(parents=True)
+    (work / STAGE).symlink_to(tmp_path / "outside" / "work" / STAGE)
+    (tmp_path / "class" / "thief").symlink_to(tmp_path / "outside")
+    os.mkfifo(tmp_path / "class" / "pipe.zip")
+    rows = graded((tmp_path / "class").as_uri(), tmp_path / "book")
+    assert {name: row["status"] for name, row in rows.items()} == {
+        "cheat": "empty",
+        "honest": "graded",
+        "pipe": "empty",
+        "thief": "empty",
+    }
+    assert sum(row["earned"] for row in rows.values()) == rows["honest"]["earned"] > 0
+
+
+def test_one_file_that_cannot_be_fetched_is_one_students_status(tmp_path: Path) -> None:
+    data = stage("00").read_bytes()
+    address = put(
+        {
+            f"{name}/work/{STAGE}": data
+            for name in ("ali", "broken", "forbidden", "jane", "link", "pipe")
+        },
+        "faulty",
+    )
+    rows = graded(address, tmp_path / "book")
+    assert {name: row["status"] for name, row in rows.items()} == {
+        "ali": "graded",
+        "broken": "unreadable",
+        "forbidden": "unreadable",
+        "jane": "graded",
+        "link": "empty",
+        "pipe": "empty",
+    }
+    assert "Permission denied" in rows["forbidden"]["reason"]
+    assert "secret" not in rows["broken"]["reason"]
+    assert "not fetched" in rows["link"]["reason"]
+
+
+def test_a_storage_that_hangs_is_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lab3_usd.grade.remote._TIMES_AS_LONG", 0.1)
+    put({"hanging/a.usda": b"x"}, "faulty")
+    source = got("faulty://class/hanging", tmp_path, Limits(seconds=1))
+    assert "took longer than 0.1 s" in source.fault
+
+
+def test_a_file_that_grows_as_it_is_fetched_is_too_large(tmp_path: Path) -> None:
+    address = put({"unsized/a.usda": bytes(3 << 20)}, "faulty")
+    rows = graded(address, tmp_path / "book", limits=Limits(total_size=1 << 20))
+    assert rows["unsized"]["status"] == "too large"
+
+
+def test_what_nobody_opens_is_not_fetched_and_counts_by_its_name(tmp_path: Path) -> None:
+    put({"jane/demo.mp4": bytes(50_000), "jane/big.usda": bytes(9000), "jane/a.usda": b"y"})
+    source = got("memory://class/jane", tmp_path, Limits(file_size=5000, total_size=6000))
+    found = files_below(source.path)
+    assert found["a.usda"] == b"y"
+    assert sorted(found) == ["a.usda", "big.usda", "demo.mp4"]
+    assert len(found["big.usda"]) > 5000
+
+
+def test_a_file_and_a_folder_of_one_name_cost_only_one_of_them(tmp_path: Path) -> None:
+    put({"jane/a": b"x", "jane/b.usda": b"z"})
+    storage = fsspec.filesystem("memory")
+    storage.store["/class/jane/a/c.usda"] = memory.MemoryFile(storage, "/class/jane/a/c.usda", b"y")
+    source = got("memory://class/jane", tmp_path)
+    assert files_below(source.path)["b.usda"] == b"z"
+    assert source.fault == ""
+
+
+def found_at(address: str) -> tuple[dict[str, Handed], list[str]]:
+    said: list[str] = []
+    with submissions_in(address) as place:
+        return {each.student: each for each in find_submissions(place, said.append)}, said
+
+
+def test_names_of_an_export_at_an_address_are_read() -> None:
+    metadata = b"submission_11:\n  :submitters:\n  - :name: Jane\n    :sid: '1001'\n"
+    found, said = found_at(
+        put({"submission_metadata.yml": metadata, "submission_11/work/a.usda": b"", "x.pdf": b""})
+    )
+    assert {name: each.name for name, each in found.items()} == {"1001": "Jane"}
+    assert [line.rpartition(": ")[2] for line in said] == ["x.pdf"]
+
+
+def test_names_that_cannot_be_read_at_an_address_are_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    put({"submission_metadata.yml": b"a: b", "submission_11/a.usda": b""})
+
+    def refuse(*_arguments: Any, **_options: Any) -> Any:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(memory.MemoryFileSystem, "open", refuse)
+    found, (line,) = found_at("memory://class")
+    assert list(found) == ["submission_11"]
+    assert "Permission denied" in line
+
+
+def test_the_folder_of_one_student_at_an_address_has_the_students_name() -> None:
+    put({f"jane/work/{STAGE}": b""})
+    assert list(found_at("memory://class/jane")[0]) == ["jane"]
+
+
+def test_an_empty_folder_at_an_address_is_empty(tmp_path: Path) -> None:
+    rows = graded(put({"ali/": b"", f"jane/work/{STAGE}": b"x"}), tmp_path / "book")
+    assert (rows["ali"]["status"], rows["jane"]["status"]) == ("empty", "graded")
+
+
+def test_the_archive_of_a_class_at_an_address_is_unpacked() -> None:
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w") as packed:
+        for name in ("ali", "jane"):
+            packed.writestr(f"{name}/work/a.usda", b"")
+    put({"all.zip": data.getvalue(), "notes.txt": b""})
+    assert list(found_at("memory://class/all.zip")[0]) == ["ali", "jane"]
+    with pytest.raises(UsageError, match="neither a folder nor an archive"):
+        found_at("memory://class/notes.txt")
+
+
+def test_a_name_that_fsspec_would_read_as_an_address_is_not_fetched(tmp_path: Path) -> None:
+    secret = tmp_path / "secret.zip"
+    secret.write_bytes(b"PK")
+    address = put({"x::file:": b"", "ali::memory:/a.usda": b"", f"jane/work/{STAGE}": b""})
+    rows = graded(address, tmp_path / "book")
+    assert rows["ali::memory:"]["status"] == "unreadable"
+    assert rows["jane"]["status"] == "graded"

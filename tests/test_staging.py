@@ -1,0 +1,151 @@
+"""What of a submission is not copied, why, and what that costs."""
+
+from __future__ import annotations
+
+import io
+import os
+import tarfile
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lab3_usd.grade.archives import ArchiveError, unpack
+from lab3_usd.grade.intake import Intake, Refused
+from lab3_usd.grade.limits import Limits
+from lab3_usd.grade.staging import Source, Staged, source_message, source_of, stage_submission
+
+STAGE = b'#usda 1.0\ndef Xform "World"\n{\n}\n'
+UNFOLDS = b"a: &a 1\nb: [" + b"*a, " * 60 + b"]"
+
+
+def write(path: Path, data: bytes) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return path
+
+
+def staged(tmp_path: Path, *sources: Source) -> Staged:
+    target = tmp_path / "copy"
+    target.mkdir()
+    return stage_submission(sources, target, Limits())
+
+
+def names_below(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.*"))
+
+
+def test_yaml_of_gigabytes_is_not_read_and_costs_only_itself(tmp_path: Path) -> None:
+    write(tmp_path / "jane/work/a.usda", STAGE)
+    os.truncate(write(tmp_path / "jane/nav2.yaml", b"a: 1"), 20 << 30)
+    found = staged(tmp_path, Source(tmp_path / "jane"))
+    assert [each.path for each in found.refused] == ["nav2.yaml"]
+    assert names_below(found.folder) == ["work/a.usda"]
+
+
+@pytest.mark.parametrize("ending", [".zip", ".tar"])
+def test_yaml_in_an_archive_is_bounded_as_in_a_folder(tmp_path: Path, ending: str) -> None:
+    entries = {"work/a.usda": STAGE, "map.yaml": UNFOLDS, "good.yaml": b"a: [1, 2]"}
+    archive = tmp_path / f"jane{ending}"
+    if ending == ".zip":
+        with zipfile.ZipFile(archive, "w") as packed:
+            for name, data in entries.items():
+                packed.writestr(name, data)
+    else:
+        with tarfile.open(archive, "w") as tar:
+            for name, data in entries.items():
+                member = tarfile.TarInfo(name)
+                member.size = len(data)
+                tar.addfile(member, io.BytesIO(data))
+    found = staged(tmp_path, Source(archive))
+    assert [each.path for each in found.refused] == ["map.yaml"]
+    assert (found.folder / "good.yaml").read_bytes() == b"a: [1, 2]"
+
+
+def unreadable(monkeypatch: pytest.MonkeyPatch, name: str, *parts: str) -> None:
+    """Make a function of `os` refuse paths that end in one of these names."""
+    really = getattr(os, name)
+
+    def refuse(path: Any, *arguments: Any, **options: Any) -> Any:
+        if str(path).rstrip("/").endswith(parts):
+            raise PermissionError(13, "Permission denied")
+        return really(path, *arguments, **options)
+
+    monkeypatch.setattr(f"lab3_usd.grade.staging.os.{name}", refuse)
+
+
+def test_a_folder_that_cannot_be_read_costs_only_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "jane/work/a.usda", STAGE)
+    write(tmp_path / "jane/locked/b.usda", STAGE)
+    unreadable(monkeypatch, "scandir", "locked")
+    found = staged(tmp_path, Source(tmp_path / "jane"))
+    assert found.refused == (Refused("locked", "it cannot be read (Permission denied)"),)
+
+
+def test_a_submission_that_cannot_be_read_is_unreadable_without_its_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "jane/work/a.usda", STAGE)
+    unreadable(monkeypatch, "scandir", "jane")
+    with pytest.raises(ArchiveError) as raised:
+        staged(tmp_path, Source(tmp_path / "jane"))
+    assert str(raised.value) == "jane: cannot be read (Permission denied)"
+
+
+def test_a_file_that_is_gone_is_unreadable(tmp_path: Path) -> None:
+    with pytest.raises(ArchiveError, match=r"jane\.zip: cannot be read \(No such file"):
+        staged(tmp_path, Source(tmp_path / "jane.zip"))
+
+
+def test_an_archive_that_cannot_be_read_is_not_said_to_be_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    archive = write(tmp_path / "jane.zip", b"PK")
+
+    def refuse(*_arguments: Any) -> Any:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(ArchiveError) as raised:
+        unpack(archive, "", Intake(tmp_path, Limits()))
+    assert str(raised.value) == "jane.zip: cannot be read (Permission denied)"
+
+
+def test_a_full_disk_is_nobodys_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    archive = tmp_path / "jane.zip"
+    with zipfile.ZipFile(archive, "w") as packed:
+        packed.writestr("a.usda", STAGE)
+
+    def full(*_arguments: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Intake, "_write", full)
+    with pytest.raises(OSError, match="No space"):
+        staged(tmp_path, Source(archive))
+
+
+def test_what_was_left_out_on_the_way_is_refused_and_changes_the_digest(tmp_path: Path) -> None:
+    write(tmp_path / "jane/work/a.usda", STAGE)
+    left_out = (Refused("work/b.usda", "it is damaged in the archive"),)
+    found = staged(tmp_path, Source(tmp_path / "jane", left_out=left_out))
+    assert found.refused == left_out
+    (tmp_path / "copy").rename(tmp_path / "first")
+    assert staged(tmp_path, Source(tmp_path / "jane")).digest != found.digest
+
+
+def test_a_source_with_a_fault_makes_the_submission_unreadable(tmp_path: Path) -> None:
+    write(tmp_path / "jane/work/a.usda", STAGE)
+    with pytest.raises(ArchiveError, match=r"^b\.zip: cannot be fetched"):
+        staged(
+            tmp_path,
+            Source(tmp_path / "jane"),
+            Source(tmp_path, "b.zip", fault="cannot be fetched (TimeoutError)"),
+        )
+
+
+def test_a_source_is_the_same_after_its_way_to_a_worker(tmp_path: Path) -> None:
+    source = Source(tmp_path, "a.zip", left_out=(Refused("b", "c"),), fault="d")
+    assert source_of(source_message(source)) == source
