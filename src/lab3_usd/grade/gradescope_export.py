@@ -10,6 +10,8 @@ from typing import Any
 import yaml
 from msgspec import Struct
 
+from lab3_usd.spec.yaml_file import refuse_deep
+
 METADATA = "submission_metadata.yml"
 LARGEST = 20_000_000  # bytes
 _Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -90,6 +92,7 @@ def _documents(data: bytes) -> Iterator[dict[Any, Any] | str]:
 
 def _loaded(data: bytes) -> dict[Any, Any] | _Fault:
     try:
+        refuse_deep(data)
         found = yaml.load(data, Loader=_AsText)  # noqa: S506 - a safe loader
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         problem = getattr(error, "problem", None) or "is no YAML"

@@ -65,25 +65,34 @@ def read_yaml(path: Path) -> dict[str, Any]:
     return _read(path, path.read_bytes)
 
 
-def read_foreign_yaml(path: Path, most: int = _MEGABYTE) -> dict[str, Any]:
-    """Return the mapping that a YAML file of unknown origin holds, of at most `most` bytes.
+def read_foreign_yaml(path: Path) -> dict[str, Any]:
+    """Return the mapping that a YAML file of unknown origin holds.
 
     Raises:
-        SpecError: as `read_yaml`, or the file is larger, or nested too deeply.
+        SpecError: as `read_yaml`, or the file is larger than a megabyte, or nested too deeply.
     """
-    return _read(path, lambda: _bounded(path, most))
+    return _read(path, lambda: _bounded(path))
 
 
-def _bounded(path: Path, most: int) -> bytes:
-    """Return what the file holds, if it is small and flat: the loader descends without limit."""
+def _bounded(path: Path) -> bytes:
     if path.exists() and not path.is_file():
         message = f"{path.name}: is no file"
         raise SpecError(message)
     with path.open("rb") as file:
-        text = file.read(most + 1)
-    if len(text) > most:
-        message = f"{path.name}: is larger than {most} bytes"
+        text = file.read(_MEGABYTE + 1)
+    if len(text) > _MEGABYTE:
+        message = f"{path.name}: is larger than {_MEGABYTE} bytes"
         raise SpecError(message)
+    refuse_deep(text)
+    return text
+
+
+def refuse_deep(text: bytes) -> None:
+    """Refuse YAML that is nested deeply: loaders descend without limit, until they crash.
+
+    Raises:
+        yaml.YAMLError: it is, or is no YAML.
+    """
     depth = 0
     event: Any
     for event in yaml.parse(text, Loader=_Safe):
@@ -92,7 +101,6 @@ def _bounded(path: Path, most: int) -> bytes:
         if depth > _NESTING:
             problem = f"is nested more than {_NESTING} levels deep"
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
-    return text
 
 
 def _read(path: Path, content: Callable[[], bytes]) -> dict[str, Any]:
