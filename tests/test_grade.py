@@ -365,6 +365,92 @@ def test_the_salt_stands_for_rubric_and_starter(tmp_path: Path) -> None:
     assert salt_of(rubric, starter()) != salt_of(rubric, other)
 
 
+def starter_of_parts(folder: Path) -> Path:
+    """A starter that stands on a layer and an asset of its own."""
+    folder.mkdir(parents=True)
+    shutil.copyfile(starter(), folder / "base.usda")
+    (folder / "part.usda").write_text('#usda 1.0\ndef Xform "Part"\n{\n}\n')
+    path = folder / "starter.usda"
+    path.write_text(
+        '#usda 1.0\n(\n    defaultPrim = "World"\n    subLayers = [@./base.usda@]\n)\n'
+        'over "World"\n{\n    def "More" (references = @./part.usda@</Part>)\n    {\n    }\n}\n'
+    )
+    return path
+
+
+@pytest.mark.parametrize("name", ["base.usda", "part.usda"])
+def test_the_salt_stands_for_every_file_of_the_starter(tmp_path: Path, name: str) -> None:
+    rubric = load_rubric(None, load_lab())
+    path = starter_of_parts(tmp_path / "one")
+    before = salt_of(rubric, path)
+    assert salt_of(rubric, starter_of_parts(tmp_path / "two")) == before
+    with (path.parent / name).open("a") as file:
+        file.write("\n")
+    assert salt_of(rubric, path) != before
+
+
+def test_a_gradebook_among_the_submissions_is_refused(tmp_path: Path) -> None:
+    submission(tmp_path / "class" / "jane", "00")
+    (tmp_path / "link").symlink_to(tmp_path / "class")
+    for out in (tmp_path / "class" / "book", tmp_path / "link" / "book", tmp_path / "class"):
+        settings = ClassSettings(tmp_path / "class", starter(), out, resume=True)
+        assert "among what is graded" in refused(settings, UsageError)
+    address = ClassSettings((tmp_path / "class").as_uri(), starter(), tmp_path / "class" / "book")
+    assert "among what is graded" in refused(address, UsageError)
+    assert [path.name for path in (tmp_path / "class").iterdir()] == ["jane"]
+
+
+@pytest.mark.parametrize("seconds", ["nan", "inf", "-inf", "0", "x"])
+def test_seconds_are_a_number_within_bounds(place: Path, tmp_path: Path, seconds: str) -> None:
+    options = ["--starter", str(starter()), "-o", str(tmp_path / "book"), "--timeout", seconds]
+    done = CliRunner().invoke(command, [str(place), *options])
+    assert done.exit_code == 2
+    assert not (tmp_path / "book").exists()
+
+
+@pytest.mark.parametrize("name", ["", " "])
+def test_no_name_is_not_the_current_folder(tmp_path: Path, name: str) -> None:
+    options = ["--starter", str(starter()), "-o", str(tmp_path / "book")]
+    done = CliRunner().invoke(command, [name, *options])
+    assert done.exit_code == 2
+    assert "current folder" in done.output
+
+
+def test_what_is_passed_over_is_said_on_stderr(tmp_path: Path) -> None:
+    submission(tmp_path / "class" / "jane", "00")
+    (tmp_path / "class" / "bob.pdf").touch()
+    arguments = [str(tmp_path / "class"), "--starter", str(starter())]
+    done = CliRunner().invoke(command, [*arguments, "-o", str(tmp_path / "book"), "--jobs", "1"])
+    assert done.exit_code == 0
+    assert done.stderr.startswith("lab3: ")
+    assert done.stderr.endswith(": bob.pdf\n")
+
+
+def test_the_newer_of_two_uploads_is_graded(tmp_path: Path) -> None:
+    (tmp_path / "class").mkdir()
+    name = stage("00").name
+    (tmp_path / "class" / f"bob_7_998_{name}").write_text("rubbish")
+    shutil.copyfile(stage("00"), tmp_path / "class" / f"bob_7_1002_{name.replace('.', '-1.')}")
+    grade_class(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
+    assert rows(tmp_path / "book")["7"]["verdicts"] == {"00": "pass"}
+
+
+def test_two_who_claim_one_number_each_have_their_own_grade(tmp_path: Path) -> None:
+    submission(tmp_path / "class" / "submission_1")
+    submission(tmp_path / "class" / "submission_2", "00")
+    who = "submission_{0}:\n  :submitters:\n  - :name: N{0}\n    :sid: '7'\n"
+    metadata = who.format(1) + who.format(2)
+    (tmp_path / "class" / "submission_metadata.yml").write_text(metadata)
+    grade_class(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
+    found = rows(tmp_path / "book")
+    assert {student: row["name"] for student, row in found.items()} == {
+        "7 (submission_1)": "N1",
+        "7 (submission_2)": "N2",
+    }
+    assert found["7 (submission_1)"]["percent"] == 100.0
+    assert list(found["7 (submission_2)"]["verdicts"]) == ["00"]
+
+
 @pytest.mark.parametrize(
     ("done", "total", "seconds", "expected"),
     [
