@@ -34,6 +34,7 @@ COMMANDS = {
 }
 EXIT_USAGE = 2
 EXIT_CRASH = 3
+EXIT_INTERRUPTED = 130  # what a shell says of a command that Ctrl-C ended
 _NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
@@ -102,7 +103,7 @@ def main() -> None:
     try:
         lab3.main(prog_name="lab3", standalone_mode=False)
     except click.exceptions.Abort:
-        _fail("stopped", EXIT_CRASH, "crash")
+        _fail("interrupted", EXIT_INTERRUPTED, "crash")
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         sys.exit(EXIT_USAGE)
