@@ -5,8 +5,9 @@ from __future__ import annotations
 import importlib
 import queue
 import threading
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from lab3_usd.grade.staging import Source
 _SLASHES = "://"
 _TIMES_AS_LONG = 10  # fetching a submission of many files may take as long as judging ten
 _HOUR = 3600.0
+_POLL_SECONDS = 0.2
 
 
 class At(Struct, frozen=True):
@@ -126,10 +128,13 @@ def _storage(address: str) -> At:
 
 
 @contextmanager
-def fetched(task: Task, folder: Path, limits: Limits) -> Iterator[Task]:
+def fetched(
+    task: Task, folder: Path, limits: Limits, stopped: Callable[[], bool] = lambda: False
+) -> Iterator[Task]:
     """Yield the task with everything that lies elsewhere fetched into `folder`.
 
-    What cannot be fetched becomes the fault of its source, for the one submission alone.
+    What cannot be fetched becomes the fault of its source, for the one submission alone; so does
+    everything once `stopped` is true.
 
     Raises:
         TooLargeError: more would be fetched than a submission may hold.
@@ -138,13 +143,13 @@ def fetched(task: Task, folder: Path, limits: Limits) -> Iterator[Task]:
         yield task
         return
     sources = [
-        _fetched(source, folder / str(n), limits) if source.address else source
+        _fetched(source, folder / str(n), limits, stopped) if source.address else source
         for n, source in enumerate(task.sources)
     ]
     yield replace(task, sources=tuple(sources))
 
 
-def _fetched(source: Source, target: Path, limits: Limits) -> Source:
+def _fetched(source: Source, target: Path, limits: Limits, stopped: Callable[[], bool]) -> Source:
     target.mkdir(parents=True, exist_ok=True)
     held = Held(limits, threading.Event())
 
@@ -154,17 +159,22 @@ def _fetched(source: Source, target: Path, limits: Limits) -> Source:
         return path, fetch(at.storage, at.root, path, held)
 
     try:
-        path, left_out = within(_TIMES_AS_LONG * limits.seconds, get, held)
+        path, left_out = within(_TIMES_AS_LONG * limits.seconds, get, held, stopped)
     except (FetchError, UsageError) as error:
         return Source(target, source.name, fault=str(error))
     return Source(path, source.name, left_out=left_out)
 
 
-def within(seconds: float, get: Callable[[], Any], held: Held) -> Any:  # noqa: ANN401 - what `get` returns
+def within(
+    seconds: float,
+    get: Callable[[], Any],
+    held: Held,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Any:  # noqa: ANN401 - what `get` returns
     """Return what `get` returns or raise what it raises; a storage that hangs is not waited for.
 
     Raises:
-        FetchError: it took too long.
+        FetchError: it took too long, or `stopped` became true.
     """
     answers: queue.Queue[Any] = queue.Queue()
 
@@ -175,12 +185,15 @@ def within(seconds: float, get: Callable[[], Any], held: Held) -> Any:  # noqa: 
             answers.put(error)
 
     threading.Thread(target=run, daemon=True).start()
-    try:
-        answer = answers.get(timeout=seconds)
-    except queue.Empty:
-        held.stopped.set()
-        message = f"cannot be fetched: took longer than {seconds:g} s"
-        raise FetchError(message) from None
+    until = time.monotonic() + seconds
+    while True:
+        with suppress(queue.Empty):
+            answer = answers.get(timeout=min(_POLL_SECONDS, seconds))
+            break
+        if stopped() or time.monotonic() > until:
+            held.stopped.set()
+            message = f"cannot be fetched: took longer than {seconds:g} s"
+            raise FetchError(message)
     if isinstance(answer, Exception):
         raise answer
     return answer
