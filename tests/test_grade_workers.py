@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import queue
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -16,7 +17,7 @@ import pytest
 from grade_files import starter, submission
 from pxr import Sdf, Tf
 
-from lab3_usd.grade import worker_process
+from lab3_usd.grade import scratch, worker_process
 from lab3_usd.grade.confine import fence_files
 from lab3_usd.grade.judge import Task
 from lab3_usd.grade.limits import MEGABYTE, Limits
@@ -182,6 +183,119 @@ def test_a_run_that_is_given_up_ends_its_workers(odd: PoolSettings) -> None:
     answers.close()  # type: ignore[attr-defined]  # it is a generator
     with pytest.raises(ProcessLookupError):
         os.kill(answer["by"], 0)
+
+
+# Asks one odd worker after the other, and waits where it is told to.
+RUN = """
+import signal, sys, time
+from pathlib import Path
+from lab3_usd.grade import worker_process
+from lab3_usd.grade.judge import Task
+from lab3_usd.grade.limits import Limits
+from lab3_usd.grade.pool import run_tasks
+if sys.argv[1] == "ignored":
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+worker_process._MAIN = Path(sys.argv[2]).read_text()
+names = ["well", "well" if sys.argv[1] == "outside" else "hangs"]
+tasks = [Task(name, name, ()) for name in names]
+seconds = 2 if sys.argv[1] == "ignored" else 60
+settings = worker_process.PoolSettings(None, None, Limits(seconds=seconds))
+for task, _ in run_tasks(tasks, settings):
+    print(task.student, flush=True)
+    if sys.argv[1] == "outside":
+        time.sleep(60)
+"""
+
+
+@pytest.fixture
+def temporary(tmp_path: Path) -> Path:
+    """The temporary folder of the runs that are started here."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    return folder
+
+
+def running(temporary: Path, where: str) -> subprocess.Popen[bytes]:
+    """Start a run in a process of its own, and wait for its first answer."""
+    odd = temporary.parent / "odd.py"
+    odd.write_text(ODD.replace("{", "{{").replace("}", "}}"))
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUN, where, str(odd)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(temporary)},
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"well\n"
+    return process
+
+
+@pytest.mark.parametrize("where", ["inside", "outside"])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_run_that_is_told_to_end_leaves_nothing_behind(
+    temporary: Path, name: str, where: str
+) -> None:
+    process = running(temporary, where)
+    assert list(temporary.glob("lab3-grade-*"))
+    process.send_signal(getattr(signal, name))
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode != 0
+    assert errors.splitlines()[-1] == b"KeyboardInterrupt"
+    assert list(temporary.iterdir()) == []
+
+
+def test_a_signal_that_is_ignored_stays_ignored(temporary: Path) -> None:
+    process = running(temporary, "ignored")
+    process.send_signal(signal.SIGHUP)
+    said, _ = process.communicate(timeout=60)
+    assert (process.returncode, said) == (0, b"hangs\n")
+
+
+def test_after_a_run_signals_are_handled_as_before(odd: PoolSettings) -> None:
+    assert len(list(run_tasks([task("well")], odd))) == 1
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_thread_may_run_tasks(odd: PoolSettings) -> None:
+    found: list[object] = []
+    thread = threading.Thread(target=lambda: found.extend(run_tasks([task("well")], odd)))
+    thread.start()
+    thread.join()
+    assert len(found) == 1
+
+
+def test_what_a_killed_run_left_is_removed_by_the_next(
+    temporary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(scratch, "_SECONDS_TO_LOCK", -1.0)
+    ours = scratch.make_scratch("lab3-grade-")
+    foreign = temporary / "lab3-other"
+    foreign.mkdir()
+    killed = running(temporary, "inside")
+    (left,) = set(temporary.glob("lab3-grade-*")) - {ours}
+    scratch.remove_abandoned()
+    assert left.exists()  # it is in use
+    killed.kill()
+    killed.communicate(timeout=60)
+    assert left.exists()
+    (temporary / "lab3-grade-link").symlink_to(foreign)
+    scratch.remove_abandoned()
+    assert sorted(temporary.iterdir()) == sorted([ours, foreign, temporary / "lab3-grade-link"])
+    scratch.remove_scratch(ours)
+    assert not ours.exists()
+
+
+def test_a_folder_that_was_just_made_is_not_taken_for_abandoned(
+    temporary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
+    new, old = temporary / "lab3-grade-new", temporary / "lab3-grade-old"
+    for folder in (new, old):
+        folder.mkdir()
+    os.utime(old, (0, 0))
+    scratch.remove_abandoned()
+    assert list(temporary.iterdir()) == [new]
 
 
 def test_a_worker_that_does_not_start_is_an_error_that_says_why(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import queue
 import shutil
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from msgspec.structs import replace
 
 from lab3_usd.grade.intake import TooLargeError
+from lab3_usd.grade.interrupt import interrupted_by_signals
 from lab3_usd.grade.judge import Json, Task
 from lab3_usd.grade.outcome import TOO_LARGE
 from lab3_usd.grade.remote import fetched
@@ -54,13 +56,21 @@ def run_tasks(tasks: Iterable[Task], settings: PoolSettings) -> Iterator[_Answer
         answers.put(None)
 
     threads = [threading.Thread(target=serve, daemon=True) for _ in range(settings.jobs)]
-    for thread in threads:
-        thread.start()
-    try:
-        yield from _collect(answers, len(threads))
-    finally:
+
+    def end() -> None:
         stopped.set()
         _drain(answers, threads)
+
+    # What interrupts the caller does not close this generator before everything ends.
+    atexit.register(end)
+    try:
+        with interrupted_by_signals():
+            for thread in threads:
+                thread.start()
+            yield from _collect(answers, len(threads))
+    finally:
+        end()
+        atexit.unregister(end)
 
 
 def _collect(answers: _Answers, running: int) -> Iterator[_Answer]:
@@ -94,7 +104,7 @@ class Seat:
         self.worker = worker = self.worker or start_worker(self.settings)
         folder = worker.scratch / "fetched"
         try:
-            with fetched(task, folder, self.settings.limits) as here:
+            with fetched(task, folder, self.settings.limits, stopped) as here:
                 found = ask(worker, message_of(here), stopped)
         except TooLargeError as error:
             found = {"failed": f"{TOO_LARGE}: {error}"}

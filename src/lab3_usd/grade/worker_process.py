@@ -6,11 +6,9 @@ import contextlib
 import json
 import os
 import queue
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -25,6 +23,7 @@ from lab3_usd.data import PACKAGE
 from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.outcome import CRASHED, OUT_OF_MEMORY, OUT_OF_TIME
+from lab3_usd.grade.scratch import make_scratch, remove_scratch
 
 Json = dict[str, Any]
 _START_SECONDS = 120.0
@@ -78,7 +77,7 @@ def start_worker(settings: PoolSettings) -> Worker:
     Raises:
         WorkerError: it does not get ready.
     """
-    scratch = Path(tempfile.mkdtemp(prefix="lab3-grade-"))
+    scratch = make_scratch("lab3-grade-")
     command = [sys.executable, "-I", "-c", _MAIN.format(path=_module_path())]
     with (scratch / _STDERR).open("wb") as errors:
         process = subprocess.Popen(  # noqa: S603 - our own module
@@ -222,4 +221,4 @@ def end_worker(worker: Worker) -> None:
         if stream is not None:
             with contextlib.suppress(OSError):
                 stream.close()
-    shutil.rmtree(worker.scratch, ignore_errors=True)
+    remove_scratch(worker.scratch)
