@@ -7,6 +7,7 @@ import importlib
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.pool import run_tasks
 from lab3_usd.grade.remote import entries_at, fetched, is_address
 from lab3_usd.grade.staging import Source
-from lab3_usd.grade.worker_process import PoolSettings
+from lab3_usd.grade.worker_process import PoolSettings, WorkerError
 
 STUDENTS = 8
 
@@ -82,6 +83,67 @@ def test_a_cluster_that_loses_a_machine_gives_the_same_gradebook(
     found = graded_on(cluster, place, tmp_path / "book", progress=kill)
     assert len(killed) == 1
     assert found == alone
+
+
+@contextmanager
+def cluster_of(workers: int, temporary: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A scheduler and worker processes whose temporary folders lie in a place of their own."""
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    with distributed.LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+    ) as running:
+        yield running
+
+
+def kill_workers(cluster: Any) -> None:
+    for each in cluster.workers.values():
+        os.kill(each.pid, signal.SIGKILL)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_without_workers_is_an_error_that_says_what_to_start(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lab3_usd.grade.cluster._SECONDS_TO_CONNECT", 1)
+    with (
+        cluster_of(0, tmp_path / "temporary", monkeypatch) as empty,
+        pytest.raises(UsageError, match=r"no worker; start one with `dask worker tcp://"),
+    ):
+        graded_on(empty, place, tmp_path / "book")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with (
+        cluster_of(1, tmp_path / "temporary", monkeypatch) as lone,
+        pytest.raises(WorkerError, match=r"have gone; start others .* --resume"),
+    ):
+        graded_on(
+            lone,
+            place,
+            tmp_path / "book",
+            progress=lambda done, _total: kill_workers(lone) if done == 1 else None,
+        )
+    assert len(list((tmp_path / "book" / "students").iterdir())) == 1
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_is_closed_leaves_no_files_of_students(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary = tmp_path / "temporary"
+    with cluster_of(1, temporary, monkeypatch) as lone:
+        graded_on(lone, place, tmp_path / "book")
+        assert list(temporary.glob("lab3-grade-*"))
+        assert list(temporary.glob("lab3-starter-*"))
+    assert list(temporary.glob("lab3-*")) == []
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import atexit
 import importlib
-import tempfile
 import threading
 from collections.abc import Iterable, Iterator
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,17 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import Runner
+from lab3_usd.grade.interrupt import interrupted_by_signals
 from lab3_usd.grade.judge import Json, Task
 from lab3_usd.grade.pool import Seat, judge_in
-from lab3_usd.grade.worker_process import PoolSettings
+from lab3_usd.grade.scratch import make_scratch, remove_scratch
+from lab3_usd.grade.worker_process import PoolSettings, WorkerError
 from lab3_usd.report.tool import tool_version
 
 _PER_THREAD = 3  # tasks on their way for each thread of the cluster
 _RETRIES = 5
 _SECONDS_TO_CONNECT = 20
+_KILLED = "KilledWorker"  # what Dask raises of a task whose workers died one after the other
 _local = threading.local()
 
 
@@ -54,20 +58,50 @@ def run_on_cluster(
     """Yield each task with its answer; a machine that goes away has its tasks done by others.
 
     Raises:
-        UsageError: Dask is not installed, or there is no scheduler at `address`.
+        UsageError: Dask is not installed, or there is no scheduler or no worker at `address`.
+        WorkerError: all workers have gone.
     """
     client, as_completed = _connect(address)
     try:
+        _await_worker(client, address)
         shipment = client.scatter(_shipment(settings), broadcast=True)
         waiting = iter(tasks)
         flying = as_completed()
         for _ in range(_PER_THREAD * max(1, sum(client.nthreads().values()))):
             _send(client, flying, shipment, waiting)
-        for future in flying:
-            yield future.result()
-            _send(client, flying, shipment, waiting)
+        with interrupted_by_signals():
+            for future in flying:
+                yield _answer(future, address)
+                _send(client, flying, shipment, waiting)
     finally:
         client.close()
+
+
+def _await_worker(client: Any, address: str) -> None:  # noqa: ANN401
+    try:
+        client.wait_for_workers(1, timeout=_SECONDS_TO_CONNECT)
+    except (TimeoutError, asyncio.TimeoutError) as error:  # not the same before Python 3.11
+        message = f"{address}: the cluster has no worker; start one with `dask worker {address}`"
+        raise UsageError(message) from error
+
+
+def _answer(future: Any, address: str) -> tuple[Task, Json]:  # noqa: ANN401
+    """Return the answer of a machine; that there is none left shows as a task that is called off.
+
+    Raises:
+        WorkerError: there is nobody left to do it.
+    """
+    try:
+        found: tuple[Task, Json] = future.result()
+    except Exception as error:
+        if not isinstance(error, CancelledError) and type(error).__name__ != _KILLED:
+            raise
+        message = (
+            f"{address}: the workers of the cluster have gone; start others and go on with "
+            "--resume, which keeps what is graded"
+        )
+        raise WorkerError(message) from error
+    return found
 
 
 def _connect(address: str) -> tuple[Any, Any]:
@@ -138,15 +172,21 @@ def judge_here(shipment: Shipment, task: Task) -> tuple[Task, Json]:
 
 def _seat(shipment: Shipment) -> Seat:
     """Return this thread's worker for a shipment; one for another shipment leaves first."""
-    known: tuple[Shipment, Seat] | None = getattr(_local, "seat", None)
+    known: tuple[Shipment, Seat, Path] | None = getattr(_local, "seat", None)
     if known is not None and known[0] is shipment:
         return known[1]
     if known is not None:
-        known[1].leave()
-    seat = Seat(_unpacked(shipment, Path(tempfile.mkdtemp(prefix="lab3-starter-"))))
-    atexit.register(seat.leave)
-    _local.seat = (shipment, seat)
+        _leave(known[1], known[2])
+    folder = make_scratch("lab3-starter-")
+    seat = Seat(_unpacked(shipment, folder))
+    _local.seat = (shipment, seat, folder)
+    atexit.register(_leave, seat, folder)
     return seat
+
+
+def _leave(seat: Seat, folder: Path) -> None:
+    seat.leave()
+    remove_scratch(folder)
 
 
 def _unpacked(shipment: Shipment, folder: Path) -> PoolSettings:
