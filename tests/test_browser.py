@@ -11,10 +11,13 @@ from typing import Any
 
 import pytest
 from browser import DESKTOP, PHONE, Browser, started
-from html_pages import CLOCK, DRIVE, TF, break_ten_times, judged, page, stages
+from html_pages import CLOCK, DRIVE, LAB, TF, break_ten_times, judged, page, stages
 from pxr import Sdf, Usd
 from report_examples import SUBMISSION, hostile
 
+from lab3_usd.grade.load_rubric import load_rubric
+from lab3_usd.grade.reports import HTML, write_reports
+from lab3_usd.grade.scoring import grade
 from lab3_usd.report.formats import render
 
 pytestmark = pytest.mark.xdist_group("browser")
@@ -58,7 +61,7 @@ def chromium() -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The page of a clean stage, of one with ten faults, and of a whole faulty submission."""
+    """Pages of a clean stage, of one with ten faults, and of a faulty submission with its grade."""
     folder = tmp_path_factory.mktemp("pages")
     whole = stages(folder / "submission" / "work", break_ten_times)
     about = SUBMISSION
@@ -70,9 +73,13 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         ),
         "hostile": judged(stages(folder / "hostile", attack, "05")),
     }
-    for name, report in reports.items():
-        (folder / f"{name}.html").write_text(page(report), encoding="utf-8")
-    return {name: folder / f"{name}.html" for name in reports}
+    texts = {name: page(report) for name, report in reports.items()}
+    rubric = load_rubric(None, LAB)
+    points = grade(rubric, reports["submission"].results[:7], about.checklist, late=True)
+    graded = write_reports(reports["submission"], rubric, points, "Jane " + "Doe" * 60)
+    for name, text in {**texts, "graded": graded[HTML]}.items():
+        (folder / f"{name}.html").write_text(text, encoding="utf-8")
+    return {name: folder / f"{name}.html" for name in (*texts, "graded")}
 
 
 def attack(stage: Usd.Stage) -> None:
@@ -103,7 +110,7 @@ def visible_messages(chromium: Browser) -> list[str]:
     return [element.text for element in chromium.shown(".card h5")]
 
 
-@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "hostile"])
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded", "hostile"])
 def test_the_page_loads_without_an_error(
     chromium: Browser, pages: dict[str, Path], name: str
 ) -> None:
@@ -281,7 +288,7 @@ def test_the_page_is_used_with_the_keyboard(chromium: Browser, pages: dict[str, 
     wait_for(lambda: chromium.all(".card:target"))
 
 
-@pytest.mark.parametrize("name", ["clean", "faulty", "submission"])
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded"])
 def test_everything_to_press_has_a_name(
     chromium: Browser, pages: dict[str, Path], name: str
 ) -> None:
@@ -311,7 +318,7 @@ def test_the_page_is_read_without_scripts(chromium: Browser, pages: dict[str, Pa
         chromium.scripts(on=True)
 
 
-@pytest.mark.parametrize("name", ["clean", "faulty", "submission"])
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_text_has_enough_contrast(
     chromium: Browser, pages: dict[str, Path], name: str, scheme: str
@@ -331,7 +338,7 @@ def test_light_and_dark_differ(chromium: Browser, pages: dict[str, Path]) -> Non
     assert len(set(grounds)) == 2
 
 
-@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "hostile"])
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded", "hostile"])
 @pytest.mark.parametrize("size", [DESKTOP, PHONE, (320, 568)], ids=["desktop", "phone", "small"])
 def test_nothing_runs_out_of_the_window(
     chromium: Browser, pages: dict[str, Path], name: str, size: tuple[int, int]
@@ -402,7 +409,7 @@ def test_markup_in_a_report_stays_text(chromium: Browser, tmp_path: Path, text: 
     assert f"found {text}" in visible_messages(chromium)
 
 
-@pytest.mark.parametrize("name", ["clean", "faulty", "submission"])
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded"])
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_the_page_is_kept_as_a_picture(

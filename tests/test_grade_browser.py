@@ -7,8 +7,13 @@ from pathlib import Path
 
 import pytest
 from browser import DESKTOP, PHONE, Browser, started
+from msgspec import to_builtins
 from test_browser import CONTRASTS
 from test_grade_page import EVIL, ITEMS, page_of, row
+
+from lab3_usd.grade.load_rubric import load_rubric
+from lab3_usd.grade.scoring import grade
+from lab3_usd.spec.loader import load_lab
 
 pytestmark = pytest.mark.xdist_group("browser")
 
@@ -91,6 +96,40 @@ def test_everything_can_be_read_without_a_script(chromium: Browser, page: Path) 
         assert chromium.all("thead button") == []
     finally:
         chromium.scripts(on=True)
+
+
+def test_a_class_of_ten_items_fits_a_window_whatever_the_names(
+    chromium: Browser, tmp_path: Path
+) -> None:
+    rubric = load_rubric(None, load_lab())
+    points = to_builtins(grade(rubric, ()))
+    items = [{"id": each.id, "title": each.title, "points": each.points} for each in rubric.items]
+    rows = [
+        {**row("123456789012", name="N" * 250), **points, "percent": 0.0},
+        {**row("dev", status="empty", reason=f"{'x' * 90}: a link"), **points, "percent": 0.0},
+    ]
+    path = tmp_path / "index.html"
+    path.write_text(page_of("Lab 3", items, rows), encoding="utf-8")
+    chromium.open(path)
+    tables = "return [...document.querySelectorAll('.scroll')]"
+    wide = chromium.run(f"{tables}.map((each) => each.scrollWidth - each.clientWidth)")
+    assert set(wide) == {0}
+    assert "a link" in chromium.shown("td.remarks")[1].text
+    heights = chromium.run("return document.querySelector('.students tbody th a').offsetHeight")
+    assert heights < 30
+
+
+def test_on_a_phone_a_student_is_a_card_with_the_points(chromium: Browser, page: Path) -> None:
+    chromium.open(page, PHONE)
+    assert len(chromium.shown("td.percent")) == len(chromium.shown("td.earned")) == len(ROWS)
+    right = chromium.run(
+        "return Math.max(...[...document.querySelectorAll('.students :is(td, th)')]"
+        ".map((cell) => cell.getBoundingClientRect().right))"
+    )
+    assert right <= PHONE[0]
+    assert chromium.shown("td.item") == []
+    press(chromium, "Per cent")
+    assert students(chromium)[0] == "gus"
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
