@@ -172,3 +172,17 @@ def test_a_file_that_is_no_archive_is_not_said_to_be_missing(tmp_path: Path) -> 
         submissions_in(tmp_path / "class.txt"),
     ):
         pytest.fail("it was opened")
+
+
+def test_a_place_that_nobody_may_look_into_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_path: Path, **_options: Any) -> Any:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "stat", refuse)
+    with (
+        pytest.raises(UsageError, match=r"cannot be read \(Permission denied\)"),
+        submissions_in(tmp_path / "class"),
+    ):
+        pytest.fail("it was opened")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,16 +35,24 @@ def submissions_in(place: Path | str) -> Iterator[Place]:
         path = place if isinstance(place, Path) else archive_at(place, Path(scratch), _CLASS)
         if path is None:
             yield Place(place, str(place))
-        elif path.is_dir():
+        elif stat.S_ISDIR(_mode(path, str(place))):
             yield Place(path, str(place))
         else:
             yield _unpacked(path, str(place), Path(scratch))
 
 
-def _unpacked(archive: Path, given: str, scratch: Path) -> Place:
-    if not archive.exists():
+def _mode(path: Path, given: str) -> int:
+    try:
+        return path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError) as error:
         message = f"{given}: there is no such folder or archive of submissions"
-        raise UsageError(message)
+        raise UsageError(message) from error
+    except OSError as error:
+        message = f"{given}: cannot be read ({error.strerror})"
+        raise UsageError(message) from error
+
+
+def _unpacked(archive: Path, given: str, scratch: Path) -> Place:
     if not archive.is_file() or not is_archive(archive.name):
         message = f"{given}: is neither a folder nor an archive of submissions"
         raise UsageError(message)
