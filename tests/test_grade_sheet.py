@@ -8,10 +8,13 @@ from report_examples import FAILED, HOSTILE, OLD_NAME, PASSED, SUBMISSION
 
 from lab3_usd.check.finding import Finding, Report, Requirement
 from lab3_usd.check.registry import all_rules
+from lab3_usd.grade.judge import Task, not_judged
+from lab3_usd.grade.pool import message_of
 from lab3_usd.grade.reports import HTML, write_reports
 from lab3_usd.grade.rubric import Cap, Item, Rubric
 from lab3_usd.grade.scoring import Grade, ItemGrade, Lost
 from lab3_usd.grade.sheet import MOST_LOST, grade_sheet
+from lab3_usd.grade.worker import task_of
 from lab3_usd.report.formats import Options, render
 
 WIRE = Requirement("ROS_Clock/wire/tick", "ROS_Clock", "wire", "tick reaches the clock", met=False)
@@ -84,7 +87,7 @@ def test_every_item_has_its_points_its_state_and_its_reasons() -> None:
     assert [cells[3] for cells in found] == [
         "ROS_Clock: tick reaches the clock",
         "blocked by /clock is publishing: 10 of 10 points do not count",
-        "the stage of checkpoint 08 was not handed in",
+        "no stage of checkpoint 08 was found",
         "for a person to judge: the robot drives on the film",
     ]
 
@@ -194,3 +197,16 @@ def test_neither_a_name_nor_a_title_becomes_markup() -> None:
         assert len(list(tree.all("script"))) == 1
         assert len(list(tree.all("h1"))) == 1
         assert {letter for letter in html if not letter.isprintable()} == {"\n"}
+
+
+def test_the_name_travels_with_the_task_and_onto_the_page() -> None:
+    task = Task("1234567", "1234567", (), name="Jane Doe", broken={})
+    assert task_of(message_of(task)) == task
+    record = not_judged(RUBRIC, task.student, "unreadable", "it is damaged", task.name)
+    assert read(record["reports"][HTML]).one("h1").text == "Jane Doe"
+
+
+def test_a_student_of_whom_nothing_was_judged_is_told_so() -> None:
+    tree = read(not_judged(RUBRIC, "1234567", "unreadable", "it is damaged")["reports"][HTML])
+    hero = " ".join(tree.one("header", "hero").text.split())
+    assert "no stage was judged: this file is left out: it is damaged" in hero

@@ -63,7 +63,7 @@ def _why(item: Item, graded: Mapping[str, ItemGrade], rubric: Rubric) -> Iterato
 
 def _of_state(item: Item, state: State) -> Iterator[str]:
     if state == "missing":
-        yield f"the stage of checkpoint {item.checkpoint} was not handed in"
+        yield f"no stage of checkpoint {item.checkpoint} was found"
     elif state == "unreadable":
         yield f"the stage of checkpoint {item.checkpoint} cannot be opened"
     elif state == "open":
