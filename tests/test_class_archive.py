@@ -140,6 +140,18 @@ def test_a_name_that_no_file_system_takes_is_still_a_row(tmp_path: Path) -> None
     assert list(found) == ["ana", name]
 
 
+@pytest.mark.parametrize("name", ["new\nline", "J\u202eane", "x" * 250])
+def test_an_odd_name_of_a_student_costs_nothing(tmp_path: Path, name: str) -> None:
+    with tarfile.open(tmp_path / "c.tar", "w") as packed:
+        for path in (f"{name}/{STAGE}", f"{name}/o\ndd.usda", f"ana/{STAGE}"):
+            member = tarfile.TarInfo(path)
+            member.size = len(stage("00").read_bytes())
+            packed.addfile(member, io.BytesIO(stage("00").read_bytes()))
+    found = rows(tmp_path / "c.tar", tmp_path / "book")
+    assert found[name]["status"] == "graded"
+    assert found[name]["earned"] == found["ana"]["earned"] > 0
+
+
 def test_an_archive_of_a_class_that_is_cut_short_is_an_error(tmp_path: Path) -> None:
     with tarfile.open(tmp_path / "c.tar", "w") as packed:
         for name in ("ana/a.usda", "bob/a.usda"):

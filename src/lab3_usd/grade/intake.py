@@ -16,6 +16,7 @@ from lab3_usd.grade.limits import Limits
 
 _CHUNK = 1 << 20
 _LONGEST_NAME = 200  # bytes; file systems end at 255
+_LONGEST_OF_CLASS = 255
 _LONGEST_PATH = 1000
 # What operating systems, editors and Isaac Sim leave behind; nobody hands it in on purpose.
 LEFTOVERS = ("__MACOSX", "__pycache__", "Thumbs.db", "desktop.ini")
@@ -81,10 +82,12 @@ class Intake:
     def _name_fault(self, name: str, parts: list[str]) -> str:
         if ".." in parts or name.startswith(("/", "\\")) or (len(name) > 1 and name[1] == ":"):
             return "its name leads out of the submission; it is not unpacked"
-        if not all(part.isprintable() for part in parts):
+        # Those of a class are looked at again as the student's own, whose name is not in them.
+        if "\0" in name or not (self.archives or all(part.isprintable() for part in parts)):
             return "its name holds characters that do not print"
-        lengths = [len(part.encode()) for part in parts]
-        if max(lengths) > _LONGEST_NAME or sum(lengths) + len(lengths) > _LONGEST_PATH:
+        lengths = [len(part.encode(errors="surrogateescape")) for part in parts]
+        longest = _LONGEST_OF_CLASS if self.archives else _LONGEST_NAME
+        if max(lengths) > longest or sum(lengths) + len(lengths) > _LONGEST_PATH:
             return "its name is too long"
         if len(parts) > self.limits.folders:
             return f"it lies more than {self.limits.folders} folders deep"
