@@ -99,18 +99,21 @@ def answer(
     except MemoryError:
         return {"died": OUT_OF_MEMORY}
     except Exception as error:  # noqa: BLE001 - our own failure is recorded, and never a grade
-        return {"died": _how(error)}
+        return {"died": _how(error, folder)}
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _how(error: Exception) -> str:
-    """Tell what usd-core raises over a damaged file from a failure of our own."""
+def _how(error: Exception, folder: Path) -> str:
+    """Tell what usd-core raises over a damaged file from a failure of our own.
+
+    Files are named by their place in the submission, not by where the copy of it lies.
+    """
     kind = type(error)
     if kind.__module__.startswith("pxr."):
         return f"{CRASHED} ({kind.__name__})"
     frame = traceback.extract_tb(error.__traceback__)[-1]
-    said = " ".join(str(error).split())
+    said = " ".join(str(error).replace(f"{folder}{os.sep}", "").split())
     return f"{TOOL_FAILED}: {kind.__name__} at {Path(frame.filename).name}:{frame.lineno}: {said}"
 
 
