@@ -451,6 +451,25 @@ def test_two_who_claim_one_number_each_have_their_own_grade(tmp_path: Path) -> N
     assert list(found["7 (submission_2)"]["verdicts"]) == ["00"]
 
 
+def test_who_is_late_by_a_number_that_two_claim_is_late(tmp_path: Path) -> None:
+    who = "submission_{0}:\n  :submitters:\n  - :name: N{0}\n    :sid: '{1}'\n"
+    for number in (1, 2, 3):
+        submission(tmp_path / "class" / f"submission_{number}", "00")
+    metadata = who.format(1, 7) + who.format(2, 7) + who.format(3, 8)
+    (tmp_path / "class" / "submission_metadata.yml").write_text(metadata)
+    rubric = tmp_path / "mine.yaml"
+    text = (data_folder("graphs") / "rubric.yaml").read_text(encoding="utf-8")
+    late = text.replace("late: {at_most: 1.0}", 'late: {at_most: 0.5, students: ["7"]}')
+    rubric.write_text(late, encoding="utf-8")
+    grade_class(ClassSettings(tmp_path / "class", starter(), tmp_path / "book", rubric=rubric))
+    found = rows(tmp_path / "book")
+    assert {student: row["late"] for student, row in found.items()} == {
+        "7 (submission_1)": True,
+        "7 (submission_2)": True,
+        "8": False,
+    }
+
+
 @pytest.mark.parametrize(
     ("done", "total", "seconds", "expected"),
     [
