@@ -2,22 +2,28 @@
 
 The stages of one student hold mostly the same prims, and those of the starter. A prim that is
 written in the same letters below the same ancestors is the same prim, and need not be read again.
+
+The text is what usd-core writes of the layer that it has read, never the file: how a file is laid
+out, and what its comments hold, is up to whoever wrote it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from pathlib import Path
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from hashlib import sha256
 
 from pxr import Sdf, Usd
 
 from lab3_usd.stage.opening import memory, remembered
 
-_INDENT = 4  # as usd-core and Isaac Sim write; files that are laid out in another way are read
-_HEADER = re.compile(r'\n( *)(?:def|over|class) (?:\w+ )?"([^"\n]+)"(?: \()?(?=\n)')
-# What spans lines, or could hide that a line is no header.
-_UNCLEAR = ('"""', "'''", "/*", "@@@", "\r", "\t")
+_LARGEST = 4 << 20  # letters; larger stages are read
+_FORMAT = "usda"  # a binary layer may hold names that no text can have
+_INDENT = 4  # as usd-core writes
+_HEADER = re.compile(r'^( *)(?:def|over|class) (?:\w+ )?"([^"\n]+)"(?: \()?$', re.MULTILINE)
+# Only such strings span lines, and could hold one that looks like the first line of a prim.
+_OF_LINES = ('"""', "'''")
+_CLOSING = " }\n"
 # What brings opinions from elsewhere to the prim and to those below it.
 _LOCAL_ARCS = ("references", "instanceable")
 _OTHER_ARCS = ("payload", "inherits", "specializes", "variant", "clips")
@@ -40,26 +46,48 @@ def texts_of(stage: Usd.Stage) -> Mapping[str, str]:
 
 
 def own_texts(stage: Usd.Stage) -> Mapping[str, str]:
-    """Return the text of every prim without its children, by path.
+    """Return what stands for each prim without its children, by path: the same for the same prim.
 
-    What refers to prims of the same layer has their text as well. Left out are prims that take
-    anything else from elsewhere. There is none at all where the stage consists of several layers,
-    or its one layer is not laid out as usd-core writes it.
+    What refers to prims of the same layer stands for their text as well. Left out are prims that
+    take anything else from elsewhere. There is none at all where the stage consists of several
+    layers, or its one layer is binary, or has strings of several lines.
     """
+    texts = _written(stage)
+    paths, mixed = _paths(stage) if texts else [], _mixed(texts)
+    outside = _outside(texts, mixed)
+    if outside != _outside(paths, mixed):
+        return {}  # a prim is not active, and those below it are not there
+    own = {path: texts[path] for path in outside if path not in mixed}
+    return own | dict(_borrowed(mixed, paths, _Trees(texts, own)))
+
+
+def _written(stage: Usd.Stage) -> dict[str, str]:
+    """Cut what usd-core writes of each prim at the first line of every prim in it."""
     root = stage.GetRootLayer()
-    if not _is_alone(stage, root):
-        return {}
-    try:
-        text = Path(root.realPath).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return {}
-    texts = _split(text) if text.startswith("#usda") else {}
-    paths, mixed = _paths(stage), _mixed(texts)
-    written = _outside(texts, mixed)
-    if written != _outside(paths, mixed):
-        return {}  # a line that looks like a prim is none, or a prim does not look like one
-    own = {path: texts[path] for path in written if path not in mixed}
-    return own | {path: text for top in mixed for path, text in _borrowed(top, paths, texts, own)}
+    texts: dict[str, str] = {}
+    for spec in root.rootPrims if _is_alone(stage, root) else ():
+        text = spec.GetAsText()
+        if len(text) > _LARGEST or any(mark in text for mark in _OF_LINES):
+            return {}
+        texts.update(_split(text))
+    return texts
+
+
+def _is_alone(stage: Usd.Stage, root: Sdf.Layer) -> bool:
+    others = [layer for layer in stage.GetUsedLayers() if layer != root]
+    is_alone = others == [stage.GetSessionLayer()] and others[0].empty
+    is_text = root.GetFileFormat().formatId == _FORMAT
+    return is_alone and is_text and _HARMLESS.issuperset(root.pseudoRoot.ListInfoKeys())
+
+
+def _split(text: str) -> Iterator[tuple[str, str]]:
+    headers = list(_HEADER.finditer(text))
+    ends = [header.start() for header in headers[1:]]
+    names: list[str] = []
+    for header, end in zip(headers, [*ends, len(text)], strict=True):
+        names[len(header[1]) // _INDENT :] = [header[2]]
+        # Usd-core closes what it opens: which braces end here, the rest of the text tells.
+        yield "/" + "/".join(names), text[header.start() : end].rstrip(_CLOSING)
 
 
 def _paths(stage: Usd.Stage) -> list[str]:
@@ -94,61 +122,60 @@ def _outside(paths: Iterable[str], mixed: Collection[str]) -> list[str]:
     return kept
 
 
+class _Trees:
+    """The written prims with all below them, looked up by the topmost."""
+
+    def __init__(self, texts: Mapping[str, str], own: Collection[str]) -> None:
+        self.texts = texts
+        self._own = own
+        self._spans = _spans(texts)
+        self._order = [*texts]
+        self._digests: dict[str, str] = {}
+
+    def paths(self, top: str) -> list[str]:
+        """Return the paths of a prim and of all below it; none where it is not written."""
+        start, end = self._spans.get(top, (0, 0))
+        return self._order[start:end]
+
+    def digest(self, top: str) -> str:
+        """Return what stands for a whole tree; '' where an arc brings anything to it."""
+        if top not in self._digests:
+            paths = self.paths(top)
+            is_whole = bool(paths) and all(path in self._own for path in paths)
+            self._digests[top] = _digest(self.texts[path] for path in paths) if is_whole else ""
+        return self._digests[top]
+
+
+def _digest(texts: Iterable[str]) -> str:
+    return sha256("\0".join(texts).encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def _spans(paths: Iterable[str]) -> dict[str, tuple[int, int]]:
+    """Return where each path and those below it begin and end, in the order of a traversal."""
+    spans: dict[str, tuple[int, int]] = {}
+    above: list[tuple[str, int]] = []
+    place = 0
+    for place, path in enumerate(paths):
+        while above and not path.startswith(f"{above[-1][0]}/"):
+            top, start = above.pop()
+            spans[top] = (start, place)
+        above.append((path, place))
+    spans.update((top, (start, place + 1)) for top, start in above)
+    return spans
+
+
 def _borrowed(
-    top: str, paths: Iterable[str], texts: Mapping[str, str], own: Mapping[str, str]
+    tops: Iterable[str], paths: Sequence[str], trees: _Trees
 ) -> Iterator[tuple[str, str]]:
-    """Yield, for a prim that refers to others of its stage and for all below it, all their text."""
-    said = [texts[path] for path in _inside(texts, top)]
-    whole = "".join(said)
-    if _ASSET in whole or any(word in whole for word in _OTHER_ARCS):
-        return
-    for target in dict.fromkeys(_TARGET.findall(whole)):
-        parts = _inside(texts, target)
-        if not parts or not all(path in own for path in parts):
-            return
-        said += [own[path] for path in parts]
-    text = "\0".join(said)
-    for path in _inside(paths, top):
-        yield path, text
-
-
-def _inside(paths: Iterable[str], top: str) -> list[str]:
-    below = f"{top}/"
-    return [path for path in paths if path.startswith(below) or path == top]
-
-
-def _is_alone(stage: Usd.Stage, root: Sdf.Layer) -> bool:
-    others = [layer for layer in stage.GetUsedLayers() if layer != root]
-    is_alone = others == [stage.GetSessionLayer()] and others[0].empty
-    return is_alone and _HARMLESS.issuperset(root.pseudoRoot.ListInfoKeys())
-
-
-def _split(text: str) -> dict[str, str]:
-    """Cut a layer at the first line of every prim; empty where the cuts may be wrong."""
-    headers = list(_HEADER.finditer(text))
-    if not headers:
-        return {}
-    body = text[headers[0].start() :]
-    if any(mark in body for mark in _UNCLEAR):
-        return {}
-    texts: dict[str, str] = {}
-    names: list[str] = []
-    ends = [(header.start(), len(header[1])) for header in headers[1:]]
-    for header, (end, indent) in zip(headers, [*ends, (len(text), 0)], strict=True):
-        depth, odd = divmod(len(header[1]), _INDENT)
-        names[depth:] = [header[2]]
-        has_children = indent > len(header[1])
-        own = _closed(text[header.start() : end], header[1], has_children=has_children)
-        path = "/" + "/".join(names)
-        if odd or len(names) != depth + 1 or own is None or path in texts:
-            return {}
-        texts[path] = own
-    return texts
-
-
-def _closed(own: str, indent: str, *, has_children: bool) -> str | None:
-    """Return a prim's text up to the brace that closes it; None where that is not clear."""
-    text, closing, rest = own.partition(f"\n{indent}}}\n")
-    if has_children:
-        return None if closing else text.rstrip()
-    return text if closing and not rest.strip(" }\n") else None
+    """Yield what stands for each prim that refers to others of its stage, and for all below it."""
+    spans = _spans(paths)
+    for top in tops:
+        said = [trees.texts[path] for path in trees.paths(top)]
+        whole = "".join(said)
+        if _ASSET in whole or any(word in whole for word in _OTHER_ARCS):
+            continue
+        targets = [trees.digest(target) for target in dict.fromkeys(_TARGET.findall(whole))]
+        if all(targets):
+            start, end = spans[top]
+            text = _digest([*said, *targets])
+            yield from ((path, text) for path in paths[start:end])
