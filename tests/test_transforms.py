@@ -76,6 +76,17 @@ def test_lower_precision_reads_the_same(precision: Op.Precision) -> None:
     assert same(local_transform(xform.GetPrim())[0], xform.GetLocalTransformation())
 
 
+@pytest.mark.parametrize(
+    "value",
+    [(2, 0, 0, 1), (0.5, 0, 0, 0.1), (-3, 1, 0, 0), (0.1, 0, 0, 0), (0, 0, 0, 0), (1, 2, 3, 4)],
+)
+def test_a_quaternion_of_another_length_turns_as_usdgeom_says(value: tuple[float, ...]) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    xform = UsdGeom.Xform.Define(stage, "/prim")
+    xform.AddOrientOp(Op.PrecisionDouble).Set(Gf.Quatd(*value))
+    assert same(local_transform(xform.GetPrim())[0], xform.GetLocalTransformation())
+
+
 def test_a_reset_leaves_out_the_parent() -> None:
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.Xform.Define(stage, "/a").AddTranslateOp().Set(Gf.Vec3d(5, 0, 0))

@@ -22,6 +22,7 @@ ORDER = "xformOpOrder"
 _RESET = "!resetXformStack!"
 _INVERSE = "!invert!"
 _SIXTEEN = Struct("16d")
+_SHORTEST = 1e-10  # length of an axis that is one, as in Gf
 
 
 def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
@@ -85,8 +86,16 @@ def _number(value: Any) -> float:  # noqa: ANN401
 
 
 def _orientation(value: Any) -> Matrix:  # noqa: ANN401
-    """Return the rotation of a quaternion; like Gf, take it as it is, of unit length or not."""
-    w, (x, y, z) = float(value.real), _vector(value.imaginary)
+    """Return the rotation of a quaternion.
+
+    As in Gf, the imaginary part gives the axis and the real part the angle, whatever the length.
+    """
+    w, (x, y, z) = max(-1.0, min(1.0, float(value.real))), _vector(value.imaginary)
+    length = math.sqrt(x * x + y * y + z * z)
+    if length <= _SHORTEST:
+        return IDENTITY
+    part = math.sqrt(1.0 - w * w) / length
+    x, y, z = x * part, y * part, z * part
     return (
         *(1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (z * x - y * w), 0.0),
         *(2 * (x * y - z * w), 1 - 2 * (z * z + x * x), 2 * (y * z + x * w), 0.0),
