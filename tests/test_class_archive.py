@@ -198,3 +198,18 @@ def test_a_place_that_nobody_may_look_into_is_an_error(
         submissions_in(tmp_path / "class"),
     ):
         pytest.fail("it was opened")
+
+
+def test_folders_whose_names_lead_out_are_students_too(tmp_path: Path) -> None:
+    archive = zipped(tmp_path / "c.zip", {"ana/a.usda": b"", "../eve/": b"", "C:\\fay\\x": b""})
+    found, said = found_in(archive)
+    assert list(found) == ["ana", "eve", "fay"]
+    assert said == []
+
+
+def test_a_folder_and_a_file_of_one_name_are_one_student(tmp_path: Path) -> None:
+    found, _ = found_in(
+        zipped(tmp_path / "c.zip", {"ana/a.usda": b"", "bob.zip": b"PK", "bob.zip/": b""})
+    )
+    assert list(found) == ["ana", "bob"]
+    assert len(left_out(found["bob"])) == 1

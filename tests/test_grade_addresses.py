@@ -241,3 +241,33 @@ def test_a_name_that_fsspec_would_read_as_an_address_is_not_fetched(tmp_path: Pa
     rows = graded(address, tmp_path / "book")
     assert rows["ali::memory:"]["status"] == "unreadable"
     assert rows["jane"]["status"] == "graded"
+
+
+def test_the_archive_of_a_class_that_cannot_be_fetched_is_an_error() -> None:
+    put({"forbidden.zip": b"PK"}, "faulty")
+    with pytest.raises(UsageError, match=r"cannot be fetched \(Permission denied\)"):
+        found_at("faulty://class/forbidden.zip")
+
+
+def test_a_folder_that_cannot_be_listed_is_one_students_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put({"jane/a.usda": b"x"})
+
+    def refuse(*_arguments: Any, **_options: Any) -> Any:
+        raise TimeoutError
+
+    monkeypatch.setattr(memory.MemoryFileSystem, "find", refuse)
+    assert got("memory://class/jane", tmp_path).fault == "cannot be listed (TimeoutError)"
+
+
+def test_an_address_that_is_known_to_nobody_is_one_students_fault(tmp_path: Path) -> None:
+    assert "fsspec does not know it" in got("nonsense://class/jane", tmp_path).fault
+
+
+def test_fetching_ends_when_the_run_does(tmp_path: Path) -> None:
+    put({"hanging/a.usda": b"x"}, "faulty")
+    source = Source(Path("hanging"), "", "faulty://class/hanging")
+    task = Task("hanging", "hanging", (source,))
+    with fetched(task, tmp_path, Limits(), lambda: True) as here:
+        assert "cannot be fetched" in here.sources[0].fault

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.class_run import submissions_in
+from lab3_usd.grade.class_archive import submissions_in
 from lab3_usd.grade.submissions import Handed, find_submissions
 
 STAGE = "Lab3_05_odometry_tf.usda"
@@ -310,3 +310,14 @@ def test_a_folder_of_submissions_that_cannot_be_read_is_an_error(
     monkeypatch.setattr("lab3_usd.grade.entries.os.listdir", refuse)
     with pytest.raises(UsageError, match=r"cannot be read \(Permission denied\)"):
         find_submissions(tmp_path)
+
+
+def test_metadata_beyond_the_limit_is_not_read_and_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lab3_usd.grade.gradescope_export.LARGEST", 10)
+    (tmp_path / "submission_metadata.yml").write_text(METADATA)
+    handed(tmp_path, "submission_11/work/")
+    (line,) = said_of(tmp_path)
+    assert "larger than" in line
+    assert line.endswith("submission_11")
