@@ -93,7 +93,7 @@ def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one ent
     SUBMISSIONS is a folder or an archive as Canvas, Gradescope or Moodle export it, or the address
     of a folder in object storage. The gradebook has grades.csv, grades.json, index.html and a
     report folder for each student. Exit status: 0 every submission has a grade or a status, 2
-    wrong usage or rubric, 3 the tool itself failed.
+    wrong usage or rubric, 3 the tool itself failed, 130 interrupted: go on with --resume.
     """
     from lab3_usd.grade.class_run import ClassSettings, grade_class  # noqa: PLC0415
     from lab3_usd.grade.limits import MEGABYTE, Limits  # noqa: PLC0415
