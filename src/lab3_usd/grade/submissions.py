@@ -117,8 +117,8 @@ def _in(at: Place, folder: Path, say: Say) -> list[Part]:
         raise UsageError(message) from error
     if is_submission(folder):
         name = at.name or folder.resolve().name or "submission"
-        left_out = tuple(_below(entry, refused) for entry, refused in at.left_out)
-        return [Part(name, name, Source(folder.resolve(), left_out=left_out))]
+        missing = tuple(_below(entry, refused) for entry, refused in at.left_out)
+        return [Part(name, name, Source(folder.resolve(), left_out=missing))]
     names = Names({}, "")
     if (METADATA, False) in entries:
         names = read_metadata(folder / METADATA)
