@@ -198,8 +198,7 @@ signal.signal(signal.SIGHUP, signal.SIG_IGN if sys.argv[1] == "ignored" else sig
 signal.signal(signal.SIGTERM, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 worker_process._MAIN = Path(sys.argv[2]).read_text()
-names = ["well", "well" if sys.argv[1] == "outside" else "hangs"]
-tasks = [Task(name, name, ()) for name in names]
+tasks = [Task(name, name, ()) for name in ("well", "hangs")]
 seconds = 2 if sys.argv[1] == "ignored" else 60
 settings = worker_process.PoolSettings(None, None, Limits(seconds=seconds))
 for task, _ in run_tasks(tasks, settings):
