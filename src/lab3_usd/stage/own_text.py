@@ -20,7 +20,8 @@ from lab3_usd.stage.opening import memory, remembered
 _LARGEST = 4 << 20  # letters; larger stages are read
 _FORMAT = "usda"  # a binary layer may hold names that no text can have
 _INDENT = 4  # as usd-core writes
-_HEADER = re.compile(r'^( *)(?:def|over|class) (?:\w+ )?"([^"\n]+)"(?: \()?$', re.MULTILINE)
+# From line end to line end, which is found twice as fast as from the start of a line.
+_HEADER = re.compile(r'\n( *)(?:def|over|class) (?:\w+ )?"([^"\n]+)"(?: \()?(?=\n)')
 # Only such strings span lines, and could hold one that looks like the first line of a prim.
 _OF_LINES = ('"""', "'''")
 _CLOSING = " }\n"
@@ -81,13 +82,14 @@ def _is_alone(stage: Usd.Stage, root: Sdf.Layer) -> bool:
 
 
 def _split(text: str) -> Iterator[tuple[str, str]]:
+    text = f"\n{text}"
     headers = list(_HEADER.finditer(text))
     ends = [header.start() for header in headers[1:]]
     names: list[str] = []
     for header, end in zip(headers, [*ends, len(text)], strict=True):
         names[len(header[1]) // _INDENT :] = [header[2]]
         # Usd-core closes what it opens: which braces end here, the rest of the text tells.
-        yield "/" + "/".join(names), text[header.start() : end].rstrip(_CLOSING)
+        yield "/" + "/".join(names), text[header.start() + 1 : end].rstrip(_CLOSING)
 
 
 def _paths(stage: Usd.Stage) -> list[str]:
