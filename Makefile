@@ -17,7 +17,7 @@ help:
 	@echo "make test          set up, then every static check and the test suite"
 	@echo "make test-all      the same, then the suite on every other Python $(SUPPORTED) here"
 	@echo "                   and on the lowest releases the package allows"
-	@echo "make bench         measure speed"
+	@echo "make bench         measure speed, and grading a class of a thousand"
 	@echo "make sweep         break a stage in every single way and count what is found"
 	@echo "make fuzz          throw damaged files at the program"
 	@echo "make clean         remove environments, caches and built files"
@@ -61,6 +61,7 @@ test-lowest: .venv-lowest/dev
 
 bench: $(VENV)/dev
 	$(BIN)/python benchmarks/bench.py
+	$(BIN)/python benchmarks/bench_grade.py --jobs 2
 
 sweep: $(VENV)/dev
 	$(BIN)/python benchmarks/sweep.py
