@@ -251,6 +251,21 @@ def test_the_ghost_of_a_node_whose_name_is_taken_is_drawn_beside_it() -> None:
     assert len({box.key for box in picture.boxes}) == 5
 
 
+def test_a_node_of_another_type_has_no_ports_but_its_own() -> None:
+    step = "outputs:step"
+    other = models.node(TICK, "isaacsim.core.nodes.OnPhysicsStep")
+    publisher = models.wired(node_of(clock(), PUBLISHER), "inputs:execIn", f"{TICK}.{step}")
+    graph = changed(changed(clock(), other), publisher)
+    picture = drawn(graph, finding(TICK, "node:type"))
+    assert box_of(picture, TICK).row("outputs:tick") is None
+    assert into(picture, PUBLISHER, "inputs:execIn").keys() == {("on_playback_tick", step)}
+    array = f"{DRIVE.path}/make_array"
+    other = models.node(array, "omni.graph.action.OnTick")
+    picture = drawn(changed(models.graph_of(DRIVE), other), finding(array, "node:type"), spec=DRIVE)
+    assert box_of(picture, array).row("inputs:value") is None
+    assert box_of(picture, f"{DRIVE.path}/constant_left_joint").state == "ok"
+
+
 def test_a_missing_wire_is_a_ghost() -> None:
     graph = changed(clock(), models.wired(node_of(clock(), PUBLISHER), "inputs:timeStamp"))
     picture = drawn(graph, finding(PUBLISHER, "inputs:timeStamp"))

@@ -66,8 +66,10 @@ def _same_inputs(one: Node, other: Node) -> bool:
 def _retyped(spec: GraphSpec, pairs: Pairs, extra: Sequence[Node]) -> dict[str, Node]:
     """Pair each role without a node with the node of another type that stands in its place.
 
-    Its place is known by the wires that run to and from it, or by its name.
+    Its place is known by the wires that run to and from it, or by its name. A node that talks to
+    ROS 2 does a job of its own and stands in nobody's place.
     """
+    extra = [node for node in extra if node.type is None or not node.type.role]
     found: dict[str, Node] = {}
     for role in spec.nodes:
         if pairs[role] is not None:

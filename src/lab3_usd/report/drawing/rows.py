@@ -52,7 +52,7 @@ def rows(plan: Plan) -> Iterator[Row]:
 def _names(plan: Plan) -> list[str]:
     """Name the ports in the order of the type; then those that only the file or wires have."""
     names = dict.fromkeys([] if plan.type is None else plan.type.ports)
-    if plan.spec is not None:
+    if plan.spec is not None and plan.type is plan.spec.type:
         names |= dict.fromkeys(plan.spec.grown)
     if plan.type is None and plan.node is not None:
         names |= dict.fromkeys(plan.node.ports)

@@ -34,7 +34,9 @@ def judged_wires(
     curves = [
         _marked(curve, "missing", found)
         for curve in asked
-        if (curve.source, curve.target) not in real and _is_missed(curve, real, cast, found)
+        if (curve.source, curve.target) not in real
+        and _has_ends(curve, cast)
+        and _is_missed(curve, real, cast, found)
     ]
     for (source, target), dashed in real.items():
         curve = Curve(source, target, dashed)
@@ -60,6 +62,12 @@ def _real(
                 if asked is not None and asked.key in cast.ghosts and prim not in cast.own:
                     continue  # the dead source is the missing node, whose wires are missing
                 yield (source, target), port is not None and port.is_execution
+
+
+def _has_ends(curve: Curve, cast: Cast) -> bool:
+    """Whether the wire could be drawn: a node of another type may lack the port."""
+    ends = ((cast.own.get(end.key), end.port) for end in (curve.source, curve.target))
+    return all(node is None or node.has_port(port) for node, port in ends)
 
 
 def _is_missed(
