@@ -150,7 +150,11 @@ def test_what_no_event_reaches_publishes_nothing() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"active": False}, {"pipelineStage": "pipelineStageOnDemand"}, {"evaluator__type": "push"}],
+    [
+        {"active": False},
+        {"pipelineStage": "pipelineStageOnDemand"},
+        {"evaluationMode": "Instanced"},
+    ],
 )
 def test_a_graph_that_is_not_evaluated_publishes_nothing(changes: dict[str, object]) -> None:
     graph = m.graph("/Graph/tf", *raw_graph().nodes, **changes)  # type: ignore[arg-type]

@@ -1,16 +1,25 @@
-"""Which nodes compute once the timeline plays, and what value reaches an input."""
+"""Which nodes compute once the timeline plays, how surely, and what value reaches an input.
+
+Everything that asks whether something happens asks here: rules, topics, frames and drawings.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from typing import Literal
 
+from lab3_usd.check.finding import Severity
 from lab3_usd.check.model import GraphModel, Node, StageModel
-from lab3_usd.spec.catalog import INPUT, Value
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Value
 from lab3_usd.spec.spec import Lab
 
+# A node that is not named among the states does not run.
+State = Literal["runs", "may run"]
 ENABLED = "inputs:enabled"
 Nodes = Mapping[str, Node]
+_Followers = dict[str, list[str]]
+_SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
 
 
 @lru_cache(maxsize=1)  # every rule of one stage asks for the same
@@ -19,61 +28,123 @@ def live_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
     return {
         node.path: node
         for graph in stage.graphs
-        if graph.active and not _is_ignored(graph.path, lab)
+        if graph.active and not lab.catalog.graph.ignores(graph.path)
         for node in graph.nodes
     }
-
-
-def _is_ignored(path: str, lab: Lab) -> bool:
-    return any(f"{path}/".startswith(f"{top}/") for top in lab.catalog.graph.ignored_below)
 
 
 @lru_cache(maxsize=1)  # every rule of one stage asks for the same
-def running_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
-    """Return the nodes that an event reaches over execution wires, by path.
+def run_states(stage: StageModel, lab: Lab) -> dict[str, State]:
+    """Return how surely each node runs while the timeline plays, by path.
 
-    A graph that the application does not evaluate while it plays runs none of its nodes, and a
-    node that is switched off passes no signal on.
+    A node runs when a signal of an event reaches it over execution wires in a graph that is
+    evaluated, and it may run when the event is one of which nobody knows whether it fires. In a
+    graph whose evaluator takes no signals every node runs. A node that is switched off passes no
+    signal on. Nodes that are not named do not run.
     """
     live = live_nodes(stage, lab)
-    evaluated = {
-        node.path: node
-        for graph in stage.graphs
-        if _is_evaluated(graph, lab)
-        for node in graph.nodes
-        if node.path in live
-    }
-    events = {lab.catalog.modern(name) for name in lab.catalog.events}
-    followers = _followers(evaluated)
-    ahead = [
-        path for path, node in evaluated.items() if lab.catalog.modern(node.type_name) in events
-    ]
-    reached = set(ahead)
+    computing: dict[str, Node] = {}
+    states: dict[str, State] = {}
+    for graph in stage.graphs:
+        nodes = {node.path: node for node in graph.nodes if node.path in live}
+        if not nodes or not _is_evaluated(graph, stage, lab):
+            continue
+        computing.update(nodes)
+        if _takes_signals(graph, lab):
+            states.update(_starts(graph, nodes, lab))
+        else:
+            states.update(dict.fromkeys(nodes, _pace(graph, lab)))
+    followers = _followers(computing)
+    for state in _SUREST_FIRST:
+        _spread(state, states, followers, live)
+    return {path: states[path] for path in computing if path in states}
+
+
+def running_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
+    """Return the nodes that run or may run, by path."""
+    live = live_nodes(stage, lab)
+    return {path: live[path] for path in run_states(stage, lab)}
+
+
+def doubt(stage: StageModel, lab: Lab, *paths: str) -> Severity | None:
+    """Return how grave a fault is that needs all these nodes to run, None for the rule's own.
+
+    Where one of them only may run, nobody knows whether the fault will show: a warning.
+    """
+    states = run_states(stage, lab)
+    return "warning" if any(states.get(path) == "may run" for path in paths) else None
+
+
+def _attribute(graph: GraphModel, name: str, lab: Lab) -> Value | None:
+    """Return an attribute of a graph; one that the file leaves out is as an Action Graph's."""
+    return graph.attributes.get(name, lab.catalog.graph.value(name))
+
+
+def _is_evaluated(graph: GraphModel, stage: StageModel, lab: Lab) -> bool:
+    """Whether anything at all is computed in the graph while the timeline plays."""
+    form = lab.catalog.graph.evaluation
+    if _attribute(graph, form.mode, lab) in form.by_reference:
+        prims = (prim for prim in stage.prims.values() if prim.present)
+        if not any(graph.path in prim.relationships.get(form.reference, ()) for prim in prims):
+            return False
+    pace = _attribute(graph, form.stage, lab)
+    return pace not in form.on_demand or any(event_of(n, lab) == pace for n in graph.nodes)
+
+
+def event_of(node: Node, lab: Lab) -> str | None:
+    """Return the pipeline stage in which an event fires, '' for an unknown one, None for none."""
+    return lab.catalog.events.get(lab.catalog.modern(node.type_name))
+
+
+def _takes_signals(graph: GraphModel, lab: Lab) -> bool:
+    form = lab.catalog.graph.evaluation
+    return _attribute(graph, form.evaluator, lab) not in form.all_nodes
+
+
+def _pace(graph: GraphModel, lab: Lab) -> State:
+    """Return how surely the nodes of an evaluated graph compute that wait for no signal."""
+    form = lab.catalog.graph.evaluation
+    known = (lab.catalog.graph.value(form.stage), *form.on_demand)
+    return "runs" if _attribute(graph, form.stage, lab) in known else "may run"
+
+
+def _starts(graph: GraphModel, nodes: Nodes, lab: Lab) -> Iterator[tuple[str, State]]:
+    """Yield the nodes of an evaluated graph that start an execution by themselves."""
+    form = lab.catalog.graph.evaluation
+    pace = _attribute(graph, form.stage, lab)
+    for path, node in nodes.items():
+        needed = event_of(node, lab)
+        if needed is not None and needed == pace:
+            yield path, "runs"
+        elif needed not in form.on_demand and (needed is not None or _may_start(node, nodes)):
+            yield path, "may run"
+
+
+def _may_start(node: Node, nodes: Nodes) -> bool:
+    """Whether a node that is no known event may be one: it sends signals and waits for none."""
+    if node.type is None:
+        return not any(True for port in signal_inputs(node) for _ in _signals(node, port, nodes))
+    signals = [port for port in node.type.ports.values() if port.is_execution]
+    return bool(signals) and all(port.name.startswith(OUTPUT) for port in signals)
+
+
+def _spread(state: State, states: dict[str, State], followers: _Followers, live: Nodes) -> None:
+    """Carry a state on to all that the nodes in it trigger, unless those are surer already."""
+    ahead = [path for path, known in states.items() if known == state]
     while ahead:
         path = ahead.pop()
-        if not is_switched_on(live[path], live):
-            continue
-        new = [follower for follower in followers.get(path, ()) if follower not in reached]
-        reached.update(new)
-        ahead.extend(new)
-    return {path: node for path, node in evaluated.items() if path in reached}
+        for follower in followers.get(path, ()) if is_switched_on(live[path], live) else ():
+            if states.get(follower) not in ("runs", state):
+                states[follower] = state
+                ahead.append(follower)
 
 
-def _is_evaluated(graph: GraphModel, lab: Lab) -> bool:
-    """Whether the graph runs with the timeline; an attribute that is absent is as good."""
-    return graph.active and all(
-        graph.attributes.get(attribute.name, attribute.value) in attribute.accepted
-        for attribute in lab.catalog.graph.attributes
-        if attribute.required
-    )
-
-
-def _followers(nodes: Nodes) -> dict[str, list[str]]:
+def _followers(nodes: Nodes) -> _Followers:
     """Map each node to those that its execution outputs trigger."""
-    followers: dict[str, list[str]] = {}
+    followers: _Followers = {}
     for node in nodes.values():
         for port in signal_inputs(node):
-            for source, _ in live_sources(node, port, nodes):
+            for source in _signals(node, port, nodes):
                 followers.setdefault(source.path, []).append(node.path)
     return followers
 
@@ -83,6 +154,14 @@ def signal_inputs(node: Node) -> Iterator[str]:
     for name in node.ports if node.type is None else node.type.ports:
         if name.startswith(INPUT) and (node.type is None or node.type.ports[name].is_execution):
             yield name
+
+
+def _signals(node: Node, port: str, nodes: Nodes) -> Iterator[Node]:
+    """Yield the nodes that may send a signal into an input."""
+    for source, source_port in live_sources(node, port, nodes):
+        known = None if source.type is None else source.type.port(source_port)
+        if source_port.startswith(OUTPUT) and (known is None or known.is_execution):
+            yield source
 
 
 def is_switched_on(node: Node, live: Nodes) -> bool:
@@ -102,14 +181,13 @@ def live_sources(node: Node, port: str, live: Nodes) -> Iterator[tuple[Node, str
 def effective(node: Node, port: str, live: Nodes, depth: int = 8) -> Value | None:
     """Return the value that reaches an input; None where a wire brings one nobody can know.
 
-    A wire from a constant (an input drawn as an output) brings that constant's value. `depth`
-    ends the search where constants feed each other in a ring.
+    A wire from an input of another node, as every constant has it, brings the value there. `depth`
+    ends the search where inputs feed each other in a ring.
     """
     wired = list(live_sources(node, port, live))
     if not wired:
         return node.value(port)
     source, source_port = wired[0]
-    known = None if source.type is None else source.type.port(source_port)
-    if len(wired) > 1 or known is None or not known.output_only or not depth:
+    if len(wired) > 1 or not source_port.startswith(INPUT) or not depth:
         return None
     return effective(source, source_port, live, depth - 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.model import Node, StageModel
-from lab3_usd.check.running import Nodes, effective, is_switched_on, live_sources
+from lab3_usd.check.running import Nodes, effective, event_of, is_switched_on, live_sources
 from lab3_usd.spec.spec import Lab
 
 _PRODUCT = "inputs:renderProductPath"
@@ -56,7 +56,7 @@ def _events(node: Node, lab: Lab, running: Nodes) -> Iterator[str]:
     ahead = [node]
     while ahead:
         current = ahead.pop(0)
-        if lab.catalog.modern(current.type_name) in lab.catalog.events:
+        if event_of(current, lab) is not None:
             known = current.type
             yield current.type_name.rpartition(".")[2] if known is None else known.handout_name
         ports = () if current.type is None else current.type.ports.values()

@@ -130,14 +130,36 @@ class NodeType(Struct, frozen=True):
 
 
 class GraphAttribute(Struct, frozen=True):
-    """An attribute of a graph prim: how it is saved, and which values are as good."""
+    """An attribute of a graph prim: how it is saved, and which values are as good.
+
+    `unwritten` is what it means that a file leaves it out, None where it must be there.
+    """
 
     name: str
     usd_type: str
     value: Value
     accepted: tuple[Value, ...] = ()
     required: bool = False
+    unwritten: Value | None = None
     handout: str | None = None
+
+
+class Evaluation(Struct, frozen=True):
+    """Which graphs Isaac Sim evaluates while it plays, and which of their nodes compute.
+
+    `mode`, `stage` and `evaluator` are attributes of a graph prim, the lists hold values of theirs.
+    A graph whose mode is `by_reference` needs a prim whose relationship `reference` names it; one
+    whose stage is `on_demand` needs an event of that stage. In a graph whose evaluator is one of
+    `all_nodes` every node computes, in another those that a signal reaches.
+    """
+
+    mode: str
+    reference: str
+    stage: str
+    evaluator: str
+    by_reference: tuple[str, ...]
+    on_demand: tuple[str, ...]
+    all_nodes: tuple[str, ...]
 
 
 class GraphForm(Struct, frozen=True):
@@ -147,18 +169,31 @@ class GraphForm(Struct, frozen=True):
     node_type: str
     gui_api: str
     attributes: tuple[GraphAttribute, ...]
+    evaluation: Evaluation
     ignored_below: tuple[str, ...]
+
+    def ignores(self, path: str) -> bool:
+        """Whether the application made what stands at this path, for itself."""
+        return any(f"{path}/".startswith(f"{top}/") for top in self.ignored_below)
+
+    def value(self, name: str) -> Value | None:
+        """Return the value with which an Action Graph is saved."""
+        return next((each.value for each in self.attributes if each.name == name), None)
 
 
 class Catalog(Struct, frozen=True):
-    """Every node type the lab knows, by its name in 6.0.1, and the names that mean another."""
+    """Every node type the lab knows, by its name in 6.0.1, and the names that mean another.
+
+    `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
+    in which it does, '' where a stage does not tell whether it will.
+    """
 
     types: Mapping[str, NodeType]
     graph: GraphForm
     prefixes: Mapping[str, str]
     renamed: Mapping[str, str]
     lookalikes: Mapping[str, str]
-    events: tuple[str, ...]
+    events: Mapping[str, str]
     scripts: tuple[str, ...]
 
     def modern(self, name: str) -> str:

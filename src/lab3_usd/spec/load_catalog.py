@@ -12,6 +12,7 @@ from lab3_usd.spec.catalog import (
     OUTPUT,
     Catalog,
     Dynamic,
+    Evaluation,
     GraphAttribute,
     GraphForm,
     NodeType,
@@ -28,6 +29,9 @@ _TYPE_KEYS = (
     *("role", "topics", "services", "message", "frames", "tf"),
 )
 _RELATIONSHIP = "rel"
+_ATTRIBUTE_KEYS = ("type", "value", "accepted", "required", "unwritten", "handout")
+_EVALUATION_NAMES = ("mode", "reference", "stage", "evaluator")
+_EVALUATION_LISTS = ("by_reference", "on_demand", "all_nodes")
 _PORT_KEYS = ("type", "default", "allowed", "of", "output_only", "deprecated")
 _DYNAMIC_KEYS = ("prefix", "count", "metadata")
 _ROLES = ("publisher", "subscriber", "helper", "service")
@@ -47,9 +51,17 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
         prefixes=parts(data, "prefixes", str, FILE),
         renamed=parts(data, "renamed", str, FILE),
         lookalikes=parts(data, "lookalikes", str, FILE),
-        events=texts(data, "events", FILE),
+        events={
+            name: _stage(name, spec) for name, spec in parts(data, "events", dict, FILE).items()
+        },
         scripts=texts(data, "scripts", FILE),
     )
+
+
+def _stage(name: str, spec: Mapping[str, Any]) -> str:
+    where = f"{FILE}: events: {name}"
+    known_keys(spec, ("stage",), where)
+    return str(expect(spec.get("stage", ""), str, f"{where}: 'stage'"))
 
 
 def _graph_form(data: Mapping[str, Any]) -> GraphForm:
@@ -60,21 +72,31 @@ def _graph_form(data: Mapping[str, Any]) -> GraphForm:
         node_type=need(data, "node_type", str, where),
         gui_api=need(data, "gui_api", str, where),
         attributes=tuple(_graph_attribute(name, spec) for name, spec in attributes.items()),
+        evaluation=_evaluation(need(data, "evaluation", dict, where), f"{where}: evaluation"),
         ignored_below=texts(data, "ignored_below", where),
     )
 
 
+def _evaluation(data: Mapping[str, Any], where: str) -> Evaluation:
+    known_keys(data, (*_EVALUATION_NAMES, *_EVALUATION_LISTS), where)
+    names = (need(data, key, str, where) for key in _EVALUATION_NAMES)
+    lists = (texts(data, key, where) for key in _EVALUATION_LISTS)
+    return Evaluation(*names, *lists)
+
+
 def _graph_attribute(name: str, spec: Mapping[str, Any]) -> GraphAttribute:
     where = f"{FILE}: graph: {name}"
-    known_keys(spec, ("type", "value", "accepted", "required", "handout"), where)
+    known_keys(spec, _ATTRIBUTE_KEYS, where)
     usd_type = need(spec, "type", str, where)
     accepted = expect(spec.get("accepted", [spec.get("value")]), list, f"{where}: 'accepted'")
+    unwritten = spec.get("unwritten")
     return GraphAttribute(
         name=name,
         usd_type=usd_type,
         value=typed(spec.get("value"), usd_type, where),
         accepted=tuple(typed(value, usd_type, where) for value in accepted),
         required=expect(spec.get("required", False), bool, f"{where}: 'required'"),
+        unwritten=None if unwritten is None else typed(unwritten, usd_type, where),
         handout=spec.get("handout"),
     )
 

@@ -107,8 +107,9 @@ def _in_the_way(subject: GraphSubject) -> str | None:
 def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
     """A graph is not evaluated as an Action Graph in the simulation pipeline.
 
-    Why: a push graph ignores execution wires, an on-demand graph is not evaluated by the app's
-    update, so that On Playback Tick never fires. Isaac Sim says nothing.
+    Why: a push graph ignores execution wires; an on-demand graph is not evaluated by the app's
+    update, so that On Playback Tick never fires; an instanced one is evaluated only for prims that
+    refer to it. Isaac Sim says nothing.
 
     Fix: select the graph prim and set the value named here in the Property panel, or make the
     graph anew with New Action Graph.
@@ -117,8 +118,10 @@ def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
     """
     graph = subject.roles.graph
     for attribute in subject.lab.catalog.graph.attributes if graph is not None else ():
-        value = None if graph is None else graph.attributes.get(attribute.name)
-        if graph is None or not attribute.required or value in attribute.accepted:
+        if graph is None or not attribute.required:
+            continue
+        value = graph.attributes.get(attribute.name, attribute.unwritten)
+        if value in attribute.accepted:
             continue
         yield Problem(
             prim=graph.path,

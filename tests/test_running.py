@@ -1,0 +1,164 @@
+"""What runs while the timeline plays, and how surely."""
+
+from __future__ import annotations
+
+import models as m
+import pytest
+from msgspec.structs import replace
+
+from lab3_usd.check.model import GraphModel, Node, PortState, Prim, StageModel
+from lab3_usd.check.running import doubt, effective, live_nodes, run_states, running_nodes
+from lab3_usd.spec.catalog import Value
+
+TICK = "omni.graph.action.OnPlaybackTick"
+STEP = "isaacsim.core.nodes.OnPhysicsStep"
+CUSTOM = "omni.graph.action.OnCustomEvent"
+ODOMETRY = "isaacsim.ros2.bridge.ROS2PublishOdometry"
+GATE = "isaacsim.core.nodes.IsaacCreateRenderProduct"
+PLACE = "/Graph/more"
+SENDER = f"{PLACE}/sender"
+ON_DEMAND = {"pipelineStage": "pipelineStageOnDemand"}
+
+
+def graph(event: str | None, *more: Node, **attributes: Value) -> GraphModel:
+    """A graph with one event and one publisher behind it."""
+    sender = m.node(SENDER, ODOMETRY)
+    if event is None:
+        return m.graph(PLACE, sender, *more, **attributes)  # type: ignore[arg-type]
+    root = m.node(f"{PLACE}/root", event)
+    root = replace(root, ports={"outputs:go": PortState("outputs:go")})
+    out = "tick" if event == TICK else "go"
+    sender = m.wired(sender, "inputs:execIn", f"{PLACE}/root.outputs:{out}")
+    return m.graph(PLACE, sender, root, *more, **attributes)  # type: ignore[arg-type]
+
+
+def state_of(stage: StageModel, path: str = SENDER) -> str:
+    return run_states(stage, m.lab()).get(path, "does not run")
+
+
+def state(event: str | None, **attributes: Value) -> str:
+    return state_of(m.only(graph(event, **attributes)))
+
+
+@pytest.mark.parametrize(
+    ("event", "attributes", "expected"),
+    [
+        (TICK, {}, "runs"),
+        (TICK, {"evaluationMode": "Standalone"}, "runs"),
+        (TICK, {"evaluationMode": "Instanced"}, "does not run"),
+        (TICK, ON_DEMAND, "does not run"),
+        (TICK, {"pipelineStage": "pipelineStagePreRender"}, "may run"),
+        ("omni.graph.action.OnTick", {}, "runs"),
+        ("omni.graph.action.OnTick", ON_DEMAND, "does not run"),
+        (STEP, ON_DEMAND, "runs"),
+        (STEP, {}, "does not run"),
+        (STEP, {"pipelineStage": "pipelineStagePostRender"}, "does not run"),
+        ("omni.isaac.core_nodes.OnPhysicsStep", ON_DEMAND, "runs"),
+        (CUSTOM, {}, "may run"),
+        (CUSTOM, ON_DEMAND, "does not run"),
+        (CUSTOM, {"evaluationMode": "Instanced"}, "does not run"),
+        ("omni.graph.action.OnKeyboardInput", {}, "may run"),
+        (None, {}, "does not run"),
+    ],
+)
+def test_an_event_fires_in_its_stage_of_the_pipeline(
+    event: str | None, attributes: dict[str, Value], expected: str
+) -> None:
+    assert state(event, **attributes) == expected
+
+
+@pytest.mark.parametrize("evaluator", ["push", "dirty_push"])
+@pytest.mark.parametrize(
+    ("event", "attributes", "expected"),
+    [
+        (None, {}, "runs"),
+        (TICK, {}, "runs"),
+        (None, ON_DEMAND, "does not run"),
+        (STEP, ON_DEMAND, "runs"),
+        (None, {"evaluationMode": "Instanced"}, "does not run"),
+        (None, {"pipelineStage": "pipelineStagePostRender"}, "may run"),
+    ],
+)
+def test_a_push_graph_computes_every_node(
+    evaluator: str, event: str | None, attributes: dict[str, Value], expected: str
+) -> None:
+    assert state(event, evaluator__type=evaluator, **attributes) == expected
+
+
+def test_a_prim_that_refers_to_an_instanced_graph_has_it_evaluated() -> None:
+    target = Prim("/World/carrier", "Xform", (), relationships={"omniGraphs": (PLACE,)})
+    stage = m.only(graph(TICK, evaluationMode="Instanced"))
+    assert state_of(replace(stage, prims={**stage.prims, target.path: target})) == "runs"
+    gone = replace(target, active=False)
+    assert state_of(replace(stage, prims={**stage.prims, gone.path: gone})) == "does not run"
+
+
+def test_a_sure_event_beats_a_doubtful_one() -> None:
+    custom = replace(
+        m.node(f"{PLACE}/custom", CUSTOM), ports={"outputs:go": PortState("outputs:go")}
+    )
+    given = graph(TICK, custom)
+    sender = m.wired(
+        given.nodes[0], "inputs:execIn", f"{PLACE}/custom.outputs:go", f"{PLACE}/root.outputs:tick"
+    )
+    stage = m.only(replace(given, nodes=(sender, *given.nodes[1:])))
+    assert state_of(stage) == "runs"
+    assert doubt(stage, m.lab(), SENDER) is None
+    assert doubt(stage, m.lab(), SENDER, custom.path) == "warning"
+
+
+def test_another_event_may_fire_in_a_graph_that_the_physics_evaluates() -> None:
+    stage = m.only(graph(TICK, m.node(f"{PLACE}/step", STEP), **ON_DEMAND))
+    assert state_of(stage) == "may run"
+
+
+def test_what_waits_for_an_event_that_never_fires_is_no_event_itself() -> None:
+    unknown = m.wired(
+        m.node(f"{PLACE}/if", "some.Branch"), "inputs:execIn", f"{PLACE}/root.outputs:go"
+    )
+    unknown = replace(unknown, ports={**unknown.ports, "outputs:yes": PortState("outputs:yes")})
+    given = graph(STEP, unknown)
+    sender = m.wired(given.nodes[0], "inputs:execIn", f"{unknown.path}.outputs:yes")
+    assert state_of(m.only(replace(given, nodes=(sender, *given.nodes[1:])))) == "does not run"
+
+
+def test_a_value_triggers_nothing() -> None:
+    unknown = m.wired(
+        m.node(f"{PLACE}/if", "some.Branch"), "inputs:x", f"{PLACE}/root.outputs:deltaSeconds"
+    )
+    stage = m.only(graph(TICK, unknown))
+    assert state_of(stage, unknown.path) == "may run"
+
+
+def test_a_node_of_the_catalog_without_signal_starts_nothing() -> None:
+    gate = m.node(f"{PLACE}/gate", GATE)
+    given = graph(None, gate)
+    sender = m.wired(given.nodes[0], "inputs:execIn", f"{gate.path}.outputs:execOut")
+    assert run_states(m.only(replace(given, nodes=(sender, gate))), m.lab()) == {}
+
+
+def test_the_lab_runs_for_sure() -> None:
+    stage = m.stage()
+    assert set(run_states(stage, m.lab()).values()) == {"runs"}
+    assert list(running_nodes(stage, m.lab())) == list(run_states(stage, m.lab()))
+
+
+@pytest.mark.parametrize(
+    "kind", ["omni.graph.nodes.ConstantString", "omni.graph.nodes.ConstantToken", ODOMETRY]
+)
+def test_an_input_brings_its_value_to_another(kind: str) -> None:
+    port = "inputs:odomFrameId" if kind == ODOMETRY else "inputs:value"
+    constant = m.valued(m.node(f"{PLACE}/constant", kind), port, "map")
+    sender = m.wired(m.node(SENDER, ODOMETRY), "inputs:odomFrameId", f"{constant.path}.{port}")
+    live = live_nodes(m.only(m.graph(PLACE, constant, sender)), m.lab())
+    assert effective(live[SENDER], "inputs:odomFrameId", live) == "map"
+
+
+def test_what_a_node_computes_nobody_knows() -> None:
+    unknown = m.node(f"{PLACE}/join", "omni.graph.nodes.Concatenate")
+    unknown = replace(unknown, ports={"outputs:value": PortState("outputs:value")})
+    sender = m.wired(
+        m.node(SENDER, ODOMETRY), "inputs:odomFrameId", f"{unknown.path}.outputs:value"
+    )
+    live = live_nodes(m.only(m.graph(PLACE, unknown, sender)), m.lab())
+    assert effective(live[SENDER], "inputs:odomFrameId", live) is None
