@@ -1,32 +1,50 @@
-"""Where the wheel joints sit on the robot, and about what they turn the wheels."""
+"""Where the wheel joints sit on the robot, and about what they turn the wheels.
+
+Bodies are placed by the frames of the joints that tie them, not by the poses in the file: a stage
+that was saved after a run has the robot, and all of its bodies, wherever it had driven.
+"""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
-from lab3_usd.check.absence import hides_place
-from lab3_usd.check.model import Matrix
-from lab3_usd.check.poses import Vector, decompose, directed, moved, relative, scaled, spun
+from lab3_usd.check.absence import hides_place, is_at_or_below
+from lab3_usd.check.model import Matrix, Prim
+from lab3_usd.check.physics import FIXED, bodies, joints
+from lab3_usd.check.poses import (
+    AXES,
+    IDENTITY,
+    Vector,
+    decompose,
+    directed,
+    inverse,
+    moved,
+    multiply,
+    relative,
+    scaled,
+    spun,
+)
 from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.wheel_joints import WheelJoint, base_side, ends_of
 from lab3_usd.spec.catalog import Value
 
-_AXES: dict[Any, Vector] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+_ALONG: dict[Any, Vector] = dict(zip("XYZ", AXES, strict=True))
 AXIS = "physics:axis"
 
 
 def axle(joint: WheelJoint, subject: StageSubject) -> Vector | None:
-    """Return the direction about which a positive velocity turns the wheel, in the robot's frame.
+    """Return the direction about which a positive velocity turns the wheel, in the base's frame.
 
     The base's side of the joint is asked: how far the wheel has turned does not matter then.
     None where a body is missing.
     """
     side = base_side(joint)
-    frame = None if side is None else _base_frame(joint, side, subject)
+    frame = None if side is None else _frame(ends_of(joint)[side], subject)
     if side is None or frame is None or joint.prim is None:
         return None
     attributes = joint.prim.attributes
-    along = _AXES.get(attributes.get(AXIS, "X"))
+    along = _ALONG.get(attributes.get(AXIS, "X"))
     if along is None:
         return None
     local = spun(along, _quaternion(attributes.get(f"physics:localRot{side}")))
@@ -36,9 +54,9 @@ def axle(joint: WheelJoint, subject: StageSubject) -> Vector | None:
 
 
 def anchor(joint: WheelJoint, subject: StageSubject) -> Vector | None:
-    """Return where the joint sits, in the robot's frame and in metres; None without a base."""
+    """Return where the joint sits, in the base's frame and in metres; None without a base."""
     side = base_side(joint)
-    frame = None if side is None else _base_frame(joint, side, subject)
+    frame = None if side is None else _frame(ends_of(joint)[side], subject)
     if frame is None or joint.prim is None:
         return None
     local = joint.prim.attributes.get(f"physics:localPos{side}")
@@ -46,14 +64,61 @@ def anchor(joint: WheelJoint, subject: StageSubject) -> Vector | None:
     return scaled(point, subject.stage.meters_per_unit)
 
 
-def _base_frame(joint: WheelJoint, side: int, subject: StageSubject) -> Matrix | None:
-    body = subject.stage.prim(ends_of(joint)[side])
-    root = subject.stage.prim(subject.lab.scene["robot"]["path"])
-    if body is None or root is None or body.world is None or root.world is None:
+def _frame(end: str, subject: StageSubject) -> Matrix | None:
+    """Return where a joint's end stands as seen from the robot's base, at rest.
+
+    What no fixed joint ties to the base is taken from where both stand in the file.
+    """
+    placed = rest_frames(subject)
+    body = next((path for path in placed if is_at_or_below(end, path)), None)
+    if body is None:
+        return _between(end, _base(subject), subject)
+    on_body = IDENTITY if end == body else _between(end, body, subject)
+    return None if on_body is None else multiply(on_body, placed[body])
+
+
+def _between(path: str, other: str, subject: StageSubject) -> Matrix | None:
+    """Return where one prim stands as seen from another in the file, None where nothing says."""
+    one, base = subject.stage.prim(path), subject.stage.prim(other)
+    if one is None or base is None or one.world is None or base.world is None:
         return None
-    if hides_place(subject.stage, body):
+    if hides_place(subject.stage, one) or hides_place(subject.stage, base):
         return None
-    return relative(body.world, root.world)
+    return relative(one.world, base.world)
+
+
+def _base(subject: StageSubject) -> str:
+    """Return the path of the robot's base, of the robot where it has none."""
+    robot = subject.lab.scene["robot"]
+    base = f"{robot['path']}/{robot['base_frame']}"
+    return base if subject.stage.prim(base) is not None else str(robot["path"])
+
+
+@lru_cache(maxsize=1)  # both wheels ask for the same, twice
+def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
+    """Map the base, and each body that fixed joints tie to it, to where it stands on the base."""
+    found = {_base(subject): IDENTITY}
+    welds = [joint for joint in joints(subject.stage) if joint.type == FIXED]
+    is_growing = True
+    while is_growing:
+        is_growing = False
+        for weld in welds:
+            ends = bodies(weld)
+            for side, other in ((0, 1), (1, 0)):
+                undone = inverse(_joint_frame(weld, other))
+                if ends[side] in found and ends[other] and ends[other] not in found and undone:
+                    seen = multiply(undone, _joint_frame(weld, side))
+                    found[ends[other]] = multiply(seen, found[ends[side]])
+                    is_growing = True
+    return found
+
+
+def _joint_frame(joint: Prim, side: int) -> Matrix:
+    """Return where the joint sits on one of its bodies."""
+    x, y, z = _vector(joint.attributes.get(f"physics:localPos{side}"))
+    turn = _quaternion(joint.attributes.get(f"physics:localRot{side}"))
+    one, two, three = (spun(along, turn) for along in AXES)
+    return (*one, 0.0, *two, 0.0, *three, 0.0, x, y, z, 1.0)
 
 
 def _numbers(value: Value | None) -> list[float]:
@@ -63,7 +128,7 @@ def _numbers(value: Value | None) -> list[float]:
 
 def _vector(value: Value | None) -> Vector:
     found = _numbers(value)
-    return (found[0], found[1], found[2]) if len(found) == len(_AXES) else (0.0, 0.0, 0.0)
+    return (found[0], found[1], found[2]) if len(found) == len(AXES) else (0.0, 0.0, 0.0)
 
 
 def _quaternion(value: Value | None) -> tuple[float, float, float, float]:

@@ -15,7 +15,7 @@ Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]  # where X, Y and Z of the prim point in its parent
 
 IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-_AXES: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+AXES: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Pose(Struct, frozen=True):
@@ -34,7 +34,7 @@ def decompose(matrix: Matrix) -> Pose:
         lengths[0] = -lengths[0]
     units = [
         scaled(row, 1 / size) if size else axis
-        for row, size, axis in zip(rows, lengths, _AXES, strict=True)
+        for row, size, axis in zip(rows, lengths, AXES, strict=True)
     ]
     return Pose(
         translation=(matrix[12], matrix[13], matrix[14]),

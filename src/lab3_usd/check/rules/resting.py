@@ -1,7 +1,8 @@
-"""The rule about the robot at rest: on the ground, nothing of it below, its lidar above."""
+"""Rules about the robot at rest: on the ground, and where it starts."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from lab3_usd.check.absence import hides_place, is_at_or_below
@@ -9,10 +10,20 @@ from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.ground import ground_height
 from lab3_usd.check.model import Collider, StageModel
 from lab3_usd.check.physics import collides
-from lab3_usd.check.poses import IDENTITY
-from lab3_usd.check.posing import misfits, root_tolerance
+from lab3_usd.check.poses import (
+    IDENTITY,
+    Pose,
+    angle_between,
+    decompose,
+    distance,
+    scaled,
+    turn_between,
+)
+from lab3_usd.check.posing import misfits, pose_property, root_tolerance, text
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import StageSubject
+
+_UP = (0.0, 0.0, 1.0)
 
 
 @rule("S19", "not-at-rest", scope="stage")
@@ -94,3 +105,44 @@ def _carries(box: Collider, path: str, stage: StageModel) -> bool:
     """Whether the shape belongs to the link and is switched on."""
     prim = stage.prim(box.path)
     return is_at_or_below(box.path, path) and prim is not None and collides(prim)
+
+
+@rule("S22", "starts-elsewhere", scope="stage", severity="note")
+def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
+    """The robot's base does not stand where its root does.
+
+    Why: at Play the robot starts where its bodies stand, as after a run that was saved; the root
+    stays behind. Odometry begins at zero there, and AMCL needs that place as its initial pose.
+
+    Fix: nothing needs to be done. To start where the supplied file has the robot, open the stage
+    that was saved before the run, or set the links' transforms back.
+
+    Example: `/turtlebot3_burger/base_footprint` at (-1.4, 1.2, 0) on its root, facing 90 degrees.
+    """
+    robot, stage = subject.lab.scene["robot"], subject.stage
+    root = stage.prim(robot["path"])
+    base = stage.prim(f"{robot['path']}/{robot['base_frame']}")
+    if root is None or base is None or hides_place(stage, root) or hides_place(stage, base):
+        return
+    if root.world is None or base.world is None:
+        return
+    start, expected = decompose(base.world), decompose(root.world)
+    limits = root_tolerance(subject.lab.scene, stage)
+    away = distance(start.translation, expected.translation) * stage.meters_per_unit
+    turn = turn_between(start.rotation, expected.rotation)
+    if away <= limits.position and turn <= limits.angle:
+        return
+    at, root_at = (_start(pose, stage.meters_per_unit) for pose in (start, expected))
+    message = f"the robot starts {at}; its root stands {root_at}"
+    where = pose_property(base, "translate")
+    yield Problem(base.path, message, where, root_at, at, robot["pose"]["handout"])
+
+
+def _start(pose: Pose, metres: float) -> str:
+    """Say where a robot with this pose starts, and how it stands there."""
+    ahead = pose.rotation[0]
+    facing = round(math.degrees(math.atan2(ahead[1], ahead[0])), 1) + 0.0
+    tilt = angle_between(pose.rotation[2], _UP)
+    tipped = f", tipped by {tilt:.3g} degrees" if tilt >= 1 else ""
+    at = text([round(part, 4) for part in scaled(pose.translation, metres)])
+    return f"at {at} m, facing {facing:g} degrees{tipped}"
