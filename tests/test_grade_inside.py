@@ -8,6 +8,7 @@ import json
 import os
 import resource
 import struct
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from lab3_usd.errors import StageError
 from lab3_usd.grade import cluster, confine, worker, worker_process
 from lab3_usd.grade.judge import Course, Task, judge_task
 from lab3_usd.grade.limits import Limits
+from lab3_usd.grade.outcome import status_of
 from lab3_usd.grade.pool import message_of
 from lab3_usd.grade.staging import Source
 from lab3_usd.grade.worker_process import PoolSettings
@@ -144,10 +146,28 @@ def test_a_worker_serves_tasks_until_there_are_no_more(
     answers = io.BytesIO()
     worker._serve(settings, io.BytesIO(json.dumps(jane).encode() + b"\n"), answers)
     said = [json.loads(line) for line in answers.getvalue().splitlines()]
-    assert [next(iter(line)) for line in said] == ["ready", "open", "done"]
-    assert said[1] == {"open": f"work/{stage('00').name}"}
-    assert said[2]["done"]["verdicts"] == {"00": "pass"}
+    assert [next(iter(line)) for line in said] == ["ready", "open", "open", "done"]
+    assert said[1:3] == [{"open": ""}, {"open": f"work/{stage('00').name}"}]
+    assert said[3]["done"]["verdicts"] == {"00": "pass"}
     assert list((tmp_path / "scratch").iterdir()) == []
+
+
+def test_an_answer_that_would_be_too_long_is_a_status(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("limit_resources", "give_up_privileges", "fence_files"):
+        monkeypatch.setattr(worker, name, lambda *_arguments: {})
+    monkeypatch.setattr(worker, "answer", lambda *_arguments: {"reports": {"a": "x" * 60_000}})
+    settings = {
+        **SETTINGS,
+        "scratch": str(tmp_path),
+        "limits": {"answer_size": 100_000},
+        "readable": [],
+    }
+    answers = io.BytesIO()
+    worker._serve(settings, io.BytesIO(b"{}\n"), answers)
+    done = json.loads(answers.getvalue().splitlines()[-1])["done"]
+    assert status_of(done["failed"]) == "too large"
 
 
 def test_a_worker_keeps_its_answers_apart_from_what_is_printed(
@@ -323,10 +343,20 @@ def test_limits_are_set_within_those_that_hold_already(monkeypatch: pytest.Monke
     )
     monkeypatch.setattr(resource, "setrlimit", given.__setitem__)
     monkeypatch.setattr(confine, "_address_space", lambda: 1000)
-    confine.limit_resources(Limits(memory=500))
+    assert confine.limit_resources(Limits(memory=500))
     assert given[resource.RLIMIT_AS] == (1500, 1500)
     assert given[resource.RLIMIT_NOFILE] == (100, 100)
     assert given[resource.RLIMIT_CORE] == (0, 0)
+
+
+def test_a_system_that_refuses_limits_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    resource = pytest.importorskip("resource", reason="this platform has no limits")
+
+    def refuse(*_arguments: object) -> None:
+        raise OSError
+
+    monkeypatch.setattr(resource, "setrlimit", refuse)
+    assert not confine.limit_resources(Limits())
 
 
 def test_the_address_space_is_known_where_the_platform_tells_it(
@@ -394,7 +424,7 @@ def test_a_cluster_without_a_starter_is_an_error() -> None:
 def test_a_platform_without_limits_sets_none(monkeypatch: pytest.MonkeyPatch) -> None:
     before = resource.getrlimit(resource.RLIMIT_AS)
     monkeypatch.setitem(sys.modules, "resource", None)
-    confine.limit_resources(Limits())
+    assert not confine.limit_resources(Limits())
     assert resource.getrlimit(resource.RLIMIT_AS) == before
 
 
@@ -403,23 +433,47 @@ class Ended:
 
     pid = 2**22 + 1
     returncode = None
-    stdin = stdout = None
+    status = 3
 
-    def wait(self) -> int:
-        return 3
+    def wait(self, timeout: float = 0) -> int:
+        if self.status is None:
+            raise subprocess.TimeoutExpired([], timeout)
+        return self.status
 
     def poll(self) -> int:
-        return 3
+        return self.status
+
+    def kill(self) -> None:
+        self.killed = True
 
 
-@pytest.mark.parametrize("lacking", [(), ("wait4",)])
-def test_a_status_is_known_where_nothing_more_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacking: tuple[str, ...]
+@pytest.mark.parametrize("lacking", [(), ("wait4", "waitid", "killpg")])
+@pytest.mark.parametrize(
+    ("status", "how"),
+    [
+        (3, "ended the worker (status 3)"),
+        (-15, "ended by SIGTERM"),
+        (-6, "crashed usd-core (SIGABRT)"),
+        (-999, "crashed usd-core (signal 999)"),
+    ],
+)
+def test_how_it_ended_is_known_where_nothing_more_is(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    lacking: tuple[str, ...],
+    status: int,
+    how: str,
 ) -> None:
     for name in lacking:
         monkeypatch.delattr(os, name, raising=False)
     ended: Any = Ended()
+    ended.status = status
     there = worker_process.Worker(ended, tmp_path / "scratch", Limits())
-    assert worker_process._wait(there) == (3, 0)
-    worker_process._send(there, {})
+    assert worker_process._how_it_ended(there)[0] == how
     worker_process.end_worker(there)
+
+
+def test_a_worker_that_cannot_even_be_killed_is_left_behind(tmp_path: Path) -> None:
+    hanging: Any = Ended()
+    hanging.status = None
+    worker_process.end_worker(worker_process.Worker(hanging, tmp_path / "scratch", Limits()))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import queue
 import re
 import signal
 import subprocess
@@ -32,21 +31,31 @@ from lab3_usd.grade.worker_process import (
     WorkerError,
     ask,
     end_worker,
+    never,
     start_worker,
 )
 
 # A worker that does what the student's name says; it is ready at once.
 ODD = """
-import json, os, signal, sys, time
+import json, os, resource, signal, sys, time
 sys.stdin.readline()
 say = lambda message: print(json.dumps(message), flush=True)
-say({"ready": {}})
+most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+say({"ready": {}, "peak": most if sys.platform == "darwin" else most * 1024})
 for line in sys.stdin:
     task = json.loads(line)
     student, broken = task["student"], task["broken"]
     say({"open": "first.usda"})
-    if student == "well" or "second.usda" in broken:
+    if student.startswith("well") or "second.usda" in broken:
         say({"done": {"status": "graded", "by": os.getpid(), "broken": broken}})
+        if student == "well, then dies":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if student == "well, then talks":
+            say({"done": {"status": "graded", "by": 0}})
+        if student == "well, then closes":
+            os.close(1)
+        if student == "well, then hangs":
+            time.sleep(600)
         continue
     if student != "early":
         say({"open": "second.usda"})
@@ -66,9 +75,29 @@ for line in sys.stdin:
         sys.stdout.write("x" * 5000)
         sys.stdout.flush()
         os._exit(0)
+    while student == "writes":
+        os.write(1, b"x" * 65536)
+    while student == "lines":
+        os.write(1, b'{"open": "second.usda"}\\n' * 1000)
+    while student == "busy":
+        say({"open": "second.usda"})
+        time.sleep(0.1)
+    if student == "deaf":
+        for number in set(signal.Signals) - {signal.SIGKILL, signal.SIGSTOP}:
+            signal.signal(number, signal.SIG_IGN)
+    if student == "closes":
+        os.close(1)
+    if student == "parts" and os.fork():
+        os._exit(0)
+    if student == "once" and not os.path.exists("../once"):
+        open("../once", "w").close()
+        os.kill(os.getpid(), signal.SIGKILL)
+    if student == "once":
+        say({"done": {"status": "graded", "by": os.getpid(), "broken": broken}})
+        continue
     time.sleep(600)
 """
-STUDENT = Limits(seconds=0.6)
+STUDENT = Limits(seconds=0.6, answer_size=MEGABYTE)
 
 
 @pytest.fixture
@@ -85,25 +114,35 @@ def worker(odd: PoolSettings) -> Iterator[Worker]:
     end_worker(made)
 
 
+@pytest.fixture
+def temporary(tmp_path: Path) -> Path:
+    """The temporary folder of the runs that are started here."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    return folder
+
+
 def task(student: str) -> Task:
     return Task(student, student, ())
-
-
-def never() -> bool:
-    return False
 
 
 @pytest.mark.parametrize(
     ("student", "how"),
     [
         ("crashes", "crashed usd-core (SIGSEGV)"),
-        ("killed", "ran out of memory"),
+        ("killed", "ended by SIGKILL"),
         ("leaves", "ended the worker (status 7)"),
         ("hangs", "ran out of time (0.6 s)"),
         ("nonsense", "answered nonsense"),
         ("list", "answered nonsense"),
         ("grows", "ran out of memory"),
         ("endless", "ended the worker (status 0)"),
+        ("writes", "too large: answers more than 1 MB"),
+        ("lines", "too large: answers more than 1 MB"),
+        ("busy", "ran out of time (6 s for all files)"),
+        ("deaf", "ran out of time (0.6 s)"),
+        ("closes", "stopped answering"),
+        ("parts", "ran out of time (0.6 s)"),
     ],
 )
 def test_how_a_worker_ended_and_over_which_file_is_known(
@@ -112,6 +151,119 @@ def test_how_a_worker_ended_and_over_which_file_is_known(
     with pytest.raises(DiedError) as died:
         ask(worker, message_of(task(student)), never)
     assert (died.value.how, died.value.file) == (how, "second.usda")
+    assert died.value.innocent == (student == "killed")
+
+
+def test_what_a_worker_left_running_goes_with_it(worker: Worker) -> None:
+    with pytest.raises(DiedError):
+        ask(worker, message_of(task("parts")), never)
+    end_worker(worker)
+    assert eventually(lambda: not group_exists(worker.process.pid))
+
+
+def group_exists(number: int) -> bool:
+    try:
+        os.killpg(number, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize(
+    "before", ["well, then dies", "well, then talks", "well, then closes", "well, then hangs"]
+)
+def test_the_next_submission_is_judged_by_another_worker(odd: PoolSettings, before: str) -> None:
+    answers = [answer for _, answer in run_tasks(map(task, ["well", before, "well"]), odd)]
+    assert [answer["status"] for answer in answers] == ["graded"] * 3
+    assert answers[2]["by"] not in {0, answers[1]["by"]}
+    assert answers[2]["broken"] == {}
+
+
+def test_an_idle_worker_that_is_killed_costs_nobody_a_point(odd: PoolSettings) -> None:
+    seat = Seat(odd)
+    try:
+        _, first = judge_in(seat, task("well"), never)
+        os.kill(first["by"], signal.SIGKILL)
+        _, second = judge_in(seat, task("well"), never)
+    finally:
+        seat.leave()
+    assert (second["status"], second["broken"]) == ("graded", {})
+
+
+def test_a_worker_that_is_killed_at_its_work_is_replaced_once(
+    odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
+    seat = Seat(odd)
+    try:
+        _, once = judge_in(seat, task("once"), never)
+        _, always = judge_in(seat, task("killed"), never)
+    finally:
+        seat.leave()
+    assert (once["status"], once["broken"]) == ("graded", {})
+    assert always["broken"] == {"second.usda": "ended by SIGKILL"}
+
+
+def test_workers_that_never_begin_are_the_tools_fault(
+    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    silent = worker_process._MAIN.replace("for line in sys.stdin:", "for line in []:")
+    monkeypatch.setattr(worker_process, "_MAIN", silent)
+    seat = Seat(odd)
+    try:
+        _, answer = judge_in(seat, task("well"), never)
+    finally:
+        seat.leave()
+    assert status_of(answer["failed"]) == "tool failed"
+
+
+def test_a_worker_that_does_not_read_is_not_waited_for(odd: PoolSettings) -> None:
+    broken = {"x" * 1000 + str(number): "y" for number in range(300)}  # more than a pipe holds
+    sent = Task("well", "well", (), broken=broken)
+    answers = [answer for _, answer in run_tasks([task("well, then hangs"), sent], odd)]
+    assert [answer["status"] for answer in answers] == ["graded"] * 2
+
+
+LARGE_PARENT = """
+import sys
+from pathlib import Path
+from lab3_usd.grade import worker_process
+from lab3_usd.grade.judge import Task
+from lab3_usd.grade.limits import Limits
+from lab3_usd.grade.pool import message_of
+large = bytearray(b"x") * (200 << 20)
+worker_process._MAIN = Path(sys.argv[1]).read_text()
+settings = worker_process.PoolSettings(None, None, Limits(seconds=20, memory=100 << 20))
+worker = worker_process.start_worker(settings)
+try:
+    worker_process.ask(worker, message_of(Task(sys.argv[2], "", ())), worker_process.never)
+except worker_process.DiedError as died:
+    print(died.how)
+worker_process.end_worker(worker)
+"""
+
+
+@pytest.mark.parametrize(
+    ("student", "how"),
+    [("crashes", "crashed usd-core (SIGSEGV)"), ("eats", "ran out of memory")],
+)
+def test_the_memory_of_whoever_started_a_worker_is_not_its_own(
+    temporary: Path, student: str, how: str
+) -> None:
+    odd = temporary / "odd.py"
+    eats = (
+        '    if student == "eats":\n        x = bytearray(b"x") * (300 << 20)\n        os.abort()\n'
+    )
+    code = ODD.replace('    if student == "crashes":', eats + '    if student == "crashes":')
+    odd.write_text(code.replace("{", "{{").replace("}", "}}"))
+    done = subprocess.run(
+        [sys.executable, "-c", LARGE_PARENT, str(odd), student],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert done.stdout.strip() == how
 
 
 def test_a_worker_that_is_stopped_is_left_at_once(worker: Worker) -> None:
@@ -128,6 +280,8 @@ def test_a_worker_that_is_stopped_is_left_at_once(worker: Worker) -> None:
         ("tool failed: KeyError at rules.py:1: 'x'", "tool failed"),
         ("crashed usd-core (SIGSEGV)", "crashed"),
         ("answered nonsense", "crashed"),
+        ("stopped answering", "crashed"),
+        ("ended by SIGKILL", "crashed"),
     ],
 )
 def test_how_a_worker_ended_gives_the_status(how: str, status: str) -> None:
@@ -206,14 +360,6 @@ for task, _ in run_tasks(tasks, settings):
     if sys.argv[1] == "outside":
         time.sleep(60)
 """
-
-
-@pytest.fixture
-def temporary(tmp_path: Path) -> Path:
-    """The temporary folder of the runs that are started here."""
-    folder = tmp_path / "temporary"
-    folder.mkdir()
-    return folder
 
 
 def running(temporary: Path, where: str) -> subprocess.Popen[bytes]:
@@ -307,15 +453,30 @@ def test_a_worker_that_does_not_start_is_an_error_that_says_why(
         list(run_tasks(map(task, ["well"]), PoolSettings(None, None, STUDENT)))
 
 
-def test_a_line_without_end_is_not_read_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker_process, "_LONGEST_LINE", 1000)
-    lines: queue.Queue[bytes | None] = queue.Queue()
+@pytest.mark.parametrize(
+    ("said", "heard"),
+    [
+        (
+            b"short\n" + b"x" * 5000 + b"\n",
+            [b"short\n", "too large: answers more than 0.00390625 MB"],
+        ),
+        (
+            b"1\n2\n3\n4\n5\n",
+            [b"1\n", b"2\n", b"3\n", b"4\n", "too large: answers more than 0.00390625 MB"],
+        ),
+        (b"short\ncut off", [b"short\n", None]),
+    ],
+)
+def test_an_answer_without_end_is_not_read_for_ever(
+    worker: Worker, said: bytes, heard: list[object]
+) -> None:
     inlet, outlet = os.pipe()
-    os.write(outlet, b"short\n" + b"x" * 5000)
+    os.write(outlet, said)
     os.close(outlet)
-    with open(inlet, "rb") as stream:  # noqa: PTH123 - a handle, not a path
-        worker_process._listen(stream, lines)
-    assert [lines.get(), lines.get()] == [b"short\n", None]
+    listener = Worker(worker.process, worker.scratch, Limits(answer_size=4096))
+    worker_process._listen(listener, os.fdopen(inlet, "rb"))
+    assert [listener.lines.get_nowait() for _ in heard] == heard
+    assert listener.lines.empty()
 
 
 def test_a_task_survives_the_way_to_a_worker() -> None:

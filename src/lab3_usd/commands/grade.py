@@ -75,7 +75,7 @@ def _named(context: click.Context, parameter: click.Parameter, submissions: str)
     default=20,
     show_default=True,
     metavar="S",
-    help="Seconds that one stage may take.",
+    help="Seconds without progress on one file; a submission may take ten times as long.",
 )
 @click.option(
     "--memory",

@@ -5,14 +5,17 @@ from __future__ import annotations
 from msgspec import Struct
 
 MEGABYTE = 1024 * 1024
+_TIMES_AS_LONG = 10  # a submission has more than one file
 
 
 class Limits(Struct, frozen=True):
     """Limits of one submission.
 
-    `seconds` of silence end the judging of a file, `memory` is in bytes beyond what a worker needs
-    to begin with. Files beyond `file_size` bytes are not opened; `ratio` is how many times larger
-    a packed file may become, `nesting` how deep prims and values may lie in one another.
+    `seconds` without progress end the judging of a file, `all_seconds` that of the submission;
+    `memory` is in bytes beyond what a worker needs to begin with, `answer_size` what a worker may
+    answer, reports included. Files beyond `file_size` bytes are not opened; `ratio` is how many
+    times larger a packed file may become, `nesting` how deep prims and values may lie in one
+    another.
     """
 
     seconds: float = 20.0
@@ -24,3 +27,9 @@ class Limits(Struct, frozen=True):
     folders: int = 24
     nesting: int = 200
     prims: int = 100_000
+    answer_size: int = 64 * MEGABYTE
+
+    @property
+    def all_seconds(self) -> float:
+        """How long one submission may take, whatever progress it makes; so may fetching it."""
+        return _TIMES_AS_LONG * self.seconds

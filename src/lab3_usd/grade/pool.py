@@ -15,13 +15,14 @@ from msgspec.structs import replace
 from lab3_usd.grade.intake import TooLargeError
 from lab3_usd.grade.interrupt import interrupted_by_signals
 from lab3_usd.grade.judge import Json, Task
-from lab3_usd.grade.outcome import TOO_LARGE
+from lab3_usd.grade.outcome import OUT_OF_TIME, TOO_LARGE, TOOL_FAILED
 from lab3_usd.grade.remote import fetched
 from lab3_usd.grade.staging import source_message
 from lab3_usd.grade.worker_process import (
     DiedError,
     PoolSettings,
     Worker,
+    WorkerError,
     ask,
     end_worker,
     start_worker,
@@ -99,13 +100,13 @@ class Seat:
     worker: Worker | None = None
     judged: int = 0
 
-    def ask(self, task: Task, stopped: Callable[[], bool]) -> Json:
+    def ask(self, task: Task, stopped: Callable[[], bool], seconds: float) -> Json:
         """Ask the worker that sits here, or a new one; one that died leaves."""
-        self.worker = worker = self.worker or start_worker(self.settings)
+        self.worker = worker = self.worker or self._new(stopped)
         folder = worker.scratch / "fetched"
         try:
             with fetched(task, folder, self.settings.limits, stopped) as here:
-                found = ask(worker, message_of(here), stopped)
+                found = ask(worker, message_of(here), stopped, seconds) | _unconfined(worker)
         except TooLargeError as error:
             found = {"failed": f"{TOO_LARGE}: {error}"}
         except DiedError:
@@ -118,11 +119,26 @@ class Seat:
             self.leave()
         return found
 
+    def _new(self, stopped: Callable[[], bool]) -> Worker:
+        """Start a worker, again where it ends before it is ready."""
+        try:
+            return start_worker(self.settings, stopped)
+        except WorkerError:
+            if stopped():
+                raise
+            return start_worker(self.settings, stopped)
+
     def leave(self) -> None:
         """End the worker that sits here, if any."""
         if self.worker is not None:
             end_worker(self.worker)
             self.worker = None
+
+
+def _unconfined(worker: Worker) -> Json:
+    """Return what a worker could not give up, for the record; nothing where it gave up all."""
+    missing = sorted(name for name, held in worker.confined.items() if not held)
+    return {"unconfined": missing} if missing else {}
 
 
 def serve_tasks(
@@ -140,23 +156,40 @@ def serve_tasks(
 
 
 def judge_in(seat: Seat, task: Task, stopped: Callable[[], bool]) -> _Answer:
-    """Judge a task, again without the file that ended a worker, until there is an answer."""
-    found: Json | None = None
-    while found is None and not stopped():
-        task, found = _try(seat, task, stopped)
-    return task, found or {}
+    """Judge a task, again without the file that ended a worker, until there is an answer.
+
+    A worker that ended for no reason in the task is replaced once.
+    """
+    left, spare = seat.settings.limits.all_seconds, 1
+    while not stopped():
+        found = _try(seat, task, stopped, left)
+        if not isinstance(found, DiedError):
+            return task, found
+        left -= found.seconds
+        if left <= 0:
+            whole = seat.settings.limits.all_seconds
+            return task, {"failed": f"{OUT_OF_TIME} ({whole:g} s for all files)"}
+        if found.innocent and spare:
+            spare -= 1
+            continue
+        task, answer = _after(task, found)
+        if answer is not None:
+            return task, answer
+    return task, {}
 
 
-def _try(seat: Seat, task: Task, stopped: Callable[[], bool]) -> tuple[Task, Json | None]:
+def _try(seat: Seat, task: Task, stopped: Callable[[], bool], seconds: float) -> Json | DiedError:
     try:
-        return task, seat.ask(task, stopped)
+        return seat.ask(task, stopped, seconds)
     except DiedError as died:
-        return _after(task, died)
+        return died
 
 
 def _after(task: Task, died: DiedError) -> tuple[Task, Json | None]:
     """Return the task without the file that ended the worker, or what to record where none did."""
     broken = dict(task.broken or {})
+    if died.innocent and not died.file:
+        return task, {"failed": f"{TOOL_FAILED}: two workers ended before they read it: {died.how}"}
     if not died.file or died.file in broken or len(broken) >= _MOST_BROKEN:
         return task, {"failed": died.how}
     broken[died.file] = died.how

@@ -24,7 +24,6 @@ from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.staging import Source
 
 _SLASHES = "://"
-_TIMES_AS_LONG = 10  # fetching a submission of many files may take as long as judging ten
 _HOUR = 3600.0
 _POLL_SECONDS = 0.2
 
@@ -159,7 +158,7 @@ def _fetched(source: Source, target: Path, limits: Limits, stopped: Callable[[],
         return path, fetch(at.storage, at.root, path, held)
 
     try:
-        path, left_out = within(_TIMES_AS_LONG * limits.seconds, get, held, stopped)
+        path, left_out = within(limits.all_seconds, get, held, stopped)
     except (FetchError, UsageError) as error:
         return Source(target, source.name, fault=str(error))
     return Source(path, source.name, left_out=left_out)

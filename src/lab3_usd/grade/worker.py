@@ -22,11 +22,12 @@ from lab3_usd.grade.confine import fence_files, give_up_privileges, limit_resour
 from lab3_usd.grade.judge import Course, Json, Task, judge_task
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.load_rubric import load_rubric
-from lab3_usd.grade.outcome import CRASHED, OUT_OF_MEMORY, TOOL_FAILED
+from lab3_usd.grade.outcome import CRASHED, OUT_OF_MEMORY, TOO_LARGE, TOOL_FAILED
 from lab3_usd.grade.staging import source_of
 from lab3_usd.spec.loader import load_lab
 
 _NEEDED = ("/usr", "/lib", "/lib64", "/etc/localtime", "/proc/self", "/dev/urandom")
+_TOO_LONG = f"{TOO_LARGE}: its reports would be longer than is sane"
 _OURS = ("graphs", "maps", "schema")
 
 
@@ -51,19 +52,33 @@ def _channels() -> tuple[BinaryIO, BinaryIO]:
 
 def _serve(settings: Json, tasks: BinaryIO, answers: BinaryIO) -> None:
     def say(message: Json) -> None:
-        answers.write(json.dumps(message).encode() + b"\n")
+        line = json.dumps(message).encode() + b"\n"
+        if len(line) > limits.answer_size // 2:  # what was said of progress counts too
+            line = json.dumps({"done": {"failed": _TOO_LONG}}).encode() + b"\n"
+        answers.write(line)
         answers.flush()
 
     scratch = Path(settings["scratch"]).resolve()
     limits = Limits(**settings["limits"])
     given_up = give_up_privileges()
     course = make_course(settings, limits)
-    limit_resources(limits)
+    given_up["limits"] = limit_resources(limits)
     readable = [*settings["readable"], *course.allowed, *_python(), *_NEEDED]
     given_up["files"] = fence_files([Path(each) for each in readable], [scratch, Path(os.devnull)])
-    say({"ready": given_up})
+    say({"ready": given_up, "peak": _most_memory()})
     for line in tasks:
+        say({"open": ""})  # from here on, what ends this process is the task's doing
         say({"done": answer(course, json.loads(line), scratch, lambda name: say({"open": name}))})
+
+
+def _most_memory() -> int:
+    """Return the most memory that this process had, in bytes; 0 where that is not known."""
+    try:
+        import resource  # noqa: PLC0415 - not on Windows
+    except ImportError:
+        return 0
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else most * 1024
 
 
 def _python() -> list[str]:
