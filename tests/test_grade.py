@@ -524,3 +524,38 @@ def test_a_cluster_is_asked_where_one_is_named(place: Path, tmp_path: Path) -> N
     done = CliRunner().invoke(command, [str(place), *options])
     assert isinstance(done.exception, UsageError)
     assert not (tmp_path / "book").exists()
+
+
+# A worker of a system that has no Landlock and refuses namespaces.
+OPEN = """
+import sys
+sys.path[:0] = {path!r}
+from lab3_usd.grade import worker
+worker.fence_files = lambda *arguments: False
+give_up = worker.give_up_privileges
+worker.give_up_privileges = lambda: give_up() | {{"network": False}}
+worker.main()
+"""
+
+
+def test_a_system_without_walls_is_said_once_and_in_the_gradebook(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lab3_usd.grade.worker_process._MAIN", OPEN)
+    for name in ("jane", "john"):
+        submission(tmp_path / "class" / name, "00")
+    said: list[str] = []
+    out = tmp_path / "book"
+    grade_class(ClassSettings(tmp_path / "class", starter(), out, say=said.append))
+    (line_,) = [line for line in said if "wall" in line]
+    assert "files (Landlock" in line_
+    assert "network (" in line_
+    missing = set(json.loads((out / "grades.json").read_text())["unconfined"])
+    assert missing >= {"files", "network"}
+    assert all(missing == set(row["unconfined"]) for row in rows(out).values())
+
+
+def test_where_every_wall_holds_nothing_is_said_of_them(book: Path) -> None:
+    document = json.loads((book / "grades.json").read_text())
+    missing = {name for row in document["students"] for name in row.get("unconfined", [])}
+    assert set(document["unconfined"]) == missing

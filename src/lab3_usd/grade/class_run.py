@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.grade.class_archive import submissions_in
+from lab3_usd.grade.confine import WALLS
 from lab3_usd.grade.gradebook import Rows, check_target, known_digest, write_student, write_tables
 from lab3_usd.grade.judge import Json, Task, not_judged
 from lab3_usd.grade.limits import Limits
@@ -77,7 +78,9 @@ def grade_class(
             min(settings.jobs, len(handed)),
         )
         progress(0, len(handed))
+        said: set[str] = set()
         for done, (task, answer) in enumerate(settings.runner(tasks, pool), start=1):
+            _say_unconfined(answer, said, settings.say)
             _record(settings.out, by_folder[task.folder], salt, answer, rubric)
             progress(done, len(handed))
     return write_tables(settings.out, handed, rubric)
@@ -149,10 +152,19 @@ def _task(handed: Handed, settings: ClassSettings, salt: str) -> Task:
     )
 
 
+def _say_unconfined(answer: Json, said: set[str], say: Callable[[str], None]) -> None:
+    """Say once, in one line, which walls this system does not put around workers."""
+    missing = answer.get("unconfined", [])
+    if not said.issuperset(missing):
+        said.update(missing)
+        walls = ", ".join(f"{name} ({WALLS[name]})" for name in missing)
+        say(f"workers run without every wall, see docs/promises.md; not held: {walls}")
+
+
 def _record(out: Path, handed: Handed, salt: str, answer: Json, rubric: Rubric) -> None:
     if answer.get("status") == "known":
         return
     if "failed" in answer:
-        how = answer["failed"]
-        answer = not_judged(rubric, handed.student, status_of(how), how, handed.name)
+        how, kept = answer["failed"], {key: answer[key] for key in answer if key != "failed"}
+        answer = kept | not_judged(rubric, handed.student, status_of(how), how, handed.name)
     write_student(out, handed, salt, answer)

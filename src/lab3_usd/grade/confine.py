@@ -13,6 +13,13 @@ from pathlib import Path
 
 from lab3_usd.grade.limits import Limits
 
+# What a worker gives up, and what it means where the system does not let it.
+WALLS = {
+    "files": "Landlock, Linux 5.13 and later, is not there or refused",
+    "limits": "memory and files of a process cannot be limited",
+    "network": "namespaces of the network are refused",
+    "privileges": "they cannot be given up",
+}
 _OPEN_FILES = 256
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NO_NEW_PRIVS = 38
@@ -35,15 +42,16 @@ _ABI_WITH_NETWORK = 4
 _TCP = 3  # bind and connect
 
 
-def limit_resources(limits: Limits) -> None:
-    """Limit the memory and files of this process from now on; nothing where there are no limits.
+def limit_resources(limits: Limits) -> bool:
+    """Limit the memory and files of this process from now on; say whether that worked.
 
     What it has already, the modules that judge, does not count.
     """
     try:
         import resource  # noqa: PLC0415 - not on Windows
     except ImportError:
-        return
+        return False
+    held = True
     wanted = {
         resource.RLIMIT_AS: _address_space() + limits.memory,
         resource.RLIMIT_FSIZE: 2 * limits.total_size,
@@ -53,8 +61,11 @@ def limit_resources(limits: Limits) -> None:
     for name, most in wanted.items():
         _, hard = resource.getrlimit(name)
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        with contextlib.suppress(ValueError, OSError):
+        try:
             resource.setrlimit(name, (allowed, allowed))
+        except (ValueError, OSError):
+            held = False
+    return held
 
 
 def _address_space() -> int:

@@ -210,6 +210,7 @@ def _document(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
         "title": rubric.title,
         "points": rubric.points,
         "items": _columns(rubric),
+        "unconfined": sorted({name for row in rows for name in row.get("unconfined", [])}),
     }
     yield json.dumps(head, indent=1).removesuffix("\n}").encode() + b',\n "students": ['
     between = b"\n"
