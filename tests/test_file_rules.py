@@ -182,3 +182,58 @@ def test_an_unreadable_file_is_told_with_its_reason() -> None:
     found = rules_of("file", "F")
     problems = [list(each.check("is empty")) for each in found if each.id == "F01"]
     assert [(each.prim, each.message) for each in problems[0]] == [("/", "is empty")]
+
+
+def over_an_asset(folder: Path, text: str, *, payload: bool = False, top: str = "") -> Usd.Stage:
+    """A stage whose walls come from an asset that holds this text."""
+    (folder / "walls.usda").write_text(f"#usda 1.0\n{text}")
+    stage = built("05")
+    walls = stage.DefinePrim("/Environment/More", "Xform")
+    arcs = walls.GetPayloads() if payload else walls.GetReferences()
+    add = arcs.AddPayload if payload else arcs.AddReference
+    add(str(folder / "walls.usda"), Sdf.Path(top or "/Walls"))
+    return stage
+
+
+LACKING = (
+    '(subLayers = [@./edits.usda@])\ndef Xform "Walls"\n{\n    def Xform "inner"\n    {\n    }\n}\n'
+)
+
+
+@pytest.mark.parametrize("payload", [False, True])
+def test_a_missing_sublayer_of_an_asset_is_a_note_where_the_asset_is_used(
+    tmp_path: Path, *, payload: bool
+) -> None:
+    (found,) = findings_of(over_an_asset(tmp_path, LACKING, payload=payload), "05")
+    assert (found.rule, found.severity, found.prim) == ("F02", "note", "/Environment/More")
+    assert found.actual == "./edits.usda"
+    assert "walls.usda" in found.message
+
+
+def test_a_missing_sublayer_of_an_asset_hides_nothing_elsewhere(tmp_path: Path) -> None:
+    stage = over_an_asset(tmp_path, LACKING)
+    gone = [f"{ROBOT}/base_scan", f"{ROBOT}/wheel_left_link"]
+    for path in gone:
+        remove(path)(stage)
+    assert {("S01", path, None) for path in gone} <= set(told(stage, "05"))
+
+
+def test_an_asset_that_is_nothing_but_a_missing_sublayer_is_not_verifiable(tmp_path: Path) -> None:
+    stage = over_an_asset(tmp_path, '(subLayers = [@./edits.usda@]\n defaultPrim = "Walls")\n')
+    assert told(stage, "05") == [("F02", "/Environment/More", None)]
+
+
+def test_an_asset_of_an_asset_that_lacks_a_sublayer_is_told_where_it_is(tmp_path: Path) -> None:
+    inner = 'def "in" (prepend references = @./in.usda@</Walls>)\n    {\n    }\n'
+    outer = f'def Xform "Walls"\n{{\n    {inner}}}\n'
+    (tmp_path / "in.usda").write_text(f"#usda 1.0\n{LACKING}")
+    stage = over_an_asset(tmp_path, outer)
+    assert told(stage, "05") == [("F02", "/Environment/More/in", None)]
+    stage.GetPrimAtPath("/Environment/More").SetInstanceable(True)  # noqa: FBT003 - pxr takes it so
+    assert told(stage, "05") == [("F02", "/Environment/More/in", None)]
+
+
+def test_a_layer_may_be_missing_from_the_stage_and_from_an_asset(tmp_path: Path) -> None:
+    stage = over_an_asset(tmp_path, LACKING)
+    stage.GetRootLayer().subLayerPaths.append("edits.usda")
+    assert told(stage, "05") == [("F02", "/Environment/More", None), ("F03", "/", None)]

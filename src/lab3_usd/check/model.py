@@ -142,11 +142,15 @@ class Prim(Struct, frozen=True):
 
 
 class Unresolved(Struct, frozen=True):
-    """An asset that the stage asks for and that cannot be found from here."""
+    """An asset that the stage asks for and that cannot be found from here.
+
+    `prim` is where it would bring something: '/' for a sublayer of the stage itself, the prim that
+    refers to the asset for a sublayer of an asset. `layer` is the layer that asks for it.
+    """
 
     prim: str
     asset: str
-    kind: Literal["reference", "payload", "sublayer"]
+    kind: Literal["reference", "payload", "sublayer", "sublayer of an asset"]
     layer: str = ""
 
 

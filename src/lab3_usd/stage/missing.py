@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
-from typing import Literal
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 from pxr import Sdf, Usd
 
@@ -13,29 +13,81 @@ from lab3_usd.check.model import Unresolved
 from lab3_usd.stage.barred import asked_for
 
 _ASSET = re.compile(r"@(.*?)@")
+_SUBLAYER = "ErrorInvalidSublayerPath"
 # A file that was found but lacks the prim asked for hides nothing: what it holds is judged.
-_MISSING = ("ErrorInvalidAssetPath", "ErrorMutedAssetPath", "ErrorInvalidSublayerPath")
+_MISSING = ("ErrorInvalidAssetPath", "ErrorMutedAssetPath", _SUBLAYER)
+_LACKS_PRIM = "ErrorUnresolvedPrimPath"
+_EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 
 def find_unresolved(stage: Usd.Stage) -> list[Unresolved]:
-    """Return what composition could not find, in the order of prim and asset."""
-    found: set[tuple[str, str, Literal["reference", "payload", "sublayer"], str]] = set()
+    """Return what composition could not find, in the order of prim and asset.
+
+    What a sublayer of the stage itself would bring may be anywhere; one that an asset lacks
+    concerns the prims that refer to the asset.
+    """
+    found: set[tuple[str, str, Any, str]] = set()
+    lacking: dict[str, set[str]] = {}
     for error in stage.GetCompositionErrors():
-        text = str(error)
+        text, name = str(error), type(error).__name__
         assets = _ASSET.findall(text)
-        if type(error).__name__ not in _MISSING or not assets:
+        if name not in _MISSING or not assets:
             continue
-        kind = _kind(type(error).__name__, text)
-        prim = "/" if kind == "sublayer" else str(error.rootSite.path.GetPrimPath())
         layer = assets[1] if len(assets) > 1 else ""
-        found.add((prim, asked_for(_as_written(assets[0], layer)), kind, layer))
+        asset = asked_for(_as_written(assets[0], layer))
+        if name != _SUBLAYER:
+            kind = "payload" if "@ for payload" in text else "reference"
+            found.add((str(error.rootSite.path.GetPrimPath()), asset, kind, layer))
+        elif error.rootSite.layerStack.rootLayer == stage.GetRootLayer():
+            found.add(("/", asset, "sublayer", layer))
+        else:
+            lacking.setdefault(layer, set()).add(asset)
+    for layer, prim in _users(stage, set(lacking)) if lacking else ():
+        found |= {(prim, asset, "sublayer of an asset", layer) for asset in lacking[layer]}
     return [Unresolved(*each) for each in sorted(found)]
 
 
-def _kind(error: str, text: str) -> Literal["reference", "payload", "sublayer"]:
-    if error == "ErrorInvalidSublayerPath":
-        return "sublayer"
-    return "payload" if "@ for payload" in text else "reference"
+def _users(stage: Usd.Stage, layers: set[str]) -> Iterator[tuple[str, str]]:
+    """Yield each of these layers with the topmost prims that its asset is brought to.
+
+    A prim may also want from the asset what only the missing sublayer would define.
+    """
+    above: dict[str, str] = {}
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), _EVERYTHING):
+        path = str(prim.GetPath())
+        for layer in _brought(prim) & layers:
+            if not path.startswith(f"{above.get(layer, path)}/"):
+                above[layer] = path
+                yield layer, path
+    for error in stage.GetCompositionErrors():
+        if type(error).__name__ == _LACKS_PRIM:
+            root = Sdf.Layer.Find(_ASSET.findall(str(error))[0])
+            for layer in _with_sublayers(root) & layers:
+                yield layer, str(error.rootSite.path.GetPrimPath())
+
+
+def _brought(prim: Usd.Prim) -> set[str]:
+    """Return the layers that references and payloads of the prim, or above it, bring to it."""
+    source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+    ahead = list(source.GetPrimIndex().rootNode.children) if source else []
+    layers: set[str] = set()
+    while ahead:
+        node = ahead.pop()
+        layers.update(layer.identifier for layer in node.layerStack.layers)
+        ahead.extend(node.children)
+    return layers
+
+
+def _with_sublayers(root: Sdf.Layer | None) -> set[str]:
+    found: set[str] = set()
+    ahead = [] if root is None else [root]
+    while ahead:
+        layer = ahead.pop()
+        if layer.identifier not in found:
+            found.add(layer.identifier)
+            opened = (Sdf.Layer.FindRelativeToLayer(layer, path) for path in layer.subLayerPaths)
+            ahead.extend(each for each in opened if each is not None)
+    return found
 
 
 def _as_written(asset: str, layer_path: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import PurePath
 
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.registry import rule
@@ -24,7 +25,7 @@ def unreadable_file(reason: str) -> Iterator[Problem]:
 
 @rule("F02", "not-verifiable", scope="stage", severity="note")
 def not_verifiable(subject: StageSubject) -> Iterator[Problem]:
-    """The stage refers to an asset that cannot be found from here.
+    """The stage refers to an asset that cannot be found from here, or that lacks a sublayer.
 
     Why: what the asset holds is neither passed nor failed: it may be there on the computer where
     the stage was made. Graphs, nodes and wires must be in the file itself.
@@ -34,13 +35,15 @@ def not_verifiable(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the lidar refers to `Example_Rotary_2D.usda` on a server.
     """
-    prims: dict[str, list[str]] = {}
+    users: dict[tuple[str, str], list[str]] = {}
     for missing in subject.stage.unresolved:
         if missing.kind != "sublayer":
-            prims.setdefault(missing.asset, []).append(missing.prim)
-    for asset, (first, *others) in prims.items():
+            of = PurePath(missing.layer).name if missing.kind == "sublayer of an asset" else ""
+            users.setdefault((missing.asset, of), []).append(missing.prim)
+    for (asset, of), (first, *others) in users.items():
+        what = f"the sublayer {asset} of {of}" if of else asset
         message = (
-            f"not verifiable: {asset} cannot be found from here, so what it would bring to {first} "
+            f"not verifiable: {what} cannot be found from here, so what it would bring to {first} "
             "is neither passed nor failed"
         )
         yield Problem(first, message, actual=asset, related=tuple(others))
@@ -48,7 +51,7 @@ def not_verifiable(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("F03", "missing-sublayer", scope="stage")
 def missing_sublayer(subject: StageSubject) -> Iterator[Problem]:
-    """A sublayer of the stage cannot be found.
+    """A sublayer of the stage itself cannot be found.
 
     Why: it could hold anything, so that the stage is not the one that was worked on. Prims that it
     may hold are not reported one by one; graphs that are missing are.
