@@ -11,14 +11,18 @@ from msgspec.structs import replace
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Absent, Node, StageModel, Unresolved
 from lab3_usd.check.registry import rules_of, run_rule
+from lab3_usd.check.requirements import frame_requirements
 from lab3_usd.spec.catalog import Value
 
 PLACE = m.lab().graphs[m.ODOM_TF].path
 COMPUTE, RAW = f"{PLACE}/{m.COMPUTE}", f"{PLACE}/{m.RAW}"
 RAW_TYPE = m.lab().graphs[m.ODOM_TF].nodes[m.RAW].type.type
 TICK_TYPE = m.lab().graphs[m.ODOM_TF].nodes["on_playback_tick"].type.type
+PRODUCT_TYPE = m.lab().graphs["ROS_Camera"].nodes["isaac_create_render_product"].type.type
 TARGETS, PARENT = "inputs:targetPrims", "inputs:parentPrim"
 FRAME_ROLES = {name: f"{m.ROBOT}/{name}" for name in m.LINKS[1:]} | {"Camera_1": m.CAMERA}
+
+BODY, ARTICULATION = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI"
 
 Site = tuple[str, str, str | None]
 
@@ -124,10 +128,60 @@ def test_a_prim_that_is_not_in_the_scene_is_left_to_the_rules_of_the_scene(frame
     assert sites(m.without_prim(m.stage(), FRAME_ROLES[frame])) == []
 
 
-def test_what_a_missing_asset_may_hold_is_not_judged() -> None:
-    stage = m.with_prim(targets(m.ROBOT), m.ROBOT, apis=())
-    stage = replace(stage, unresolved=(Unresolved(m.ROBOT, "robot.usd", "reference"),))
+def asset_at(stage: StageModel, *places: str) -> StageModel:
+    missing = tuple(Unresolved(place, "robot.usd", "reference") for place in places)
+    return replace(stage, unresolved=missing)
+
+
+def bare(stage: StageModel) -> StageModel:
+    """The stage with nothing of the robot but its root, whose asset is missing."""
+    prims = {path: prim for path, prim in stage.prims.items() if not path.startswith(m.ROBOT)}
+    root = replace(stage.prims[m.ROBOT], apis=(), relationships={})
+    return asset_at(replace(stage, prims={**prims, m.ROBOT: root}), m.ROBOT)
+
+
+def with_camera(stage: StageModel) -> StageModel:
+    return replace(stage, prims={**stage.prims, m.CAMERA: m.robot()[m.CAMERA]})
+
+
+@pytest.mark.parametrize("prims", [(m.ROBOT,), tuple(FRAME_ROLES.values())])
+def test_what_a_missing_asset_may_hold_is_not_judged(prims: tuple[str, ...]) -> None:
+    stage = bare(targets(*prims))
     assert sites(stage) == []
+    assert all(item.met for item in frame_requirements(m.subject(stage)))
+
+
+@pytest.mark.parametrize("frame", FRAME_ROLES)
+def test_a_frame_that_no_target_names_is_missing_whatever_the_asset_holds(frame: str) -> None:
+    (problem,) = problems(bare(every_target(**{frame: ""})))["T01"]
+    assert problem.expected == FRAME_ROLES[frame]
+
+
+def test_a_link_that_stands_elsewhere_in_the_missing_asset_is_not_judged() -> None:
+    assert sites(bare(every_target(base_scan=f"{m.ROBOT}/base_link/base_scan"))) == []
+
+
+def test_a_missing_robot_alone_does_not_give_the_camera_that_the_stage_itself_has() -> None:
+    stage = with_camera(bare(targets(m.ROBOT)))
+    assert sites(stage) == [("T10", COMPUTE, TARGETS)]
+    assert sites(with_camera(bare(targets(m.ROBOT, m.CAMERA)))) == []
+
+
+def test_a_bogus_asset_on_a_robot_that_is_there_changes_nothing() -> None:
+    for stage in (targets(m.ROBOT, m.CAMERA), every_target(base_scan=""), targets(m.BASE)):
+        assert sites(asset_at(stage, m.ROBOT)) == sites(stage)
+
+
+def test_a_missing_lidar_below_the_robot_excuses_no_link() -> None:
+    stage = m.with_prim(targets(m.ROBOT, m.CAMERA), f"{m.ROBOT}/base_scan", apis=(BODY,))
+    assert sites(stage) == [("T01", COMPUTE, TARGETS)]
+    assert sites(asset_at(stage, f"{m.ROBOT}/base_scan/Lidar2D")) == sites(stage)
+    assert sites(asset_at(stage, f"{m.ROBOT}/base_scan")) == []
+
+
+def test_a_tree_that_is_not_known_is_not_called_broken() -> None:
+    stage = replace(beside(("imu", "imu_data")), unresolved=bare(m.stage()).unresolved)
+    assert sites(replace(stage, prims=bare(m.stage()).prims)) == []
 
 
 @pytest.mark.parametrize("role", sorted(m.lab().graphs[m.ODOM_TF].nodes))
@@ -335,21 +389,50 @@ def test_isaacs_menu_for_odometry_is_found_below_graph() -> None:
 # ---- T09 to T12
 
 
-def flat(stage: StageModel) -> StageModel:
-    """The stage with the articulation root on the robot instead of its base."""
-    return m.with_prim(stage, m.BASE, apis=("PhysicsRigidBodyAPI",))
-
-
-def test_the_parent_prim_among_the_targets_is_its_own_parent() -> None:
-    assert sites(flat(targets(*FRAME_ROLES.values(), m.BASE))) == [("T09", COMPUTE, TARGETS)]
+@pytest.mark.parametrize("apis", [(BODY,), (BODY, ARTICULATION)])
+def test_the_parent_prim_among_the_targets_is_its_own_parent(apis: tuple[str, ...]) -> None:
+    stage = m.with_prim(targets(*FRAME_ROLES.values(), m.BASE), m.BASE, apis=apis)
+    assert sites(stage) == [("T09", COMPUTE, TARGETS)]
+    (problem,) = problems(stage)["T09"]
+    assert str(problem.expected).split(", ") == list(FRAME_ROLES.values())
 
 
 def test_the_parent_prim_in_the_place_of_a_target_is_one_finding() -> None:
-    assert sites(flat(every_target(base_scan=m.BASE))) == [("T09", COMPUTE, TARGETS)]
+    stage = every_target(base_scan=m.BASE)
+    assert sites(stage) == [("T09", COMPUTE, TARGETS)]
+    (problem,) = problems(stage)["T09"]
+    assert set(str(problem.expected).split(", ")) == set(FRAME_ROLES.values())
+    assert "'base_scan'" in problem.message
 
 
-def test_the_parent_prim_may_be_a_target_where_it_stands_for_the_robot() -> None:
-    assert sites(targets(m.BASE, m.CAMERA)) == []
+def test_the_articulation_root_and_the_camera_lose_all_links() -> None:
+    stage = targets(m.BASE, m.CAMERA)
+    (problem,) = problems(stage)["T09"]
+    assert list(problems(stage)) == ["T09"]
+    assert all(f"'{name}'" in problem.message for name in m.LINKS[1:])
+    unmet = [item.id for item in frame_requirements(m.subject(stage)) if not item.met]
+    assert sorted(unmet) == sorted(f"TF/frame/{child}" for child in m.LINKS[1:])
+
+
+def rooted(stage: StageModel) -> StageModel:
+    """The stage with the articulation root on the robot instead of its base."""
+    stage = m.with_prim(stage, m.BASE, apis=(BODY, "IsaacLinkAPI"))
+    return m.with_prim(stage, m.ROBOT, apis=("IsaacRobotAPI", ARTICULATION))
+
+
+def test_an_articulation_root_above_the_parent_prim_gives_it_as_well_a_warning() -> None:
+    stage = rooted(targets(m.ROBOT, m.CAMERA))
+    assert sites(stage) == [("T09", COMPUTE, TARGETS)]
+    assert problems(stage)["T09"][0].severity == "warning"
+    assert all(item.met for item in frame_requirements(m.subject(stage)))
+    assert sites(rooted(m.stage())) == []
+
+
+def test_a_prim_that_is_named_like_the_parent_frame_is_found() -> None:
+    override: Mapping[str, Value] = {"isaac:nameOverride": "base_footprint"}
+    stage = m.with_prim(targets(*FRAME_ROLES.values(), "/World"), "/World", attributes=override)
+    assert sites(stage) == [("T09", COMPUTE, TARGETS)]
+    assert problems(stage)["T09"][0].severity is None
 
 
 def test_a_named_transform_from_a_frame_to_itself_is_found() -> None:
@@ -364,8 +447,21 @@ def test_the_robot_root_alone_is_a_warning_with_the_camera_in_the_hint() -> None
     assert m.CAMERA in str(problem.hint)
 
 
+def test_what_f9_itself_loses_costs_nothing() -> None:
+    assert all(item.met for item in frame_requirements(m.subject(targets(m.ROBOT))))
+    lost = [
+        item.id for item in frame_requirements(m.subject(every_target(Camera_1=""))) if not item.met
+    ]
+    assert lost == ["TF/frame/Camera_1"]
+
+
+def test_a_camera_that_is_a_site_of_the_robot_is_published() -> None:
+    stage = m.with_prim(targets(m.ROBOT), m.CAMERA, apis=("IsaacSiteAPI",))
+    assert sites(stage) == []
+
+
 def test_the_articulation_root_alone_is_an_error() -> None:
-    assert sites(targets(m.BASE)) == [("T01", COMPUTE, TARGETS)]
+    assert sites(targets(m.BASE)) == [("T09", COMPUTE, TARGETS)]
 
 
 def test_the_robot_root_without_the_robot_api_is_an_error() -> None:
@@ -381,12 +477,20 @@ def test_the_robot_root_without_the_robot_api_is_one_error_beside_the_camera() -
     assert set(str(problem.expected).split(", ")) == links
 
 
-def test_the_robot_root_that_lacks_a_link_is_an_error() -> None:
-    stage = targets(m.ROBOT)
+@pytest.mark.parametrize("beside", [(), (m.CAMERA,)])
+def test_a_robot_whose_link_lacks_the_schema_is_one_error(beside: tuple[str, ...]) -> None:
+    stage = m.with_prim(targets(m.ROBOT, *beside), f"{m.ROBOT}/base_scan", apis=(BODY,))
+    assert sites(stage) == [("T01", COMPUTE, TARGETS)]
+    (problem,) = problems(stage)["T01"]
+    assert "IsaacLinkAPI" in problem.message
+    assert f"{m.ROBOT}/base_scan" in str(problem.expected)
+
+
+def test_a_short_list_of_links_loses_none() -> None:
+    stage = targets(m.ROBOT, m.CAMERA)
     related = dict(stage.prims[m.ROBOT].relationships)
     related["isaac:physics:robotLinks"] = related["isaac:physics:robotLinks"][:2]
-    found = sites(m.with_prim(stage, m.ROBOT, relationships=related))
-    assert set(found) == {("T01", COMPUTE, TARGETS)}
+    assert sites(m.with_prim(stage, m.ROBOT, relationships=related)) == []
 
 
 def with_imu(frame: str) -> StageModel:
@@ -433,3 +537,24 @@ def test_frames_that_nobody_can_know_are_a_note_and_end_the_judgement_of_frame_i
     stage = with_imu("imu_link")
     stage = replace(stage, graphs=(*stage.graphs, m.graph("/Graph/tf", generic)))
     assert sites(stage) == [("T12", "/Graph/tf/any", None)]
+    assert sites(stage, blamed=("/Graph/tf/any",)) == []
+    (rule,) = (rule for rule in rules_of("stage", "T") if rule.id == "T12")
+    assert rule.severity == "warning"
+
+
+def test_a_frame_id_is_not_judged_where_a_missing_asset_may_hold_its_frame() -> None:
+    stage = with_imu("imu_link")
+    stage = m.with_node(stage, m.aimed(m.role(stage, m.COMPUTE), TARGETS, m.ROBOT, m.CAMERA))
+    assert [rule_id for rule_id, _, _ in sites(stage)] == ["T11"]
+    assert sites(with_camera(bare(stage))) == []
+
+
+def test_a_frame_name_that_a_node_computes_is_a_warning() -> None:
+    product = m.node("/Graph/tf/product", PRODUCT_TYPE)
+    computed = m.wired(
+        sender(SENDER, "base_link", "x"),
+        "inputs:childFrameId",
+        f"{product.path}.outputs:renderProductPath",
+    )
+    tick = m.node("/Graph/tf/on_playback_tick", TICK_TYPE)
+    assert sites(m.stage(m.graph("/Graph/tf", computed, product, tick))) == [("T12", SENDER, None)]

@@ -8,7 +8,13 @@ import models as m
 import pytest
 from msgspec.structs import replace
 
-from lab3_usd.check.frames import Edge, published_edges, tree, unknown_publishers
+from lab3_usd.check.frames import (
+    Edge,
+    hidden_frames,
+    published_edges,
+    tree,
+    unknown_publishers,
+)
 from lab3_usd.check.model import GraphModel, PortState, Prim, StageModel, Unresolved
 from lab3_usd.stage.builder import build_checkpoint
 from lab3_usd.stage.reader import read_stage
@@ -20,6 +26,8 @@ PUBLISH_TYPE = m.lab().graphs[m.ODOM_TF].nodes[m.PUBLISH].type.type
 PRODUCT_TYPE = m.lab().graphs["ROS_Camera"].nodes["isaac_create_render_product"].type.type
 CONSTANT_TYPE = m.lab().graphs["ROS_Drive"].nodes["constant_left_joint"].type.type
 GENERIC_TYPE = m.PUBLISHER_TYPE
+BODY, ARTICULATION = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI"
+ROBOT_JOINTS = "isaac:physics:robotJoints"
 STAR = {("base_footprint", child) for child in (*m.LINKS[1:], "Camera_1")}
 
 
@@ -258,10 +266,74 @@ def test_a_target_that_is_deactivated_is_left_out() -> None:
     assert pairs(stage)[1:] == [("base_footprint", "base_scan")]
 
 
-def test_a_target_in_a_missing_asset_is_taken_at_its_name() -> None:
-    stage = m.without_prim(retargeted(m.CAMERA), m.CAMERA)
-    stage = replace(stage, unresolved=(Unresolved(m.BASE, "robot.usd", "reference"),))
-    assert pairs(stage)[1:] == [("base_footprint", "Camera_1")]
+# ---- what a missing asset could tell
+
+
+def asset_at(stage: StageModel, *places: str) -> StageModel:
+    missing = tuple(Unresolved(place, "robot.usd", "reference") for place in places)
+    return replace(stage, unresolved=missing)
+
+
+def hidden(stage: StageModel) -> list[tuple[str, str]]:
+    return [(each.what, each.parent) for each in hidden_frames(stage, m.lab())]
+
+
+def test_a_target_that_a_missing_asset_could_hold_is_unknown() -> None:
+    stage = asset_at(m.without_prim(retargeted(m.CAMERA), m.CAMERA), m.BASE)
+    assert pairs(stage)[1:] == []
+    assert hidden(stage) == [(f"frame of {m.CAMERA}", "base_footprint")]
+
+
+def test_a_robot_whose_asset_is_missing_has_unknown_links() -> None:
+    bare = Prim(m.ROBOT, "Xform", ())
+    stage = asset_at(replace(retargeted(m.ROBOT), prims={m.ROBOT: bare}), m.ROBOT)
+    assert pairs(stage)[1:] == []
+    assert hidden(stage) == [(f"links of {m.ROBOT}", "base_footprint")]
+
+
+def test_what_the_stage_itself_says_of_a_robot_is_known_beside_a_missing_asset() -> None:
+    stage = asset_at(retargeted(m.ROBOT), m.ROBOT)
+    assert pairs(stage) == pairs(retargeted(m.ROBOT))
+    assert hidden(stage) == [(f"links of {m.ROBOT}", "base_footprint")]
+
+
+def test_prims_that_the_stage_defines_below_a_missing_asset_are_known() -> None:
+    stage = asset_at(m.stage(), m.ROBOT)
+    assert pairs(stage) == pairs(m.stage())
+    assert hidden(stage) == []
+
+
+@pytest.mark.parametrize("prim", [f"{m.ROBOT}/base_scan", m.CAMERA])
+def test_a_link_or_a_sensor_with_a_missing_asset_of_its_own_is_known(prim: str) -> None:
+    stage = asset_at(retargeted(prim), prim)
+    assert len(pairs(stage)) == 2
+    assert hidden(stage) == []
+
+
+def test_an_asset_that_is_missing_below_a_robot_could_hold_further_links() -> None:
+    lidar = f"{m.ROBOT}/base_scan/Lidar2D"
+    stage = asset_at(retargeted(m.ROBOT), lidar)
+    assert pairs(stage) == pairs(retargeted(m.ROBOT))
+    assert hidden(stage) == [(f"links of {lidar}", "base_footprint")]
+
+
+def test_an_asset_that_is_missing_below_a_single_target_hides_no_frame() -> None:
+    stage = asset_at(m.stage(), f"{m.ROBOT}/base_scan/Lidar2D", "/World")
+    assert hidden(stage) == []
+
+
+def test_a_target_that_is_deactivated_is_left_out_whatever_an_asset_holds() -> None:
+    stage = m.with_prim(retargeted(m.CAMERA), m.CAMERA, active=False)
+    assert hidden(asset_at(stage, m.BASE)) == []
+
+
+def test_frames_that_are_not_sent_are_not_unknown_either() -> None:
+    stage = asset_at(m.without_prim(retargeted(m.CAMERA), m.CAMERA), m.BASE)
+    publish = m.wired(m.role(stage, m.PUBLISH), "inputs:orientations")
+    assert hidden(m.with_node(stage, publish)) == []
+
+
+# ---- what a target stands for
 
 
 def test_the_robot_root_stands_for_its_links() -> None:
@@ -276,14 +348,105 @@ def test_the_robot_root_stands_for_its_links() -> None:
     assert all(edge.expanded and edge.target == m.ROBOT for edge in found)
 
 
-def test_an_articulation_root_stands_for_its_links() -> None:
-    assert pairs(retargeted(m.BASE)) == pairs(retargeted(m.ROBOT))
+def test_an_articulation_root_stands_for_the_bodies_at_and_below_it() -> None:
+    assert pairs(retargeted(m.BASE))[1:] == [("base_footprint", "base_footprint")]
 
 
-def test_an_articulation_root_above_the_links_stands_for_them_too() -> None:
+def test_an_articulation_root_above_the_links_gives_the_parent_prim_as_well() -> None:
     stage = m.with_prim(retargeted(m.ROBOT), m.BASE, apis=("PhysicsRigidBodyAPI",))
-    stage = m.with_prim(stage, m.ROBOT, apis=("PhysicsArticulationRootAPI",))
-    assert sorted(pairs(stage)) == sorted(pairs(retargeted(m.ROBOT)))
+    stage = m.with_prim(stage, m.ROBOT, apis=("IsaacRobotAPI", "PhysicsArticulationRootAPI"))
+    assert pairs(stage)[1:] == [("base_footprint", link) for link in m.LINKS]
+
+
+def test_bodies_of_an_articulation_hang_below_the_nearest_body_above_them() -> None:
+    nested = {
+        f"{m.ROBOT}/base_link/arm": ("IsaacLinkAPI",),
+        f"{m.ROBOT}/base_link/arm/hand": ("PhysicsRigidBodyAPI",),
+    }
+    prims = {**m.robot(), **{path: Prim(path, "Xform", apis) for path, apis in nested.items()}}
+    stage = m.with_prim(replace(retargeted(m.ROBOT), prims=prims), m.ROBOT, apis=(ARTICULATION,))
+    assert ("base_link", "hand") in pairs(stage)
+    assert "arm" not in [child for _, child in pairs(stage)]
+
+
+def test_an_articulation_root_without_bodies_stands_for_its_links_or_itself() -> None:
+    prims = {path: replace(prim, apis=tuple(api for api in prim.apis if api != BODY))
+             for path, prim in m.robot().items()}  # fmt: skip
+    stage = m.with_prim(
+        replace(retargeted(m.ROBOT), prims=prims), m.ROBOT, apis=("IsaacRobotAPI", ARTICULATION)
+    )
+    assert set(pairs(stage)) == set(pairs(retargeted(m.ROBOT)))
+    stage = m.with_prim(stage, m.ROBOT, apis=(ARTICULATION,))
+    assert pairs(stage)[1:] == [("base_footprint", "turtlebot3_burger")]
+
+
+@pytest.mark.parametrize("listed", [(), m.LINKS[:2]])
+def test_what_a_robot_lists_as_its_links_plays_no_part(listed: tuple[str, ...]) -> None:
+    stage = retargeted(m.ROBOT)
+    related = dict(stage.prims[m.ROBOT].relationships)
+    related["isaac:physics:robotLinks"] = tuple(f"{m.ROBOT}/{name}" for name in listed)
+    assert pairs(m.with_prim(stage, m.ROBOT, relationships=related)) == pairs(stage)
+
+
+def test_a_link_without_the_link_schema_is_no_frame_of_the_robot() -> None:
+    stage = m.with_prim(retargeted(m.ROBOT), f"{m.ROBOT}/base_scan", apis=(BODY,))
+    assert "base_scan" not in [child for _, child in pairs(stage)]
+
+
+@pytest.mark.parametrize("api", ["IsaacSiteAPI", "IsaacReferencePointAPI"])
+def test_sites_and_reference_points_of_a_robot_hang_below_the_link_above_them(api: str) -> None:
+    path = f"{m.ROBOT}/base_scan/Lidar2D"
+    stage = m.with_prim(retargeted(m.ROBOT), path, apis=(api,))
+    stage = m.with_prim(stage, m.CAMERA, apis=(api,))
+    assert {("base_scan", "Lidar2D"), ("base_footprint", "Camera_1")} < set(pairs(stage))
+
+
+@pytest.mark.parametrize(
+    "apis", [("IsaacLinkAPI", "IsaacJointAPI"), ("IsaacRobotAPI", "IsaacLinkAPI")]
+)
+def test_joints_and_robots_in_a_robot_are_no_frames(apis: tuple[str, ...]) -> None:
+    stage = m.with_prim(retargeted(m.ROBOT), f"{m.ROBOT}/base_scan", apis=apis)
+    assert "base_scan" not in [child for _, child in pairs(stage)]
+
+
+def test_a_robot_without_any_link_is_one_frame() -> None:
+    prims = {path: replace(prim, apis=tuple(api for api in prim.apis if api != "IsaacLinkAPI"))
+             for path, prim in m.robot().items()}  # fmt: skip
+    stage = replace(retargeted(m.ROBOT), prims=prims)
+    assert pairs(stage)[1:] == [("base_footprint", "turtlebot3_burger")]
+
+
+def test_a_robot_whose_only_link_is_the_parent_prim_gives_no_frame() -> None:
+    prims = m.robot()
+    stage = replace(retargeted(m.ROBOT), prims={path: prims[path] for path in (m.ROBOT, m.BASE)})
+    assert pairs(stage)[1:] == []
+
+
+def test_a_link_may_hang_below_a_body_that_is_no_frame_itself() -> None:
+    """A prim without a body is found by the body above it, which the node then knows."""
+    site = Prim(f"{m.ROBOT}/base_link/site", "Xform", ("IsaacSiteAPI",))
+    prims = {**m.robot(), site.path: site}
+    stage = m.with_prim(
+        replace(retargeted(m.ROBOT), prims=prims), f"{m.ROBOT}/base_link", apis=(BODY,)
+    )
+    assert set(pairs(stage)[1:]) == {
+        ("base_footprint", "site"),
+        *(("base_link", child) for child in m.LINKS[2:]),
+    }
+    without = m.without_prim(stage, site.path)
+    assert set(pairs(without)[1:]) == {("base_footprint", child) for child in m.LINKS[2:]}
+
+
+def test_the_last_joint_of_a_link_counts() -> None:
+    path = f"{m.ROBOT}/joints/second"
+    ends = {"physics:body0": (f"{m.ROBOT}/base_scan",), "physics:body1": (f"{m.ROBOT}/base_link",)}
+    joint = Prim(path, "PhysicsFixedJoint", (), relationships=ends)
+    stage = retargeted(m.ROBOT)
+    stage = replace(stage, prims={**stage.prims, path: joint})
+    assert ("base_scan", "base_link") not in pairs(stage)
+    related = dict(stage.prims[m.ROBOT].relationships)
+    related[ROBOT_JOINTS] = (*related[ROBOT_JOINTS], path)
+    assert ("base_scan", "base_link") in pairs(m.with_prim(stage, m.ROBOT, relationships=related))
 
 
 def test_the_root_link_of_a_robot_hangs_below_the_parent_prim() -> None:
@@ -299,22 +462,18 @@ def test_links_without_joints_hang_below_the_parent_prim() -> None:
     assert set(pairs(stage)[1:]) == {("base_footprint", child) for child in m.LINKS[1:]}
 
 
-def test_a_joint_that_is_deactivated_ties_nothing() -> None:
-    stage = m.with_prim(retargeted(m.ROBOT), f"{m.ROBOT}/joints/scan_joint", active=False)
-    assert ("base_footprint", "base_scan") in pairs(stage)
-
-
-def test_a_link_whose_joint_is_deactivated_is_no_part_of_the_articulation() -> None:
-    stage = m.with_prim(retargeted(m.BASE), f"{m.ROBOT}/joints/scan_joint", active=False)
-    assert "base_scan" not in [child for _, child in pairs(stage)]
-
-
-def test_joints_in_a_ring_do_not_hang_the_computation() -> None:
-    back = {"physics:body0": (f"{m.ROBOT}/base_scan",), "physics:body1": (m.BASE,)}
-    stage = m.with_prim(retargeted(m.BASE), m.BASE)
-    extra = Prim(f"{m.ROBOT}/joints/back", "PhysicsFixedJoint", (), relationships=back)
-    stage = replace(stage, prims={**stage.prims, extra.path: extra})
-    assert ("base_link", "base_scan") in pairs(stage)
+@pytest.mark.parametrize(
+    ("changes", "parent"),
+    [
+        ({"active": False}, "base_link"),
+        ({"attributes": {"physics:excludeFromArticulation": True}}, "base_footprint"),
+        ({"type": "Xform"}, "base_footprint"),
+        ({"relationships": {}}, "base_footprint"),
+    ],
+)
+def test_what_a_joint_of_the_robot_says_of_a_link(changes: dict[str, object], parent: str) -> None:
+    stage = m.with_prim(retargeted(m.ROBOT), f"{m.ROBOT}/joints/scan_joint", **changes)
+    assert (parent, "base_scan") in pairs(stage)
 
 
 def test_without_the_robot_api_the_root_is_one_frame() -> None:
@@ -322,23 +481,47 @@ def test_without_the_robot_api_the_root_is_one_frame() -> None:
     assert pairs(stage)[1:] == [("base_footprint", "turtlebot3_burger")]
 
 
-def test_the_parent_prim_as_a_target_is_its_own_parent_where_it_does_not_expand() -> None:
-    stage = m.with_prim(retargeted(m.BASE), m.BASE, apis=("PhysicsRigidBodyAPI",))
+@pytest.mark.parametrize("apis", [(BODY,), (BODY, ARTICULATION), ()])
+def test_the_parent_prim_as_a_target_is_its_own_parent(apis: tuple[str, ...]) -> None:
+    stage = m.with_prim(retargeted(m.BASE), m.BASE, apis=apis)
     assert pairs(stage)[1:] == [("base_footprint", "base_footprint")]
 
 
-def test_of_two_prims_with_one_name_the_deeper_keeps_it() -> None:
-    prims = {**m.robot(), "/World/base_scan": Prim("/World/base_scan", "Xform", ())}
-    stage = replace(retargeted("/World/base_scan", f"{m.ROBOT}/base_scan"), prims=prims)
-    assert [child for _, child in pairs(stage)[1:]] == ["World_base_scan", "base_scan"]
+def named(*paths: str, **overrides: str) -> list[str]:
+    """The frames of these targets, of which some prims have name overrides."""
+    stage = retargeted(*paths)
+    prims = {path: Prim(path, "Xform", ()) for path in paths}
+    for path in paths:
+        override = overrides.get(path.rpartition("/")[2])
+        if override:
+            prims[path] = replace(prims[path], attributes={"isaac:nameOverride": override})
+    return [child for _, child in pairs(replace(stage, prims={**prims, **m.robot()}))[1:]]
+
+
+def test_of_two_prims_with_one_name_the_longer_path_keeps_it() -> None:
+    assert named("/World/a/x", "/World/ab/x") == ["a_x", "x"]
+    assert named("/World/ab/x", "/World/a/x") == ["x", "a_x"]
+
+
+def test_of_two_paths_of_one_length_the_first_keeps_the_name() -> None:
+    assert named("/World/a/x", "/World/b/x") == ["x", "b_x"]
 
 
 def test_the_loser_of_an_override_goes_by_its_prim_name() -> None:
-    stage = retargeted(f"{m.ROBOT}/base_link", f"{m.ROBOT}/base_scan")
-    stage = m.with_prim(
-        stage, f"{m.ROBOT}/base_link", attributes={"isaac:nameOverride": "base_scan"}
-    )
-    assert [child for _, child in pairs(stage)[1:]] == ["base_scan", "turtlebot3_burger_base_scan"]
+    assert named("/World/a/mount", "/World/a/mount/eye", mount="eye") == ["mount", "eye"]
+
+
+def test_a_prim_right_below_the_root_prim_keeps_a_name_that_is_taken() -> None:
+    """Isaac Sim looks for another name in the ancestors below the root prim: there are none."""
+    assert named("/World/x", "/World/abc/x") == ["x", "x"]
+
+
+def test_the_name_of_the_root_prim_counts_where_the_first_path_begins_with_a_shorter_one() -> None:
+    assert named("/A/much/longer/x", "/World/x") == ["x", "World_x"]
+
+
+def test_the_same_prim_twice_is_one_name() -> None:
+    assert named("/World/x", "/World/x") == ["x", "x"]
 
 
 # ---- from the computing node to the publisher
@@ -383,6 +566,36 @@ def test_a_publisher_may_have_targets_of_its_own() -> None:
         "Camera_1",
         "/Graph/tf/sender",
     )
+
+
+def test_an_articulation_root_that_a_publisher_looks_at_stands_for_what_its_joints_tie() -> None:
+    assert pairs(own_targets(m.BASE)) == [
+        ("base_footprint", "base_link"),
+        *(("base_link", child) for child in m.LINKS[2:]),
+    ]
+
+
+def test_joints_that_are_deactivated_tie_nothing_to_an_articulation() -> None:
+    stage = m.with_prim(own_targets(m.BASE), f"{m.ROBOT}/joints/scan_joint", active=False)
+    assert "base_scan" not in [child for _, child in pairs(stage)]
+
+
+def test_joints_in_a_ring_do_not_hang_the_computation() -> None:
+    back = {"physics:body0": (f"{m.ROBOT}/base_scan",), "physics:body1": (m.BASE,)}
+    extra = Prim(f"{m.ROBOT}/joints/back", "PhysicsFixedJoint", (), relationships=back)
+    stage = own_targets(m.BASE)
+    stage = replace(stage, prims={**stage.prims, extra.path: extra})
+    assert ("base_link", "base_scan") in pairs(stage)
+
+
+def test_a_robot_that_a_publisher_looks_at_is_one_frame() -> None:
+    assert pairs(own_targets(m.ROBOT)) == [("base_footprint", "turtlebot3_burger")]
+
+
+def test_a_publisher_that_looks_at_two_prims_of_one_name_calls_the_second_by_its_path() -> None:
+    prims = {**m.robot(), "/World/base_scan": Prim("/World/base_scan", "Xform", ())}
+    stage = replace(own_targets(f"{m.ROBOT}/base_scan", "/World/base_scan"), prims=prims)
+    assert [child for _, child in pairs(stage)] == ["base_scan", "World_base_scan"]
 
 
 def test_a_publisher_with_a_target_of_its_own_that_is_not_there_sends_nothing() -> None:

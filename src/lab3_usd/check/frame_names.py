@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from lab3_usd.check.model import StageModel
 
@@ -21,10 +21,11 @@ def _leaf(path: str) -> str:
 
 
 def unique_names(paths: Sequence[str], stage: StageModel) -> list[str]:
-    """Return a frame name for each prim of one list, no name twice.
+    """Return a frame name for each prim of one list, as Isaac Compute Transform Tree does.
 
-    The prim with the longest path keeps a name that several want; the others go by the prim's
-    name, and where that is taken too by an ancestor's name before it.
+    The prim with the longest path keeps a name that several want. The others go by the prim's
+    name; where that is taken too, an ancestor's name comes before it, but never that of a prim at
+    the root, as the first path of the list has one.
     """
     wanted = [frame_name(path, stage) for path in paths]
     owner: dict[str, int] = {}
@@ -32,20 +33,25 @@ def unique_names(paths: Sequence[str], stage: StageModel) -> list[str]:
         if name not in owner or len(paths[index]) > len(paths[owner[name]]):
             owner[name] = index
     names = [name if owner[name] == index else "" for index, name in enumerate(wanted)]
+    start = max(paths[0].find("/", 1), 0) if paths else 0
     for index, path in enumerate(paths):
         if not names[index]:
-            names[index] = next(name for name in _others(path, stage) if name not in names)
+            leaf = _leaf(path)
+            names[index] = _qualified(path, start, names, stage) if leaf in names else leaf
     return names
 
 
-def _others(path: str, stage: StageModel) -> Iterator[str]:
-    """Yield what the prim may be called instead, best first; the last always serves."""
+def _qualified(path: str, start: int, taken: Sequence[str], stage: StageModel) -> str:
+    """Return the first name with an ancestor's before it that is free, else the rest of the path.
+
+    The rest is no unique name for a prim right below one at the root. Isaac Sim counts `start` in
+    characters, whatever prim it falls into.
+    """
     leaf = _leaf(path)
-    yield leaf
-    parts = path.strip("/").split("/")[:-1]
-    for depth in range(1, len(parts) + 1):
-        yield f"{frame_name('/' + '/'.join(parts[:depth]), stage)}_{leaf}"
-    number = 0
-    while True:
-        number += 1
-        yield f"{'_'.join(parts)}_{leaf}_{number}"
+    end = path.find("/", start + 1)
+    while end >= 0:
+        above = frame_name(path[:end], stage)
+        if above != leaf and f"{above}_{leaf}" not in taken:
+            return f"{above}_{leaf}"
+        end = path.find("/", end + 1)
+    return path[start:].removeprefix("/").replace("/", "_") or leaf

@@ -6,13 +6,22 @@ given, or a publisher (as before 6.0) looks at prims of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
+from msgspec.structs import replace
 
-from lab3_usd.check.computed_frames import Pair, computed_pairs, tf_ports
+from lab3_usd.check.computed_frames import (
+    Pair,
+    computed_pairs,
+    hidden_targets,
+    listed_targets,
+    parent_frame,
+    tf_ports,
+)
+from lab3_usd.check.hidden_frames import Hidden, is_unknown
 from lab3_usd.check.model import Node, StageModel
 from lab3_usd.check.running import (
     Nodes,
@@ -59,26 +68,42 @@ class _Scene(Struct, frozen=True):
     running: Nodes
 
 
+class Sent(Struct, frozen=True):
+    """What one publisher sends on a topic of the TF tree.
+
+    `edges` is None where nobody can know the names of its frames; `hidden` are the frames that an
+    asset could tell which cannot be found.
+    """
+
+    publisher: Node
+    edges: tuple[Edge, ...] | None = ()
+    hidden: tuple[Hidden, ...] = ()
+
+
 @lru_cache(maxsize=1)  # every rule of one stage asks for the same
-def published_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
-    """Return every transform that the stage publishes on a topic of the TF tree.
+def sent_frames(stage: StageModel, lab: Lab) -> tuple[Sent, ...]:
+    """Return what each publisher of the TF tree sends.
 
     All graphs count. A node publishes when an event reaches it over execution wires; the order
     is that of the nodes and their targets.
     """
     scene = _Scene(stage, lab, live_nodes(stage, lab), running_nodes(stage, lab))
-    return tuple(
-        edge for node, topic in _tree_publishers(scene) for edge in _edges(node, topic, scene) or ()
-    )
+    return tuple(_sent(node, topic, scene) for node, topic in _tree_publishers(scene))
 
 
-@lru_cache(maxsize=1)  # every rule of one stage asks for the same
+def published_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
+    """Return every transform that the stage publishes on a topic of the TF tree."""
+    return tuple(edge for sent in sent_frames(stage, lab) for edge in sent.edges or ())
+
+
 def unknown_publishers(stage: StageModel, lab: Lab) -> tuple[str, ...]:
     """Return the nodes that publish transforms between frames that the stage does not tell."""
-    scene = _Scene(stage, lab, live_nodes(stage, lab), running_nodes(stage, lab))
-    return tuple(
-        node.path for node, topic in _tree_publishers(scene) if _edges(node, topic, scene) is None
-    )
+    return tuple(sent.publisher.path for sent in sent_frames(stage, lab) if sent.edges is None)
+
+
+def hidden_frames(stage: StageModel, lab: Lab) -> tuple[Hidden, ...]:
+    """Return the frames that would be published, and that only a missing asset could tell."""
+    return tuple(hidden for sent in sent_frames(stage, lab) for hidden in sent.hidden)
 
 
 def tree(edges: Iterable[Edge]) -> nx.DiGraph[str]:
@@ -118,46 +143,58 @@ def _sends_transforms(node: Node, kind: NodeType, scene: _Scene) -> bool:
     return message_type(node, kind, kind.topics[0], scene.live) in known
 
 
-def _edges(node: Node, topic: str, scene: _Scene) -> list[Edge] | None:
-    """Return the transforms of one publisher, None where nobody can know them."""
+def _sent(node: Node, topic: str, scene: _Scene) -> Sent:
     ports = tf_ports(node)
     static = ports.static is not None and effective(node, ports.static, scene.live) is True
     if ports.names:
         parent, child = (effective(node, port, scene.live) for port in ports.names)
         if not isinstance(parent, str) or not isinstance(child, str):
-            return None
-        return [Edge(parent, child, node.path, node.path, topic, static)]
-    found = _sent_arrays(node, ports, scene) if ports.prims else None
-    if found is None:
-        return None
-    cause, pairs = found
-    return [
-        Edge(p.parent, p.child, node.path, cause, topic, static, p.target, p.prim, p.expanded)
-        for p in pairs
-    ]
+            return Sent(node, None)
+        return Sent(node, (Edge(parent, child, node.path, node.path, topic, static),))
+    arrays = _arrays(node, ports, scene) if ports.prims else None
+    if arrays is None:
+        return Sent(node, None)
+    made = Edge("", "", node.path, arrays.maker.path, topic, static)
+    return Sent(
+        node,
+        tuple(_edge_of(pair, made, arrays.order) for pair in arrays.pairs),
+        tuple(_hidden_of(arrays.maker, made, scene)) if arrays.is_filled else (),
+    )
 
 
-def _sent_arrays(node: Node, ports: TfPorts, scene: _Scene) -> tuple[str, list[Pair]] | None:
-    """Return the node that computes the frames, and the frames.
+class _Arrays(Struct, frozen=True):
+    """The frames in the arrays of a publisher and who makes them: itself, or another node.
 
-    All arrays of the publisher must be as long as its array of parents: an array that is left
-    alone is empty, and then nothing is sent. Without parents it looks at its own targets.
+    `order` says which of a pair is sent as parent and which as child, for wires may be crossed.
+    """
+
+    maker: Node
+    pairs: Sequence[Pair] = ()
+    order: tuple[int, ...] = (0, 1)
+    is_filled: bool = True
+
+
+def _arrays(node: Node, ports: TfPorts, scene: _Scene) -> _Arrays | None:
+    """Return what fills the arrays of a publisher, None where nobody can know.
+
+    All of them must be as long as its array of parents: an array that is left alone is empty, and
+    then nothing is sent. Without parents it looks at its own targets.
     """
     every = {} if node.type is None else node.type.ports
     arrays = [port.name for port in every.values() if port.usd_type.endswith("[]")]
     makers = {port: list(_filled(node, port, scene)) for port in arrays}
     first = makers.get(ports.arrays[0]) if ports.arrays else []
     if not first:
-        return node.path, _own_pairs(node, ports, scene)
+        return _own_targets(node, scene)
     if not all(makers.values()):
-        return node.path, []
+        return _Arrays(node, is_filled=False)
     maker = first[0][0]
     gives = tf_ports(maker).gives
     sources = [makers[port][0] for port in ports.arrays]
     if not gives or any(source.path != maker.path or out not in gives for source, out in sources):
         return None
     pairs = computed_pairs(maker, scene.stage, scene.lab)
-    return maker.path, [_crossed(pair, [out for _, out in sources], gives) for pair in pairs]
+    return _Arrays(maker, pairs, tuple(gives.index(out) for _, out in sources))
 
 
 def _filled(node: Node, port: str, scene: _Scene) -> Iterator[tuple[Node, str]]:
@@ -167,16 +204,26 @@ def _filled(node: Node, port: str, scene: _Scene) -> Iterator[tuple[Node, str]]:
             yield source, out
 
 
-def _crossed(pair: Pair, outs: list[str], gives: tuple[str, ...]) -> Pair:
-    """Take parent and child from the outputs that are wired, crossed wires included."""
-    names = dict(zip(gives, (pair.parent, pair.child), strict=True))
-    return Pair(names[outs[0]], names[outs[1]], pair.target, pair.prim, pair.expanded)
-
-
-def _own_pairs(node: Node, ports: TfPorts, scene: _Scene) -> list[Pair]:
+def _own_targets(node: Node, scene: _Scene) -> _Arrays:
     """Return what a publisher finds at prims of its own: nothing at all if one is not there."""
-    targets = node.targets(ports.prims[1]) if ports.prims else ()
     stage = scene.stage
-    if any(not stage.prim(path) and not stage.unresolved_above(path) for path in targets):
-        return []
-    return computed_pairs(node, scene.stage, scene.lab)
+    targets = listed_targets(node)
+    if any(not stage.prim(path) and not is_unknown(path, stage) for path in targets):
+        return _Arrays(node, is_filled=False)
+    return _Arrays(node, computed_pairs(node, stage, scene.lab))
+
+
+def _edge_of(pair: Pair, made: Edge, order: Sequence[int]) -> Edge:
+    parent, child = ((pair.parent, pair.child)[place] for place in order)
+    return replace(
+        made, parent=parent, child=child, target=pair.target, prim=pair.prim, expanded=pair.expanded
+    )
+
+
+def _hidden_of(maker: Node, made: Edge, scene: _Scene) -> Iterator[Hidden]:
+    stage = scene.stage
+    top = parent_frame(maker, stage, scene.lab)
+    for hidden in hidden_targets(maker, stage):
+        yield replace(
+            hidden, parent=top, publisher=made.publisher, cause=made.cause, topic=made.topic
+        )

@@ -1,85 +1,73 @@
-"""The links of a robot and the parent of each, as its joints tie them together."""
+"""What a target prim stands for: itself, the bodies of an articulation, or the links of a robot.
+
+Isaac Compute Transform Tree goes by schemas and by the namespace. The joints say only below which
+link another one hangs; what a robot lists as its links plays no part.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.model import Prim, StageModel
+from lab3_usd.check.physics import ARTICULATION_API, BODIES, BODY_API, is_joint
 
-ARTICULATION_API = "PhysicsArticulationRootAPI"
 ROBOT_API = "IsaacRobotAPI"
-BODY_API = "PhysicsRigidBodyAPI"
-ROBOT_LINKS = "isaac:physics:robotLinks"
-ROBOT_JOINTS = "isaac:physics:robotJoints"
-_PARENT_BODY = "physics:body0"
-_CHILD_BODY = "physics:body1"
+LINK_API = "IsaacLinkAPI"
+FRAME_APIS = frozenset({LINK_API, "IsaacSiteAPI", "IsaacReferencePointAPI"})
+_NO_FRAMES = frozenset({"IsaacJointAPI", ROBOT_API})
+_ROBOT_JOINTS = "isaac:physics:robotJoints"
+_EXCLUDED = "physics:excludeFromArticulation"
 
 Links = dict[str, str]  # the path of each link with that of its parent link, '' for none
 
 
-def expansion(prim: Prim, stage: StageModel) -> Links:
-    """Return the links that Isaac Sim puts in the place of this prim; empty where it stays one.
+def expansion(target: Prim, stage: StageModel, parent: str = "") -> Links | None:
+    """Return the prims that become frames in the place of a target, None where it stays one.
 
-    A prim that is the articulation root stands for the links of the articulation, one with the
-    robot API for the links it lists.
+    An articulation root stands for the bodies at and below it, a robot for everything in its
+    subtree that a schema of Isaac Sim calls a link, a site or a reference point. Of a robot, not
+    of an articulation, the prim `parent` is left out, below which the others hang.
     """
-    if ARTICULATION_API in prim.apis:
-        found = _articulation(prim, stage)
-        if found:
-            return found
-    return _listed(prim, stage) if ROBOT_API in prim.apis else {}
+    if ARTICULATION_API in target.apis:
+        bodies = [prim.path for prim in _subtree(target, stage) if BODY_API in prim.apis]
+        if bodies:
+            return {path: above(path, bodies) for path in bodies}
+    links = _robot(target, stage) if ROBOT_API in target.apis else {}
+    return {path: links[path] for path in links if path != parent} if links else None
 
 
-def _articulation(root: Prim, stage: StageModel) -> Links:
-    """Follow the joints from the links at and below the root prim; parents come first."""
-    parents = _parents(stage.prims.values(), stage)
-    children: dict[str, list[str]] = {}
-    for child, parent in parents.items():
-        children.setdefault(parent, []).append(child)
-    inside = [path for path in _below(root.path, stage) if BODY_API in stage.prims[path].apis]
-    links: Links = {}
-    ahead = [_top(path, parents) for path in inside]
-    while ahead:
-        path = ahead.pop(0)
-        if path not in links:
-            links[path] = parents.get(path, "")
-            ahead.extend(children.get(path, ()))
-    return links
-
-
-def _top(path: str, parents: Links) -> str:
-    """Climb to the link that no joint hangs below another."""
-    seen = {path}
-    while parents.get(path) and parents[path] not in seen:
-        path = parents[path]
-        seen.add(path)
-    return path
-
-
-def _listed(robot: Prim, stage: StageModel) -> Links:
-    joints = (stage.prim(path) for path in robot.relationships.get(ROBOT_JOINTS, ()))
-    parents = _parents((joint for joint in joints if joint is not None), stage)
+def _robot(robot: Prim, stage: StageModel) -> Links:
+    parents = joint_parents(robot, stage)
+    links = {path for path, prim in stage.prims.items() if LINK_API in prim.apis and prim.present}
     return {
-        path: parents.get(path, "")
-        for path in robot.relationships.get(ROBOT_LINKS, ())
-        if stage.prim(path) is not None
+        prim.path: parents.get(prim.path, "") if prim.path in links else above(prim.path, links)
+        for prim in _subtree(robot, stage)
+        if FRAME_APIS & set(prim.apis) and not _NO_FRAMES & set(prim.apis)
     }
 
 
-def _parents(joints: Iterable[Prim], stage: StageModel) -> Links:
-    """Map each body to the one its joint hangs it on."""
+def joint_parents(robot: Prim, stage: StageModel) -> Links:
+    """Map each link to the one on which the robot's joints hang it; the last joint counts."""
     found: Links = {}
-    for joint in joints:
-        parent = joint.relationships.get(_PARENT_BODY, ())
-        child = joint.relationships.get(_CHILD_BODY, ())
-        if joint.present and parent and child and stage.prim(parent[0]) and stage.prim(child[0]):
-            found.setdefault(child[0], parent[0])
+    for path in robot.relationships.get(_ROBOT_JOINTS, ()):
+        joint = stage.prims.get(path)  # a joint that is deactivated is still read
+        if joint is None or not is_joint(joint) or joint.attributes.get(_EXCLUDED) is True:
+            continue
+        parent, child = (joint.relationships.get(name, ()) for name in BODIES)
+        if parent and child:
+            found[child[0]] = parent[0]
     return found
 
 
-def _below(path: str, stage: StageModel) -> Iterator[str]:
-    """Yield the prim and those below it."""
-    yield path
-    for other, prim in stage.prims.items():
-        if other.startswith(f"{path}/") and prim.present:
-            yield other
+def above(path: str, paths: Iterable[str]) -> str:
+    """Return the nearest prim above `path` that is one of `paths`, '' for none."""
+    found = (each for each in paths if path.startswith(f"{each}/"))
+    return max(found, key=len, default="")
+
+
+def _subtree(top: Prim, stage: StageModel) -> Iterator[Prim]:
+    """Yield the prim and those below it, parents first, as they are traversed."""
+    for path, prim in stage.prims.items():
+        if prim.present and is_at_or_below(path, top.path):
+            yield prim

@@ -7,10 +7,22 @@ from functools import lru_cache
 
 from msgspec import Struct
 
-from lab3_usd.check.computed_frames import computed_pairs, expands, tf_ports
-from lab3_usd.check.frames import Edge, published_edges
+from lab3_usd.check.absence import is_hidden
+from lab3_usd.check.computed_frames import (
+    Pair,
+    computed_pairs,
+    computes,
+    expands,
+    listed_targets,
+    parent_prim,
+    tf_ports,
+)
+from lab3_usd.check.frames import Edge, hidden_frames, published_edges
+from lab3_usd.check.hidden_frames import Hidden, is_unknown
+from lab3_usd.check.link_tree import FRAME_APIS
 from lab3_usd.check.met import setting_met, setting_value, target_met
 from lab3_usd.check.model import Node
+from lab3_usd.check.physics import BODY_API
 from lab3_usd.check.running import live_nodes, running_nodes
 from lab3_usd.check.subject import StageSubject
 from lab3_usd.spec.spec import NodeSpec
@@ -19,7 +31,8 @@ from lab3_usd.spec.spec import NodeSpec
 class TfView(Struct, frozen=True):
     """The transforms of a stage beside the roles of the nodes that publish them.
 
-    `played` maps the path of a node to the spec of the role it plays.
+    `played` maps the path of a node to the spec of the role it plays. `hidden` are the frames
+    that only a missing asset could tell.
     """
 
     subject: StageSubject
@@ -27,6 +40,7 @@ class TfView(Struct, frozen=True):
     live: dict[str, Node]
     running: dict[str, Node]
     played: dict[str, NodeSpec]
+    hidden: tuple[Hidden, ...] = ()
 
     @property
     def children(self) -> dict[str, list[Edge]]:
@@ -58,6 +72,7 @@ def tf_view(subject: StageSubject) -> TfView:
         live_nodes(stage, lab),
         running_nodes(stage, lab),
         played,
+        hidden_frames(stage, lab),
     )
 
 
@@ -114,7 +129,7 @@ def frame_makers(view: TfView) -> Iterator[Maker]:
     A node that is missing, does not run or whose frames nobody sends as they are is the business
     of other rules. One that computes nothing is not: then its targets are at fault.
     """
-    sent = {edge.cause for edge in view.edges}
+    sent = {edge.cause for edge in view.edges} | {hidden.cause for hidden in view.hidden}
     mangled = {edge.cause for edge in view.edges if is_mangled(edge, view)}
     for path, spec in view.played.items():
         node = view.running.get(path)
@@ -131,44 +146,66 @@ def frame_makers(view: TfView) -> Iterator[Maker]:
 def missing_frames(maker: Maker, view: TfView) -> list[str]:
     """Return the required frames that nobody publishes although their prims are in the scene.
 
-    A prim that is not in the scene is the business of the scene's rules, and one that an asset
-    may hold which cannot be found is nobody's.
+    A prim that is not in the scene is the business of the scene's rules. One that an asset may
+    hold which cannot be found counts as there: what names no target is not published.
     """
     children = view.children
     stage = view.subject.stage
     required = [child for _, child in view.subject.lab.frames.edges]
-    if any(_may_expand(target, view) for target in maker.node.targets(maker.port)):
-        return []
     return [
         frame
         for frame in required
         if frame in maker.homes
         and frame not in children
-        and stage.prim(maker.homes[frame]) is not None
+        and not may_be_given(frame, maker, view)
+        and (stage.prim(maker.homes[frame]) or is_hidden(stage, maker.homes[frame]))
     ]
 
 
-def _may_expand(target: str, view: TfView) -> bool:
-    """Whether a missing asset hides what this target stands for."""
+def may_be_given(frame: str, maker: Maker, view: TfView) -> bool:
+    """Whether a required frame may be one of those that only a missing asset could tell."""
+    home, stage = maker.homes[frame], view.subject.stage
+    prim = stage.prim(home)
+    is_told = prim is not None and not is_unknown(home, stage)
+    if is_told and prim is not None and not {BODY_API, *FRAME_APIS} & set(prim.apis):
+        return False  # no target stands for a prim that is neither a body nor a link
+    return any(each.cause == maker.node.path and each.may_give(home) for each in view.hidden)
+
+
+def self_pairs(node: Node, view: TfView) -> list[Pair]:
+    """Return the frames of a node that would be their own parents."""
+    pairs = computed_pairs(node, view.subject.stage, view.subject.lab)
+    return [pair for pair in pairs if pair.parent == pair.child]
+
+
+def lists_its_parent(node: Node) -> bool:
+    """Whether the parent prim of a computing node is one of its targets: a frame below itself."""
+    return computes(node) and parent_prim(node) in listed_targets(node)
+
+
+def lacks_the_camera_only(maker: Maker, view: TfView) -> bool:
+    """Whether nothing is missing but what the robot root as the only target cannot give.
+
+    F9 allows that target, so it costs nothing.
+    """
+    robot = view.subject.lab.scene["robot"]
     stage = view.subject.stage
-    hidden = stage.prim(target) is not None and stage.unresolved_above(target) is not None
-    return hidden and not expands(target, stage)
+    if maker.node.targets(maker.port) != (robot["path"],):
+        return False
+    stands_for_links = expands(robot["path"], maker.node, stage) or is_unknown(robot["path"], stage)
+    return stands_for_links and not set(robot["links"]) & set(missing_frames(maker, view))
 
 
-def own_parents(maker: Node, view: TfView) -> list[str]:
-    """Return the targets of a node that are its parent prim and stand for themselves."""
-    if not tf_ports(maker).prims:
-        return []
-    parent_port, target_port = tf_ports(maker).prims
-    parents = maker.targets(parent_port)[:1]
-    return [
-        target
-        for target in maker.targets(target_port)
-        if target in parents and not expands(target, view.subject.stage)
-    ]
+def waived_frames(view: TfView) -> set[str]:
+    """Return the required frames whose absence is nobody's fault.
 
-
-def is_robot_alone(maker: Maker, view: TfView) -> bool:
-    """Whether the robot is the only target and stands for its links, as F9 allows."""
-    robot = view.subject.lab.scene["robot"]["path"]
-    return maker.node.targets(maker.port) == (robot,) and expands(robot, view.subject.stage)
+    Those are the ones that a missing asset may hold, and those that F9 itself loses.
+    """
+    waived: set[str] = set()
+    for maker in frame_makers(view):
+        if not differs_from_spec(maker.node.path, view):
+            given = (frame for frame in maker.homes if may_be_given(frame, maker, view))
+            waived.update(given)
+            if lacks_the_camera_only(maker, view):
+                waived.update(missing_frames(maker, view))
+    return waived - set(view.children)

@@ -30,7 +30,7 @@ def frame_id_outside_the_tree(subject: StageSubject) -> Iterator[Problem]:
     if not subject.checkpoint.frames:
         return
     view = tf_view(subject)
-    if unknown_publishers(subject.stage, subject.lab):
+    if view.hidden or unknown_publishers(subject.stage, subject.lab):
         return
     required = {frame for edge in subject.lab.frames.edges for frame in edge}
     frames = {frame for edge in view.edges for frame in (edge.parent, edge.child)} | required
@@ -60,22 +60,24 @@ def _foreign_frames(node: Node, topic: str, view: TfView) -> Iterator[Problem]:
         )
 
 
-@rule("T12", "unknown-frames", scope="stage", severity="note")
+@rule("T12", "unknown-frames", scope="stage", severity="warning")
 def unknown_frames(subject: StageSubject) -> Iterator[Problem]:
     """A node publishes transforms between frames that the stage does not tell.
 
-    Why: nobody can say from the file whether the TF tree is right.
+    Why: the names come over a wire when the simulation runs. A frame of the lab may be among them,
+    which then has two publishers, and jumps between them.
 
-    Fix: use the publishers of F8 and F10, whose frames are settings and target prims, or check the
-    tree with view_frames while the simulation runs.
+    Fix: type the frame ids into the node, or delete it where the lab does not need it. Otherwise
+    check the tree with view_frames while the simulation runs.
 
-    Example: a generic ROS2 Publisher sends tf2_msgs/msg/TFMessage on `/tf`.
+    Example: a Publish Raw Transform Tree whose Child Frame ID is wired to a node that computes it.
     """
     if not subject.checkpoint.frames:
         return
     for path in unknown_publishers(subject.stage, subject.lab):
-        yield Problem(
-            path,
-            "publishes transforms between frames that the stage does not tell",
-            handout=subject.lab.frames.handout,
-        )
+        if path not in subject.blamed:
+            yield Problem(
+                path,
+                "publishes transforms between frames that the stage does not tell",
+                handout=subject.lab.frames.handout,
+            )

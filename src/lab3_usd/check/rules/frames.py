@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.computed_frames import expands, tf_ports
+from lab3_usd.check.absence import is_at_or_below, is_hidden
+from lab3_usd.check.computed_frames import expands, listed_targets, parent_prim, tf_ports
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.frame_names import NAME_OVERRIDE, frame_name
 from lab3_usd.check.frames import Edge
+from lab3_usd.check.link_tree import LINK_API, ROBOT_API
+from lab3_usd.check.model import Node
+from lab3_usd.check.physics import BODY_API
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules import frame_ids, frame_tree, odom_parent  # noqa: F401 - their rules
 from lab3_usd.check.subject import StageSubject
@@ -16,10 +20,11 @@ from lab3_usd.check.tf_view import (
     TfView,
     differs_from_spec,
     frame_makers,
-    is_robot_alone,
     judged_elsewhere,
+    lacks_the_camera_only,
+    lists_its_parent,
     missing_frames,
-    own_parents,
+    self_pairs,
     tf_view,
 )
 
@@ -29,7 +34,10 @@ def missing_frame(subject: StageSubject) -> Iterator[Problem]:
     """A frame of the required TF tree is not published.
 
     Why: RViz, AMCL and Nav2 cannot place what has no transform: without `base_scan` the scan is
-    dropped, without `Camera_1` the image has no place.
+    dropped, without `Camera_1` the image has no place. The robot root as a target gives only the
+    prims below it that carry IsaacLinkAPI, IsaacSiteAPI or IsaacReferencePointAPI; what it lists
+    as its links plays no part. A target with the articulation root gives the bodies at and below
+    it: for `base_footprint`, beside which the links stand, that is itself alone.
 
     Fix: select the Isaac Compute Transform Tree node and add the prim of the frame to Target
     Prims. Where the prim carries a name override, clear it.
@@ -41,16 +49,8 @@ def missing_frame(subject: StageSubject) -> Iterator[Problem]:
         return
     view = tf_view(subject)
     for maker in frame_makers(view):
-        if own_parents(maker.node, view) or differs_only_by_robot(maker, view):
-            continue
-        yield from _missing_of(maker, missing_frames(maker, view), view)
-
-
-def differs_only_by_robot(maker: Maker, view: TfView) -> bool:
-    """Whether all that is missing is what the robot as the only target cannot give."""
-    missing = missing_frames(maker, view)
-    links = set(view.subject.lab.scene["robot"]["links"])
-    return is_robot_alone(maker, view) and not links & set(missing)
+        if not lists_its_parent(maker.node) and not lacks_the_camera_only(maker, view):
+            yield from _missing_of(maker, missing_frames(maker, view), view)
 
 
 def _missing_of(maker: Maker, missing: list[str], view: TfView) -> Iterator[Problem]:
@@ -67,21 +67,40 @@ def _missing_of(maker: Maker, missing: list[str], view: TfView) -> Iterator[Prob
             handout=maker.handout,
         )
     rest = [frame for frame in missing if frame not in renamed]
-    robot = view.subject.lab.scene["robot"]["path"]
-    alone = robot in targets and not expands(robot, stage)
-    together = len(rest) == len(maker.homes) or (alone and bool(rest))
-    stands = f"; {robot} stands for itself, not for its links, without its robot schema"
+    why = _why_not_all(maker, rest, view)
+    together = len(rest) == len(maker.homes) or (bool(why) and bool(rest))
+    strangers = [
+        path for path in targets if stage.prim(path) is None and not is_hidden(stage, path)
+    ]
+    nowhere = f"; {', '.join(strangers)} is not in the scene" if strangers else ""
     for frames in [rest] if together else [[frame] for frame in rest]:
-        strangers = [path for path in targets if stage.prim(path) is None]
-        nowhere = f"; {', '.join(strangers)} is not in the scene" if strangers else ""
         yield Problem(
             maker.node.path,
-            f"nothing publishes {_listed(frames)}{nowhere}{stands if alone else ''}",
+            f"nothing publishes {_listed(frames)}{nowhere}{why}",
             property=maker.port,
             expected=", ".join(maker.homes[frame] for frame in frames),
             actual=", ".join(targets) or "no targets",
             handout=maker.handout,
         )
+
+
+def _why_not_all(maker: Maker, missing: list[str], view: TfView) -> str:
+    """Say why the robot, which is one of the targets, does not give all of its links."""
+    robot: str = view.subject.lab.scene["robot"]["path"]
+    prim = view.subject.stage.prim(robot)
+    if prim is None or robot not in maker.node.targets(maker.port):
+        return ""
+    homes = [maker.homes[frame] for frame in missing]
+    if not expands(robot, maker.node, view.subject.stage):
+        lack = "links of Isaac Sim's robot schema" if ROBOT_API in prim.apis else ROBOT_API
+        return f"; {robot} stands for itself, not for its links, for it has no {lack}"
+    links = [home for home in homes if is_at_or_below(home, robot) and _is_body(home, view)]
+    return f"; {robot} does not give {', '.join(links)} without {LINK_API}" if links else ""
+
+
+def _is_body(path: str, view: TfView) -> bool:
+    prim = view.subject.stage.prim(path)
+    return prim is not None and BODY_API in prim.apis
 
 
 def _listed(frames: list[str]) -> str:
@@ -157,7 +176,9 @@ def frame_is_its_own_parent(subject: StageSubject) -> Iterator[Problem]:
     """A transform leads from a frame to itself.
 
     Why: tf2 rejects a frame that is its own parent (TF_SELF_TRANSFORM) and logs an error for every
-    message.
+    message. Isaac Sim leaves the parent prim out only where a robot root is the target, not where
+    it is listed itself, with the articulation root or without. Where an articulation root above
+    it is the target, the other frames arrive all the same: a warning.
 
     Fix: take the parent prim out of the Target Prims of Isaac Compute Transform Tree: it is the
     frame that the others hang below, and odometry places it.
@@ -168,28 +189,62 @@ def frame_is_its_own_parent(subject: StageSubject) -> Iterator[Problem]:
         return
     view = tf_view(subject)
     for path, node in view.live.items():
-        for target in () if differs_from_spec(path, view) else own_parents(node, view):
-            port = tf_ports(node).prims[1]
-            yield Problem(
-                path,
-                f"{target} is the parent prim and a target: its frame is its own parent",
-                property=port,
-                expected=f"targets without {target}",
-                actual=", ".join(node.targets(port)),
-                handout=subject.lab.frames.handout,
-            )
+        if not differs_from_spec(path, view):
+            yield from _own_parents(node, view)
     strangers = (edge for edge in view.edges if edge.cause not in {*view.played, *subject.blamed})
     for edge in strangers:
         if edge.parent == edge.child != view.odom and edge.target is None:
             yield Problem(edge.cause, f"publishes '{edge.child}' as its own parent")
 
 
+def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
+    parent, targets = parent_prim(node), listed_targets(node)
+    if lists_its_parent(node):
+        yield _listed_parent(node, view)
+        return
+    for pair in self_pairs(node, view):
+        named = f"{pair.prim} is named '{pair.child}' as the parent frame is"
+        inside = f"{pair.target} stands for its bodies, the parent prim {parent} among them"
+        is_inside = pair.prim == parent
+        yield Problem(
+            node.path,
+            f"{inside if is_inside else named}: '{pair.child}' is its own parent",
+            property=tf_ports(node).prims[1],
+            expected="the links themselves as targets" if is_inside else "a frame of another name",
+            actual=", ".join(targets),
+            handout=view.subject.lab.frames.handout,
+            severity="warning" if is_inside else None,
+            hint=f"name the links, not {pair.target}" if is_inside else f"rename {pair.prim}",
+        )
+
+
+def _listed_parent(node: Node, view: TfView) -> Problem:
+    """Say that the parent prim is a target, and which frames that target does not give."""
+    parent, targets = parent_prim(node), listed_targets(node)
+    makers = [maker for maker in frame_makers(view) if maker.node.path == node.path]
+    lost = [(frame, maker) for maker in makers for frame in missing_frames(maker, view)]
+    losing = f", and nothing publishes {_listed([frame for frame, _ in lost])}" if lost else ""
+    wanted = [path for path in targets if path != parent]
+    wanted += [maker.homes[frame] for frame, maker in lost]
+    return Problem(
+        node.path,
+        f"{parent} is the parent prim and a target: its frame is its own parent{losing}",
+        property=tf_ports(node).prims[1],
+        expected=", ".join(wanted) or f"targets without {parent}",
+        actual=", ".join(targets),
+        handout=view.subject.lab.frames.handout,
+    )
+
+
 @rule("T10", "robot-root-alone", scope="stage", severity="warning")
 def robot_root_alone(subject: StageSubject) -> Iterator[Problem]:
     """The robot root is the only target prim, and the camera is no link of the robot.
 
-    Why: the robot root stands for the links that its Isaac Robot API lists. The camera is not
-    among them, so that its frame is missing from the tree that the lab requires.
+    Why: a robot root stands for the prims of its subtree that carry IsaacLinkAPI, IsaacSiteAPI or
+    IsaacReferencePointAPI, whatever it lists as its links. A camera carries none of them unless
+    somebody applied it, so that its frame is missing from the tree that the lab requires, and
+    RViz has no place for the image. The robot drives and navigates all the same, and F9 allows
+    this target: it costs no points.
 
     Fix: keep `/turtlebot3_burger` and add `/turtlebot3_burger/base_footprint/Camera_1` as a second
     target prim.
@@ -202,7 +257,7 @@ def robot_root_alone(subject: StageSubject) -> Iterator[Problem]:
     view = tf_view(subject)
     for maker in frame_makers(view):
         missing = missing_frames(maker, view)
-        if missing and not own_parents(maker.node, view) and differs_only_by_robot(maker, view):
+        if missing and lacks_the_camera_only(maker, view):
             homes = ", ".join(maker.homes[frame] for frame in missing)
             yield Problem(
                 maker.node.path,
