@@ -39,7 +39,8 @@ def missing_target(subject: GraphSubject) -> Iterator[Problem]:
     """A relationship that a node needs names no prim.
 
     Why: without its prim the node does nothing: no articulation to drive, no sensor to render,
-    no body whose odometry is computed.
+    no body whose odometry is computed. Isaac Compute Transform Tree without a parent prim hangs
+    its frames below `world`, apart from the robot.
 
     Fix: select the node, click the picker of the field in the Property panel and choose the prim.
 
