@@ -175,6 +175,19 @@ def test_the_stage_in_work_goes_before_one_elsewhere(folder: Path) -> None:
     assert faults(checked(folder)) == []
 
 
+@pytest.mark.parametrize(
+    "second", ["work/Lab3_03_lidar (1).usda", "logs/Lab3_03_lidar.usda", "Lab3_3.usd"]
+)
+def test_a_second_file_of_a_checkpoint_is_named_with_the_one_that_is_judged(
+    folder: Path, second: str
+) -> None:
+    copy(stage_name("03"), second)(folder)
+    found = [each for each in checked(folder).submission.findings if each.rule == "X05"]
+    assert [(each.prim, each.severity, each.related) for each in found] == [
+        (second, "note", (stage_name("03"),))
+    ]
+
+
 def test_a_misnamed_stage_is_judged_all_the_same(folder: Path) -> None:
     rename(stage_name("03"), "work/lidar_Lab3_03.usda")(folder)
     rename(stage_name("04"), "work/LAB3_4.usda")(folder)

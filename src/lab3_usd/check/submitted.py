@@ -33,13 +33,15 @@ class StageFile(Struct, frozen=True):
     """The file that stands for one checkpoint, and how it is named.
 
     `slip` is a file that ends in what is no ending of USD. `others` are files with the same
-    right name and another ending.
+    right name and another ending, `more` files elsewhere or of other names that seem to be of the
+    same checkpoint.
     """
 
     checkpoint: str
     path: str
     how: Literal["right", "misplaced", "misnamed", "slip"] = "right"
     others: tuple[str, ...] = ()
+    more: tuple[str, ...] = ()
 
 
 class StarterFile(Struct, frozen=True):

@@ -90,7 +90,7 @@ def _named(context: click.Context, parameter: click.Parameter, submissions: str)
 def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one entry per option
     """Grade a class: a folder for each student, archives, or single stages.
 
-    SUBMISSIONS is a folder or an archive as Canvas, Gradescope or Moodle export it, or the address
+    SUBMISSIONS is a folder or an archive as a learning platform exports it, or the address
     of a folder in object storage. The gradebook has grades.csv, grades.json, index.html and a
     report folder for each student. Exit status: 0 every submission has a grade or a status, 2
     wrong usage or rubric, 3 the tool itself failed, 130 interrupted: go on with --resume.

@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import errno
 import lzma
+import shutil
 import stat
 import tarfile
+import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -42,12 +44,40 @@ def is_no_room(error: Exception) -> bool:
     return isinstance(error, OSError) and error.errno in _NO_ROOM
 
 
-def _admit(name: str, intake: Intake) -> bool:
-    """Whether a file of an archive may come in; archives in a student's archive do not."""
-    if is_archive(name) and not intake.archives:
-        intake.refuse(name, "it is an archive in an archive; hand in the files themselves")
-        return False
-    return True
+def _is_nested(name: str, intake: Intake) -> bool:
+    """Whether a file of a student's archive is an archive itself; those of a class stay whole."""
+    return is_archive(name) and not intake.archives
+
+
+def _unpack_nested(stream: BinaryIO, size: int, name: str, intake: Intake) -> None:
+    """Take in an archive that lies in an archive, as if its files lay in its place.
+
+    One in one of those is refused.
+    """
+    if intake.is_nested:
+        intake.refuse(name, "it is an archive in an archive in an archive; not unpacked")
+        return
+    if size > intake.limits.file_size:
+        intake.refuse(name, f"it is larger than {intake.limits.file_size >> 20} MB; not opened")
+        return
+    with tempfile.TemporaryDirectory(prefix="lab3-nested-") as folder:
+        inner = Path(folder, f"archive{_ending(name)}")
+        with inner.open("wb") as file:
+            shutil.copyfileobj(stream, file)
+        folder_of_it, slash, _ = name.rpartition("/")
+        intake.is_nested = True
+        try:
+            unpack(inner, folder_of_it + slash, intake)
+        except ArchiveError as error:
+            intake.refuse(name, str(error).partition(": ")[2])
+        finally:
+            intake.is_nested = False
+
+
+def _ending(name: str) -> str:
+    """Return the ending that tells what kind of archive it is."""
+    known = (*ZIP_ENDINGS, *TAR_ENDINGS)
+    return next(ending for ending in known if name.lower().endswith(ending))
 
 
 def unpack(archive: Path, prefix: str, intake: Intake) -> None:
@@ -97,7 +127,7 @@ def _from_zip(archive: Path, prefix: str, intake: Intake) -> None:
             name = prefix + _without_top(entry.filename, names)
             if entry.is_dir():
                 intake.keep_folder(name)
-            elif _admit(name, intake):
+            else:
                 _zip_entry(packed, entry, name, intake)
 
 
@@ -108,7 +138,10 @@ def _zip_entry(packed: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str, intak
         return
     try:
         with packed.open(entry) as stream:
-            intake.take(name, entry.file_size, cast("BinaryIO", stream))
+            if _is_nested(name, intake):
+                _unpack_nested(cast("BinaryIO", stream), entry.file_size, name, intake)
+            else:
+                intake.take(name, entry.file_size, cast("BinaryIO", stream))
     except _DAMAGED as error:
         if is_no_room(error):
             raise
@@ -141,9 +174,11 @@ def _from_tar(archive: Path, prefix: str, intake: Intake) -> None:
         if not member.isreg() or member.issparse():
             intake.refuse(inside, "it is a link, pipe or device; not unpacked")
             continue
-        stream = packed.extractfile(member) if _admit(inside, intake) else None
-        if stream is not None:
-            intake.take(inside, member.size, cast("BinaryIO", stream))
+        stream = cast("BinaryIO", packed.extractfile(member))  # a plain file has one
+        if _is_nested(inside, intake):
+            _unpack_nested(stream, member.size, inside, intake)
+        else:
+            intake.take(inside, member.size, stream)
 
 
 def _tar_names(archive: Path, intake: Intake) -> list[str]:

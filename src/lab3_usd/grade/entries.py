@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from msgspec import Struct
@@ -12,23 +12,15 @@ from msgspec import Struct
 from lab3_usd.check.checker import checkpoint_of
 from lab3_usd.grade.archives import OTHER_ENDINGS, is_archive
 from lab3_usd.grade.intake import LEFTOVERS
+from lab3_usd.grade.platforms import file_owners, is_platform_name
 from lab3_usd.grade.staging import Source
 from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.loader import load_lab
 
 _STAGE = (".usd", ".usda", ".usdc", ".usdz", ".uda")
 ARCHIVE_END = re.compile(r"(\.tar)?\.[A-Za-z0-9]+$")
-# doejane_LATE_12345_67890_work-1.zip: name, student number, number of the upload, file.
-_CANVAS = re.compile(
-    r"^(?P<name>[^_]+)_(?:(?P<late>LATE)_)?(?P<id>\d+)_(?P<upload>\d+)_(?P<file>.+)$"
-)
-# Jane Doe_1234567_assignsubmission_file_work.zip, as a file or as a folder
-_MOODLE = re.compile(
-    r"^(?P<name>[^_]+)_(?P<id>\d+)_assignsubmission_(?:file|onlinetext)(?:_(?P<file>.*))?$"
-)
 # jane_Lab3_05_odometry_tf.usda: a student's name before a checkpoint's
 _NAMED_STAGE = re.compile(r"^(?P<name>.+?)[ _-]+(?P<file>lab[ _-]*3[ _-].*)$", re.IGNORECASE)
-_AGAIN = re.compile(r"-\d+(?=\.[A-Za-z0-9.]+$)")  # Canvas numbers what is uploaded again
 Entry = tuple[str, bool]
 Known = Mapping[str, tuple[str, str]]
 
@@ -38,7 +30,7 @@ class Part(Struct, frozen=True):
 
     `entry` is its name where it belongs to nobody else, whatever student it says it is of;
     parts without belong together when their students are the same. Of several uploads the one
-    with the highest number is the last.
+    with the highest number is the last. `doubt` names another student that it may be of.
     """
 
     student: str
@@ -47,6 +39,7 @@ class Part(Struct, frozen=True):
     late: bool = False
     upload: int = 0
     entry: str = ""
+    doubt: str = ""
 
 
 def entries_in(folder: Path) -> list[Entry]:
@@ -70,8 +63,7 @@ def is_part(entry: Entry) -> bool:
         return False
     if is_folder or is_archive(name) or name.lower().endswith((*OTHER_ENDINGS, *_STAGE)):
         return True
-    # Files of any other kind are when a platform put a student's name before theirs.
-    return bool(_CANVAS.match(name) or _MOODLE.match(name))
+    return is_platform_name(name)
 
 
 def looks_like_submission(entries: Iterable[Entry]) -> bool:
@@ -82,31 +74,30 @@ def looks_like_submission(entries: Iterable[Entry]) -> bool:
     return len(numbered) > 1 or any(each and name.lower() == stages for name, each in known)
 
 
-def part_of(entry: Entry, known: Known) -> Part:
-    """Return whose an entry is; `known` are the numbers and names of students by their folders."""
-    name, is_folder = entry
-    return _of_folder(Path(name), known) if is_folder else _of_file(Path(name))
+def parts_of(entries: Iterable[Entry], known: Known) -> Iterator[Part]:
+    """Yield whose each entry is; `known` are the numbers and names of students by their folders."""
+    every = list(entries)
+    owners = file_owners(name for name, _ in every)
+    for name, is_folder in every:
+        owner = owners.get(name)
+        if is_folder and name in known:
+            student, called = known[name]
+            yield Part(student, called, Source(Path(name)), entry=name)
+        elif owner is not None:
+            file = "" if is_folder else owner.file or name
+            source = Source(Path(name), file)
+            yield Part(
+                owner.student, owner.name, source, owner.late, owner.upload, doubt=owner.doubt
+            )
+        else:
+            yield _of_folder(Path(name)) if is_folder else _of_file(Path(name))
 
 
-def _of_folder(path: Path, known: Known) -> Part:
-    if path.name in known:
-        student, name = known[path.name]
-        return Part(student, name, Source(path), entry=path.name)
-    moodle = _MOODLE.match(path.name)
-    if moodle is not None:
-        return Part(moodle["id"], moodle["name"], Source(path))
+def _of_folder(path: Path) -> Part:
     return Part(path.name, path.name, Source(path))
 
 
 def _of_file(path: Path) -> Part:
-    canvas = _CANVAS.match(path.name)
-    if canvas is not None:
-        source = Source(path, _AGAIN.sub("", canvas["file"]))
-        late, upload = canvas["late"] is not None, int(canvas["upload"][:18])
-        return Part(canvas["id"], canvas["name"], source, late, upload)
-    moodle = _MOODLE.match(path.name)
-    if moodle is not None:
-        return Part(moodle["id"], moodle["name"], Source(path, moodle["file"] or path.name))
     named = _NAMED_STAGE.match(path.name)
     if named is not None and path.name.lower().endswith(_STAGE):
         return Part(named["name"], named["name"], Source(path, named["file"]))

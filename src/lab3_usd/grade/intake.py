@@ -44,7 +44,8 @@ class Intake:
 
     With `archives`, the files of a class come in as they are, and archives in an archive too:
     those of a class are students', and are looked into one by one. `hidden` are the names of what
-    is passed over there without a word.
+    is passed over there without a word, and `is_nested` holds while an archive that lay in another
+    is unpacked.
     """
 
     target: Path
@@ -54,6 +55,7 @@ class Intake:
     refused: list[Refused] = field(default_factory=list)
     hidden: list[str] = field(default_factory=list)
     taken: int = 0
+    is_nested: bool = False
 
     def refuse(self, name: str, reason: str) -> None:
         """Record that a file is not taken in."""

@@ -22,7 +22,7 @@ from lab3_usd.grade.entries import (
     is_leftover,
     is_part,
     looks_like_submission,
-    part_of,
+    parts_of,
 )
 from lab3_usd.grade.gradescope_export import METADATA, Names, names_in, read_metadata
 from lab3_usd.grade.intake import Refused
@@ -150,7 +150,9 @@ def _parts(at: Place, entries: list[Entry], names: Names, say: Say) -> list[Part
     missing = dict.fromkeys(entry for entry, _ in at.left_out if entry[0] not in here)
     every = sorted({name: (name, is_folder) for name, is_folder in missing}.values()) + entries
     _say_passed_over(at, every, say)
-    parts = [part_of(entry, names.by_folder) for entry in sorted(every) if is_part(entry)]
+    ours = (entry for entry in sorted(every) if is_part(entry))
+    parts = list(parts_of(ours, names.by_folder))
+    _say_doubts(parts, say)
     if METADATA in here:
         _say_unnamed(every, names.by_folder, names.fault, say)
     return parts
@@ -164,6 +166,13 @@ def _say_passed_over(at: Place, entries: list[Entry], say: Say) -> None:
     ]
     if names:
         say(f"{at.given}: passed over, as nobody's submission: {_listed(names)}")
+
+
+def _say_doubts(parts: list[Part], say: Say) -> None:
+    for part in parts:
+        if part.doubt:
+            file = _listed([part.source.path.name])
+            say(f"{file}: taken as of {part.name} ({part.student}); may be of {part.doubt}")
 
 
 def _say_unnamed(entries: list[Entry], known: Known, fault: str, say: Say) -> None:

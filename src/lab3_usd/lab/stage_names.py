@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from difflib import SequenceMatcher
 from pathlib import PurePosixPath
 
+from msgspec.structs import replace
+
 from lab3_usd.check.submitted import Entry, StageFile
 from lab3_usd.spec.spec import Lab
 from lab3_usd.spec.submission_spec import StageFiles
@@ -38,7 +40,23 @@ def find_stages(
             taken.add(entry.path)
             slip = _ending(entry, files) in files.slips
             found[number] = StageFile(number, entry.path, "slip" if slip else "misnamed")
-    return dict(sorted(found.items()))
+    rest = [entry for entry in left if entry.path not in taken]
+    seconds = _seconds(rest[:_MOST_GUESSED], {n: each.file for n, each in lab.checkpoints.items()})
+    return {
+        number: replace(stage, more=seconds.get(number, ()))
+        for number, stage in sorted(found.items())
+    }
+
+
+def _seconds(rest: Sequence[Entry], names: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """Return the files that seem to be of a checkpoint whose stage is another file."""
+    likeliest: dict[str, str] = {}
+    for entry, number in _guesses(rest, names):
+        likeliest.setdefault(entry.path, number)
+    return {
+        number: tuple(sorted(path for path, said in likeliest.items() if said == number))
+        for number in names
+    }
 
 
 def _ending(entry: Entry, files: StageFiles) -> str:

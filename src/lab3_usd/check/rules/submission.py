@@ -89,20 +89,25 @@ def no_usd_ending(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X05", "stage-in-two-forms", scope="submission", severity="warning")
 def stage_in_two_forms(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A checkpoint was handed in as text and as binary stage.
+    """A checkpoint has more than one stage in the submission.
 
-    Why: nobody knows which of the two is the work; only the first is judged.
+    A note where the second file lies elsewhere or has another name.
+
+    Why: nobody knows which of the two is the work. One is judged: that with the name of the
+    handout in the folder work, of two endings the handout's own.
 
     Fix: delete the older of the two.
 
     Example: `Lab3_03_lidar.usda` and `Lab3_03_lidar.usd`.
     """
+    handout = subject.spec.stages.handout
     for stage in subject.listing.stages.values():
-        for other in stage.others:
-            message = f"a second file for checkpoint {stage.checkpoint}; {stage.path} is judged"
-            yield Problem(
-                other, message, handout=subject.spec.stages.handout, related=(stage.path,)
-            )
+        judged = f"second file for checkpoint {stage.checkpoint}; {stage.path} is judged"
+        for path in stage.others:
+            yield Problem(path, f"a {judged}", handout=handout, related=(stage.path,))
+        for path in stage.more:
+            message = f"seems to be a {judged}"
+            yield Problem(path, message, handout=handout, severity="note", related=(stage.path,))
 
 
 @rule("X11", "file-not-opened", scope="submission")

@@ -1,0 +1,225 @@
+"""Reads whose a file is from the name that a learning platform gave it.
+
+Canvas: `lib/content_zipper.rb` of instructure/canvas-lms. Moodle: `classes/downloader.php` of
+`mod/assign` in moodle/moodle. Blackboard and Brightspace publish no source; their names are those
+of public exports.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+
+class FileOwner(Struct, frozen=True):
+    """Whose a file or folder is, as its name says.
+
+    `file` is the student's own name for it, '' for none. Of several files with one name the one
+    with the highest `upload` is the latest. `doubt` names the other student that it may be of.
+    """
+
+    student: str
+    name: str
+    file: str = ""
+    late: bool = False
+    upload: int = 0
+    doubt: str = ""
+
+
+# Canvas: [name, LATE?, id] or [LATE?, anon_ID], then the number of the upload and the file.
+_CANVAS_ANONYMOUS = re.compile(
+    r"^(?P<late>LATE_)?(?P<id>anon_[A-Za-z0-9]+)_(?:(?P<upload>\d+)_(?P<file>.+)|(?P<page>text|link)\.html)$"
+)
+_CANVAS_PAGES = ("text.html", "link.html")
+_LATE = "LATE"
+_AGAIN = re.compile(r"-\d+(?=\.[A-Za-z0-9.]+$)")  # Canvas numbers what is uploaded again
+# Moodle: [name, id?] assignsubmission, plugin, file; only the default group has no id.
+_MOODLE = re.compile(
+    r"^(?P<name>[^_]+)(?:_(?P<id>\d+))?_assignsubmission_[a-z]+(?:_(?P<file>.*))?$"
+)
+# Brightspace: numbers of user and folder - name - date - file
+_BRIGHTSPACE = re.compile(
+    r"^(?P<first>\d+)-(?P<second>\d+) ?- (?P<name>.+?) ?- "
+    r"(?P<date>[A-Z][a-z]{2,8} \d{1,2}, \d{4} \d{3,4}(?: [AP]M)?)(?: ?- (?P<file>.+))?$"
+)
+# Blackboard: assignment, user, attempt, date, file; a receipt without a file for each attempt
+_BLACKBOARD = re.compile(
+    r"^(?P<head>.+)_attempt_(?P<date>\d{4}(?:-\d\d){5})(?:_(?P<file>.+)|\.txt)$"
+)
+_LONGEST_NUMBER = 18  # digits
+_LONGEST_NAME = 255  # of what a file system takes
+
+
+def is_platform_name(name: str) -> bool:
+    """Whether a learning platform put a student's name before that of the file."""
+    if len(name) > _LONGEST_NAME:
+        return False
+    return bool(
+        _CANVAS_ANONYMOUS.match(name)
+        or any(_canvas_readings(name))
+        or any(form.match(name) for form in (_MOODLE, _BRIGHTSPACE, _BLACKBOARD))
+    )
+
+
+def file_owners(names: Iterable[str]) -> dict[str, FileOwner]:
+    """Return whose each file or folder is; names that no platform wrote are left out.
+
+    The names of a class are read together, because one alone may be ambiguous.
+    """
+    known = [name for name in names if len(name) <= _LONGEST_NAME]
+    found: dict[str, FileOwner] = {}
+    for reader in (_brightspace, _blackboard, _moodle, _canvas):
+        found.update(reader([name for name in known if name not in found]))
+    return found
+
+
+def _number(digits: str) -> int:
+    return int(digits[:_LONGEST_NUMBER])
+
+
+def _canvas_readings(name: str) -> Iterator[FileOwner]:
+    """Yield every way to read a name of Canvas, the shortest student's name first.
+
+    Names of students and groups may hold underscores, and end in a number after one; Canvas takes
+    the underscores from numbers in the middle of a name.
+    """
+    parts = name.split("_")
+    for index in range(1, len(parts) - 1):
+        if not _is_number(parts[index]):
+            continue
+        rest = parts[index + 1 :]
+        is_late = index > 1 and parts[index - 1] == _LATE
+        name_of = "_".join(parts[: index - is_late]).strip("_") or parts[index]
+        owner = FileOwner(parts[index], name_of, "_".join(rest), is_late)
+        if owner.file in _CANVAS_PAGES:
+            yield owner
+        elif len(rest) > 1 and _is_number(rest[0]) and any(rest[1:]):
+            file = _AGAIN.sub("", "_".join(rest[1:]))
+            yield replace(owner, file=file, upload=_number(rest[0]))
+        if any(_is_number(part) for part in parts[1:index]):
+            return
+
+
+def _is_number(part: str) -> bool:
+    return part.isascii() and part.isdecimal()
+
+
+def _canvas(names: Iterable[str]) -> dict[str, FileOwner]:
+    """Read the names of Canvas; numbers of uploads never repeat in a class."""
+    readings: dict[str, list[FileOwner]] = {}
+    for name in names:
+        anonymous = _CANVAS_ANONYMOUS.match(name)
+        every = [_anonymous(anonymous)] if anonymous else list(_canvas_readings(name))
+        late = [each for each in every if each.late]
+        if every:
+            readings[name] = late or every
+    certain = {(each[0].student, each[0].name) for each in readings.values() if len(each) == 1}
+    used = [
+        Counter(each[min(rank, len(each) - 1)].upload for each in readings.values())
+        for rank in range(2)
+    ]
+    return {name: _likeliest(every, certain, used) for name, every in readings.items()}
+
+
+def _anonymous(found: re.Match[str]) -> FileOwner:
+    page = found["page"]
+    return FileOwner(
+        student=found["id"],
+        name=found["id"],
+        file=f"{page}.html" if page else _AGAIN.sub("", found["file"]),
+        late=found["late"] is not None,
+        upload=0 if page else _number(found["upload"]),
+    )
+
+
+def _likeliest(
+    readings: list[FileOwner], certain: set[tuple[str, str]], used: list[Counter[int]]
+) -> FileOwner:
+    """Choose between two readings of a name by what the rest of the class shows."""
+    if len(readings) == 1:
+        return readings[0]
+    known = [each for each in readings if (each.student, each.name) in certain]
+    possible = [
+        each
+        for rank, each in enumerate(readings)
+        if not each.upload or used[rank][each.upload] == 1
+    ]
+    for some in (known, possible):
+        if len(some) == 1:
+            return some[0]
+    longest = max(readings, key=lambda each: (len(str(each.upload)), len(each.student)))
+    (other, *_) = (each for each in readings if each is not longest)
+    return replace(longest, doubt=f"{other.name} ({other.student})")
+
+
+def _moodle(names: Iterable[str]) -> dict[str, FileOwner]:
+    found = {name: match for name in names if (match := _MOODLE.match(name))}
+    return {
+        name: FileOwner(match["id"] or match["name"], match["name"], match["file"] or "")
+        for name, match in found.items()
+    }
+
+
+def _brightspace(names: Iterable[str]) -> dict[str, FileOwner]:
+    found = {name: match for name in names if (match := _BRIGHTSPACE.match(name))}
+    # One of the two numbers is that of the assignment's folder, the same for the whole class.
+    ours = "first" if len({match["first"] for match in found.values()}) > 1 else "second"
+    return {
+        name: FileOwner(
+            match[ours], match["name"], match["file"] or "", upload=_minutes(match["date"])
+        )
+        for name, match in found.items()
+    }
+
+
+def _minutes(date: str) -> int:
+    """Return a date as a number that grows with time; 0 where it cannot be read."""
+    day, _, time = date.rpartition(" ")
+    if time in {"AM", "PM"}:
+        day, _, clock = day.rpartition(" ")
+        time = f"{clock.zfill(4)} {time}"
+    for form in ("%b %d, %Y %I%M %p", "%b %d, %Y %H%M", "%B %d, %Y %I%M %p", "%B %d, %Y %H%M"):
+        try:
+            when = datetime.strptime(f"{day} {time}", form)  # noqa: DTZ007 - only compared
+        except ValueError:
+            continue
+        return int(when.strftime("%Y%m%d%H%M"))
+    return 0
+
+
+def _blackboard(names: Iterable[str]) -> dict[str, FileOwner]:
+    found = {name: match for name in names if (match := _BLACKBOARD.match(name))}
+    users = _users({match["head"] for match in found.values()})
+    return {
+        name: FileOwner(
+            users[match["head"]],
+            users[match["head"]],
+            match["file"] or name,
+            upload=_number(match["date"].replace("-", "")),
+        )
+        for name, match in found.items()
+    }
+
+
+def _users(heads: Iterable[str]) -> Mapping[str, str]:
+    """Return the user in each `assignment_user`: the shortest end that tells them apart.
+
+    Both may hold underscores.
+    """
+    users: dict[str, str] = {}
+    waiting, taken = set(heads), 1
+    while waiting:
+        ends: defaultdict[str, list[str]] = defaultdict(list)
+        for head in waiting:
+            ends["_".join(head.split("_")[-taken:])].append(head)
+        for end, same in ends.items():
+            if len(same) == 1:
+                users[same[0]] = end
+        waiting -= users.keys()
+        taken += 1
+    return users
