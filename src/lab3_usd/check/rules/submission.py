@@ -89,9 +89,7 @@ def no_usd_ending(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X05", "stage-in-two-forms", scope="submission", severity="warning")
 def stage_in_two_forms(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A checkpoint has more than one stage in the submission.
-
-    A note where the second file lies elsewhere or has another name.
+    """A checkpoint has more than one stage: a note where the other lies elsewhere or is misnamed.
 
     Why: nobody knows which of the two is the work. One is judged: that with the name of the
     handout in the folder work, of two endings the handout's own.
