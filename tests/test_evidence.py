@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 
 import pytest
@@ -27,9 +28,10 @@ from ros_outputs import (
     view_frames,
 )
 
-from lab3_usd.check.subjects_lab import Evidence, GoalRun, Lookup, Names
+from lab3_usd.check.subjects_lab import Evidence, GoalRun, Lookup
 from lab3_usd.lab.evidence import read_evidence
 from lab3_usd.lab.evidence_blocks import recognise
+from lab3_usd.lab.evidence_commands import is_prompt, read_typed
 from lab3_usd.lab.evidence_message import parse_messages
 from lab3_usd.lab.evidence_outputs import parse_endpoints, parse_lookup, parse_state, parse_tree
 from lab3_usd.spec.load_ros import load_ros
@@ -51,6 +53,13 @@ def only(outputs: object) -> object:
     return shown.fact
 
 
+def understood(line: str) -> tuple[str, str] | None:
+    """Return kind and target of the command that a line holds."""
+    typed = read_typed(line)
+    block = recognise(typed, ROS.kinds) if typed else None
+    return (block.kind, block.target) if block else None
+
+
 @pytest.mark.parametrize(
     ("line", "kind", "target"),
     [
@@ -63,6 +72,7 @@ def only(outputs: object) -> object:
         ("ros2 topic info -v /tf", "topic_info", "/tf"),
         ("ros2 node list", "node_list", ""),
         ("ros2 lifecycle get amcl", "lifecycle", "/amcl"),
+        ("ros2 lifecycle get", "lifecycle", ""),
         (
             "ros2 run tf2_ros tf2_echo /map base_footprint --ros-args -p use_sim_time:=true",
             "tf2_echo",
@@ -72,14 +82,167 @@ def only(outputs: object) -> object:
     ],
 )
 def test_typed_commands_are_recognised(line: str, kind: str, target: str) -> None:
-    block = recognise(line, ROS.kinds)
-    assert block is not None
-    assert (block.kind, block.target) == (kind, target)
+    assert understood(line) == (kind, target)
 
 
-@pytest.mark.parametrize("line", ["ros2 bag info", "ros2 topic hz", "ros2 run tf2_ros tf2_echo a"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "ros2 bag info",
+        "ros2 topic hz",
+        "ros2 run tf2_ros tf2_echo a",
+        "ros2 topic hz {topic}",
+        "ros2 topic echo --field header /scan",
+        "ros2 topic echo /scan --field=header.frame_id",
+        "ros2 topic echo /odom --csv",
+        "ros2 topic echo /scan --no-str",
+        "ros2 topic hz /scan --filter 'm.range_max > 1'",
+    ],
+)
 def test_other_commands_are_not(line: str) -> None:
-    assert recognise(line, ROS.kinds) is None
+    assert understood(line) is None
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "ros2 topic hz /scan > results/hz.txt",
+        "ros2 topic hz /scan >hz.txt 2>&1",
+        "ros2 topic hz /scan >> results/hz.txt",
+        "ros2 topic hz /scan &> hz.txt",
+        "ros2 topic hz /scan | tee results/hz.txt",
+        "ros2 topic hz /scan | grep average",
+        "ros2 topic hz /scan &",
+        "ros2 topic hz /scan && ros2 topic type /scan",
+        "ros2 topic hz /scan; ros2 topic type /scan",
+        "cd ~/ws && ros2 topic hz /scan",
+        "ana@lab:~$ source setup.bash; ros2 topic hz /scan",
+        "ana@lab:~$ echo scan | xargs ros2 topic hz",
+        "docker exec ros bash -c 'source /ros.sh && ros2 topic hz /scan'",
+    ],
+)
+def test_what_is_redirected_joined_or_filtered_is_not_shown(line: str) -> None:
+    typed = read_typed(line)
+    assert typed is not None
+    assert not typed.shown
+    assert understood(line) is None
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "We ran `ros2 topic hz /scan` and saw the rate.",
+        "- `ros2 topic hz /scan` measures the rate",
+        "The command `ros2 topic hz /scan`",
+        "Then ros2 topic hz /scan tells the rate",
+        "ros2 topic hz /scan tells the rate of the scan",
+        "ros2 topic list shows every topic",
+        "To measure the rate of the lidar one types: ros2 topic hz /scan",
+        "sudo is not needed for ros2 topic hz /scan",
+        "| J4 | `ros2 topic hz /scan` | 10 Hz |",
+        "`ros2 topic hz /scan` and `ros2 topic hz /odom`",
+        "ros2 is installed",
+    ],
+)
+def test_a_command_in_a_sentence_is_none(line: str) -> None:
+    assert understood(line) is None
+
+
+@pytest.mark.parametrize(
+    "prompt",
+    [
+        "",
+        "$ ",
+        "# ",
+        "> ",
+        "ana@lab:~/RAS545/Lab3$ ",
+        "(lab) ana@lab:~$ ",
+        "[ana@lab Lab3]$ ",
+        "[12:00:01] ana@lab:~$ ",
+        "^Cana@lab:~$ ",
+        "root@4f1c2d:/ws# ",
+        "ana@mac Lab3 % ",
+        "ana@lab ~/Lab3> ",
+        "bash-5.1$ ",
+        "➜  ~ ",
+        "➜  Lab3 ",
+        "➜  Lab3 git:(main) ✗ ",
+        "❯ ",  # noqa: RUF001
+        "~/Lab3 main ❯ ",  # noqa: RUF001
+        "╰─$ ",
+        "└─$ ",
+        "λ ",
+        "### ",
+        "Terminal 2: ",
+        "timeout 10 ",
+        "timeout --signal=INT -k 3 10s ",
+        "sudo ",
+        "sudo -E -u ana ",
+        "docker exec -it ros_humble ",
+        "docker compose exec ros ",
+        "ROS_DOMAIN_ID=0 ",
+        "env ROS_DOMAIN_ID=0 ",
+        "time ",
+        "ana@lab:~$ sudo docker exec -it ros timeout 10 ",
+        "➜  ~ timeout 10 ",
+        "❯ sudo ",  # noqa: RUF001
+        "/opt/ros/humble/bin/",
+    ],
+)
+def test_prompts_and_wrappers_are_known(prompt: str) -> None:
+    assert understood(f"{prompt}ros2 topic hz /scan") == ("topic_hz", "/scan")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "`ros2 topic hz /scan`",
+        "`$ ros2 topic hz /scan`:",
+        "- `ros2 topic hz /scan`",
+        "2. **`ros2 topic hz /scan`**",
+        "### `ros2 topic hz /scan`",
+        "ros2 topic hz /scan:",
+        "ros2 topic hz /scan  # the lidar",
+        "ros2 topic hz /scan 2>&1",
+        "ros2 topic hz /scan 2> /dev/null </dev/null",
+        'docker exec ros bash -lc "ros2 topic hz /scan"',
+        "ros2 topic hz scan --window 10 --wall-time",
+    ],
+)
+def test_a_command_that_stands_alone_is_one(line: str) -> None:
+    assert understood(line) == ("topic_hz", "/scan")
+
+
+@pytest.mark.parametrize(
+    ("line", "target"),
+    [
+        ("ros2 topic echo /scan sensor_msgs/msg/LaserScan --once", "/scan"),
+        ("ros2 topic echo --qos-profile sensor_data --once /scan", "/scan"),
+        ("ros2 topic echo --once camera/image_raw", "/camera/image_raw"),
+        ("ros2 topic echo -l 5 -f /map", "/map"),
+        ("ros2 topic echo --qos-durability transient_local map", "/map"),
+    ],
+)
+def test_values_of_options_are_no_topics(line: str, target: str) -> None:
+    assert understood(line) == ("topic_echo", target)
+
+
+@pytest.mark.parametrize(
+    ("line", "prompt"),
+    [
+        ("ana@lab:~$ ls", True),
+        ("ana@lab:~$", True),
+        ("➜  ~ ls", True),
+        ("❯ clear", True),  # noqa: RUF001
+        ("$ ls", True),
+        ("average rate: 9.998", False),
+        ("/scan", False),
+        ("- Translation: [0.250, 0.001, 0.000]", False),
+        ("", False),
+    ],
+)
+def test_prompts_end_an_output(line: str, *, prompt: bool) -> None:
+    assert is_prompt(line) is prompt
 
 
 def test_a_terminal_log_is_split_at_its_commands(tmp_path: Path) -> None:
@@ -137,22 +300,95 @@ def test_a_folder_that_does_not_exist_shows_nothing(tmp_path: Path) -> None:
     assert read_evidence(tmp_path / "none", root=tmp_path) == Evidence(folder="none")
 
 
-def test_a_filtered_list_is_no_whole_list(tmp_path: Path) -> None:
-    evidence = read(tmp_path, b7__txt="$ ros2 topic list | grep clock\n/clock\n")
-    assert only(evidence.topic_list) == Names(("/clock",), whole=False)
+def test_a_filtered_list_shows_nothing(tmp_path: Path) -> None:
+    assert read(tmp_path, b7__txt="$ ros2 topic list | grep clock\n/clock\n").topic_list == {}
 
 
 def test_a_list_with_types_names_the_topics(tmp_path: Path) -> None:
     text = "$ ros2 topic list -t\n/clock [rosgraph_msgs/msg/Clock]\n/scan [a_msgs/msg/B]\n"
-    assert only(read(tmp_path, t__txt=text).topic_list) == Names(("/clock", "/scan"), whole=True)
+    assert only(read(tmp_path, t__txt=text).topic_list) == ("/clock", "/scan")
+
+
+def test_a_list_ends_where_other_text_begins(tmp_path: Path) -> None:
+    text = "$ ros2 node list\nWARNING: two share a name\n/amcl\n/map_server\n\nAs shown:\n/rviz\n"
+    assert only(read(tmp_path, t__txt=text).node_list) == ("/amcl", "/map_server")
 
 
 def test_a_stream_without_messages_has_the_rate_zero(tmp_path: Path) -> None:
     assert only(read(tmp_path, topic_hz_scan__txt=NO_RATE).topic_hz) == 0
 
 
-def test_a_topic_that_does_not_exist_has_no_type(tmp_path: Path) -> None:
-    assert only(read(tmp_path, topic_type_map__txt="").topic_type) == ()
+def test_states_of_all_nodes_are_read(tmp_path: Path) -> None:
+    text = "$ ros2 lifecycle get\n/amcl: active [3]\n/map_server: inactive [2]\n"
+    for name in ("all.txt", "lifecycle.txt"):
+        (tmp_path / name).write_text(text if name == "all.txt" else text.partition("\n")[2])
+    states = read_evidence(tmp_path).lifecycle
+    assert {node: [s.fact for s in shown] for node, shown in states.items()} == {
+        "/amcl": ["active [3]"] * 2,
+        "/map_server": ["inactive [2]"] * 2,
+    }
+
+
+SILENT = {
+    "topic_hz_scan.txt": "ros2 topic hz /scan",
+    "topic_type_map.txt": "ros2 topic type /map",
+    "topic_echo_odom.txt": "ros2 topic echo /odom --once",
+    "topic_info_tf.txt": "ros2 topic info /tf --verbose",
+    "lifecycle_amcl.txt": "ros2 lifecycle get /amcl",
+    "tf2_echo_odom_base_footprint.txt": "ros2 run tf2_ros tf2_echo odom base_footprint",
+    "view_frames.txt": "ros2 run tf2_tools view_frames",
+    "topic_list.txt": "ros2 topic list",
+    "node_list.txt": "ros2 node list",
+    "packages.txt": "ros2 pkg list",
+}
+NOTHING = ["", "^C\n", "I saw nothing odd here, but forgot the screenshot.\n"]
+
+
+@pytest.mark.parametrize("output", NOTHING)
+@pytest.mark.parametrize("name", SILENT)
+def test_a_command_without_output_shows_nothing(tmp_path: Path, name: str, output: str) -> None:
+    (tmp_path / name).write_text(output)
+    (tmp_path / "session.log").write_text(f"ana@lab:~$ {SILENT[name]}\n{output}ana@lab:~$ ls\n")
+    assert read_evidence(tmp_path) == Evidence(folder=".")
+
+
+def test_a_list_of_commands_shows_nothing(tmp_path: Path) -> None:
+    lines = [command.line for command in ROS.commands]
+    plain, fenced = "\n".join(lines), "\n".join(["# What to run", "```bash", *lines, "```"])
+    items = "".join(f"- `{line}`\n" for line in lines)
+    text = "Afterwards everything was fine.\n"
+    evidence = read(tmp_path, a__txt=plain, scan_hz__md=f"{fenced}\n{text}", c__md=items + text)
+    assert evidence == Evidence(folder=".")
+
+
+def test_the_silence_of_the_script_says_something(tmp_path: Path) -> None:
+    rows = "".join(f"{name}\t124\tnow\t9.0\t{line}\n" for name, line in SILENT.items())
+    for name, line in SILENT.items():
+        (tmp_path / name).write_text(f"$ {line}\n")
+    evidence = read(tmp_path, manifest__tsv=rows)
+    assert only(evidence.topic_hz) == 0
+    assert (only(evidence.topic_type), only(evidence.topic_info)) == ((), ())
+    assert (only(evidence.topic_echo), only(evidence.lifecycle)) == ({}, "no answer")
+    assert only(evidence.tf2_echo) == Lookup(found=False)
+    assert (evidence.view_frames, evidence.topic_list, evidence.packages) == ({}, {}, {})
+
+
+@pytest.mark.parametrize("status", [126, 127])
+def test_what_the_script_could_not_start_says_nothing(tmp_path: Path, status: int) -> None:
+    row = f"topic_hz_scan.txt\t{status}\tnow\t0.0\tros2 topic hz /scan\n"
+    assert read(tmp_path, manifest__tsv=row, topic_hz_scan__txt="").topic_hz == {}
+
+
+def test_an_output_in_a_fence_ends_with_it(tmp_path: Path) -> None:
+    text = (
+        "I ran `ros2 topic hz /odom` as well.\n\n### `ros2 lifecycle get /amcl`\n"
+        f"```\n{ACTIVE}```\ninactive [2]\n```bash\n$ ros2 topic type /scan\n"
+        "sensor_msgs/msg/LaserScan\n```\nnav_msgs/msg/Odometry\n"
+    )
+    evidence = read(tmp_path, report__md=text)
+    assert only(evidence.lifecycle) == "active [3]"
+    assert only(evidence.topic_type) == ("sensor_msgs/msg/LaserScan",)
+    assert evidence.topic_hz == {}
 
 
 @pytest.mark.parametrize(
@@ -221,7 +457,7 @@ def test_no_message_is_none() -> None:
 
 def test_publishers_and_subscriptions_are_told_apart() -> None:
     endpoints = parse_endpoints(info("nav_msgs/msg/Odometry", "one", "two"))
-    assert [(e.node, e.publishes) for e in endpoints] == [
+    assert [(e.node, e.publishes) for e in endpoints or ()] == [
         ("/one", True),
         ("/two", True),
         ("/rviz", False),
@@ -229,20 +465,23 @@ def test_publishers_and_subscriptions_are_told_apart() -> None:
 
 
 def test_policies_are_read() -> None:
-    (endpoint, _) = parse_endpoints(
-        info("nav_msgs/msg/OccupancyGrid", "map_server", durability="TRANSIENT_LOCAL")
-    )
+    text = info("nav_msgs/msg/OccupancyGrid", "map_server", durability="TRANSIENT_LOCAL")
+    (endpoint, _) = parse_endpoints(text) or ()
     assert (endpoint.reliability, endpoint.durability) == ("reliable", "transient_local")
     assert endpoint.type == "nav_msgs/msg/OccupancyGrid"
 
 
 def test_publishers_are_counted_without_verbose() -> None:
     text = "Type: nav_msgs/msg/Odometry\nPublisher count: 2\nSubscription count: 1\n"
-    assert [endpoint.publishes for endpoint in parse_endpoints(text)] == [True, True]
+    assert [endpoint.publishes for endpoint in parse_endpoints(text) or ()] == [True, True]
 
 
 def test_an_unknown_topic_has_no_endpoint() -> None:
     assert parse_endpoints("Unknown topic '/odom'\n") == ()
+
+
+def test_a_text_about_no_topic_has_no_endpoints_to_count() -> None:
+    assert parse_endpoints("see the screenshot\n") is None
 
 
 @pytest.mark.parametrize(
@@ -251,11 +490,13 @@ def test_an_unknown_topic_has_no_endpoint() -> None:
         (ACTIVE, "active [3]"),
         ("unconfigured [1]\n", "unconfigured [1]"),
         ("Node not found\n", "Node not found"),
-        ("", "no answer"),
+        ("Exception while calling service of node '/amcl': gone\n",) * 2,
+        ("The state of AMCL\n", None),
+        ("", None),
     ],
 )
-def test_states_are_read(text: str, state: str) -> None:
-    assert parse_state(text) == state
+def test_states_are_read(text: str, state: str | None) -> None:
+    assert parse_state(text) == (state.strip() if state else None)
 
 
 def test_a_transform_is_read() -> None:
@@ -268,7 +509,7 @@ def test_a_transform_that_was_cut_is_found() -> None:
 
 def test_a_transform_of_words_is_found() -> None:
     found = parse_lookup("- Translation: [x, y, z]\n")
-    assert found.found
+    assert found is not None
     assert found.translation is not None
     assert all(math.isnan(number) for number in found.translation)
 
@@ -314,6 +555,15 @@ def test_goals_are_read(tmp_path: Path, text: str, goal: GoalRun) -> None:
 def test_an_empty_list_of_goals_is_no_goal(tmp_path: Path) -> None:
     name = "topic_echo_navigate_to_pose_action_status__txt"
     assert read(tmp_path, **{name: "status_list: []\n---\n"}).goals == {}
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["At first Nav2 said Goal failed, then it worked.\n", "- Goal failed: what it means\n",
+     "RViz says: Goal finished with status: ABORTED when it fails\n"],
+)  # fmt: skip
+def test_a_goal_in_a_sentence_is_none(tmp_path: Path, text: str) -> None:
+    assert read(tmp_path, notes__md=text).goals == {}
 
 
 def test_a_status_that_nobody_knows_is_no_goal(tmp_path: Path) -> None:
@@ -383,3 +633,36 @@ def test_a_file_that_cannot_be_read_shows_nothing(
 def test_pictures_are_not_read(tmp_path: Path) -> None:
     (tmp_path / "topic_list.png").write_text(TOPICS)
     assert read_evidence(tmp_path).topic_list == {}
+
+
+MANY = 200_000
+LONG = {
+    "blanks": "$ ros2 topic list" + " " * MANY + "x",
+    "prompts": "@" * MANY + "$ " + "a@b " * (MANY // 4),
+    "ticks": "`" * MANY + " ros2 topic hz /scan",
+    "marks": "- " * MANY + "ros2 topic list",
+    "programs": "ros2 " * (MANY // 5),
+    "wrappers": "timeout " * (MANY // 8) + "ros2 topic list",
+    "quotes": "$ ros2 topic hz " + "'\"" * MANY,
+    "continued": "$ ros2 topic hz " + "\\\n" * MANY,
+    "colours": "\x1b[" * MANY + "\x1b]" * MANY,
+    "names": "/" * MANY + " [" * 1000,
+    "lines": "\n" * MANY + "Node name: x" + " \n" * MANY,
+    "fields": "Node name: a\nA" + " " * MANY + "b\nB: c" + " " * MANY + "d\n",
+    "packages": "Package '" * (MANY // 9),
+    "places": "- Translation: [" * (MANY // 16),
+    "parents": "a:\n  parent: 'x" + " " * MANY + "y\n",
+    "edges": '"' * MANY + "digraph ",
+    "values": "header: x" + " " * MANY + "y\n[\n",
+    "goals": "goal status:" + "\n" * MANY + "goal status: 4" + "\n" * MANY,
+}
+
+
+@pytest.mark.parametrize("kind", LONG)
+def test_no_text_takes_long(tmp_path: Path, kind: str) -> None:
+    """Quadratic time over these would be minutes."""
+    for name in ("session.txt", "topic_info_tf.txt", "topic_echo_scan.txt", "frames.gv"):
+        (tmp_path / name).write_text(LONG[kind])
+    begun = time.process_time()
+    read_evidence(tmp_path)
+    assert time.process_time() - begun < 10

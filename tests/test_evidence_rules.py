@@ -64,16 +64,21 @@ def test_a_folder_that_shows_everything_has_no_problem(tmp_path: Path) -> None:
     assert problems(subject(tmp_path, good_files())) == {}
 
 
+def manifest(file: str) -> Files:
+    """A manifest of the collecting script in which one output stands."""
+    return {"manifest.tsv": f"{file}\t124\t2026-11-20T10:00:00Z\t10.0\tros2\n"}
+
+
 FAULTS: list[tuple[str, Files, str | None]] = [
     ("E02", {"topic_type_scan.txt": "sensor_msgs/msg/PointCloud2\n"}, "/scan"),
-    ("E02", {"topic_type_map.txt": ""}, "/map"),
+    ("E02", {"topic_type_map.txt": "", **manifest("topic_type_map.txt")}, "/map"),
     ("E02", {"topic_type_odom.txt": f"{TYPES['/odom']}\n{TYPES['/scan']}\n"}, "/odom"),
     ("E03", {"topic_list.txt": TOPICS.replace("/map\n", "")}, "/map"),
     ("E04", {"topic_hz_scan.txt": NO_RATE}, "/scan"),
-    ("E04", {"topic_hz_clock.txt": ""}, "/clock"),
+    ("E04", {"topic_hz_clock.txt": "", **manifest("topic_hz_clock.txt")}, "/clock"),
     ("E05", {"topic_echo_scan.txt": SCAN.replace("base_scan", "sim_lidar")}, "/scan"),
     ("E05", {"topic_echo_odom.txt": ODOM.replace("base_footprint", "base_link")}, "/odom"),
-    ("E05", {"topic_echo_clock.txt": "WARNING: topic [/clock] is late\n"}, "/clock"),
+    ("E05", {"topic_echo_clock.txt": NO_RATE.replace("/scan", "/clock")}, "/clock"),
     ("E06", {"topic_echo_map.txt": MAP.replace("177", "384")}, "/map"),
     ("E06", {"topic_echo_map.txt": MAP.replace("-3.32", "-10.0")}, "/map"),
     (
@@ -179,7 +184,7 @@ def test_a_field_that_was_cut_away_shows_nothing(tmp_path: Path) -> None:
 
 def test_a_filtered_list_lacks_nothing(tmp_path: Path) -> None:
     files = {**good_files(), "topic_list.txt": "$ ros2 topic list | grep scan\n/scan\n"}
-    assert problems(subject(tmp_path, files)) == {}
+    assert list(problems(subject(tmp_path, files))) == ["E01"]
 
 
 def test_one_goal_that_succeeded_is_enough(tmp_path: Path) -> None:
@@ -252,6 +257,45 @@ def test_a_tree_that_lacks_a_frame_or_has_a_wrong_parent_is_an_error(
 ) -> None:
     found = problems(subject(tmp_path, {**good_files(), "view_frames.txt": view_frames(*edges)}))
     assert [p.severity for p in found["E11"]] == [None]
+
+
+def test_an_early_list_of_nodes_is_one_finding(tmp_path: Path) -> None:
+    files = {**good_files(), "node_list.txt": "/World_ROS_Clock_ros2_publish_clock\n"}
+    (problem,) = problems(subject(tmp_path, files))["E09"]
+    assert problem.property is None
+    assert str(problem.expected).split(", ") == [*ROS.lifecycle, *ROS.nodes]
+
+
+def test_cmd_vel_may_have_no_publisher(tmp_path: Path) -> None:
+    files = {**good_files(), "topic_info_cmd_vel.txt": info(TYPES["/cmd_vel"])}
+    files["topic_info_cmd_vel.txt"] = (
+        f"$ ros2 topic info /cmd_vel -v\n{files['topic_info_cmd_vel.txt']}"
+    )
+    assert problems(subject(tmp_path, files)) == {}
+
+
+@pytest.mark.parametrize(
+    ("rule_id", "files", "words"),
+    [
+        ("E14", {"topic_info_map.txt": "Unknown topic '/map'\n"}, "map server"),
+        ("E14", {"topic_info_scan.txt": "Unknown topic '/scan'\n"}, "press Play"),
+        ("E05", {"topic_echo_scan.txt": NO_RATE}, "press Play"),
+        ("E05", {"topic_echo_map.txt": NO_RATE}, "map server"),
+        ("E04", {"topic_hz_scan.txt": NO_RATE}, "press Play"),
+        ("E02", {"topic_type_map.txt": "", **manifest("topic_type_map.txt")}, "map server"),
+        ("E02", {"topic_type_cmd_vel.txt": "", **manifest("topic_type_cmd_vel.txt")}, "subscriber"),
+        ("E03", {"topic_list.txt": TOPICS.replace("/map\n", "")}, "map server"),
+        # What is there and wrong is repaired as the rule says.
+        ("E02", {"topic_type_map.txt": "sensor_msgs/msg/PointCloud2\n"}, None),
+        ("E05", {"topic_echo_scan.txt": SCAN.replace("base_scan", "sim_lidar")}, None),
+        ("E14", {"topic_info_odom.txt": info(TYPES["/odom"], "one", "two")}, None),
+    ],
+)
+def test_the_hint_fits_what_is_shown(
+    tmp_path: Path, rule_id: str, files: Files, words: str | None
+) -> None:
+    (problem,) = problems(subject(tmp_path, {**good_files(), **files}))[rule_id]
+    assert words in (problem.hint or "") if words else problem.hint is None
 
 
 def test_an_early_list_of_topics_is_one_finding(tmp_path: Path) -> None:

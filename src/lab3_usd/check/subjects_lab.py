@@ -78,13 +78,6 @@ class Shown(Generic[Fact]):
     file: str
 
 
-class Names(Struct, frozen=True):
-    """Topics or nodes that a list names; `whole` unless the list was filtered."""
-
-    names: tuple[str, ...]
-    whole: bool
-
-
 class Endpoint(Struct, frozen=True):
     """A publisher or subscription of a topic, its policies as `ros2 topic info --verbose` says."""
 
@@ -131,8 +124,8 @@ class Evidence(Struct, frozen=True):
     """
 
     folder: str
-    topic_list: Outputs[Names] = field(default_factory=dict)
-    node_list: Outputs[Names] = field(default_factory=dict)
+    topic_list: Outputs[tuple[str, ...]] = field(default_factory=dict)
+    node_list: Outputs[tuple[str, ...]] = field(default_factory=dict)
     topic_type: Outputs[tuple[str, ...]] = field(default_factory=dict)
     topic_hz: Outputs[float] = field(default_factory=dict)
     topic_echo: Outputs[Message] = field(default_factory=dict)

@@ -7,9 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from msgspec.structs import replace
-
-from lab3_usd.check.subjects_lab import Evidence, GoalRun, Names, Run, Shown
+from lab3_usd.check.subjects_lab import Evidence, GoalRun, Lookup, Shown
 from lab3_usd.lab import evidence_outputs as outputs
 from lab3_usd.lab.evidence_blocks import Block, split_blocks
 from lab3_usd.lab.evidence_message import parse_messages
@@ -32,8 +30,18 @@ _PARSERS: Mapping[str, Callable[[str], object]] = {
     "view_frames": outputs.parse_tree,
     "packages": outputs.parse_packages,
 }
+# What it means that a command, known to have run, printed nothing.
+_SILENCE: Mapping[str, object] = {
+    "topic_type": (),
+    "topic_hz": 0.0,
+    "topic_echo": {},
+    "topic_info": (),
+    "lifecycle": "no answer",
+    "tf2_echo": Lookup(found=False),
+}
+_NEVER_RAN = {126, 127}  # exit statuses of a shell
 _MEASURED = re.compile(r"(?m)^goal status:\s*(\d)(?:\s*\ngoal seconds:\s*([\d.]+))?")
-_RESULT = re.compile(r"Goal finished with status:\s*(\w+)")
+_RESULT = re.compile(r"(?m)^Goal finished with status:\s*(\w+)")
 # by kind of output, then by what it is about
 _Found = dict[str, dict[str, list[Shown[Any]]]]
 
@@ -43,23 +51,27 @@ def read_evidence(*folders: Path, root: Path | None = None, ros: RosSpec | None 
 
     Files are named relative to `root`, by default the first folder. Folders that do not exist,
     files that cannot be read and texts that nobody understands show nothing. Where the collecting
-    script saved an output, its file speaks for that command alone.
+    script saved an output, its file speaks for that command alone, and its silence says something.
     """
     spec = ros if ros is not None else load_ros()
     base = root if root is not None else folders[0]
     found: _Found = {kind: {} for kind in (*_PARSERS, "goals")}
-    runs: list[Run] = []
-    recorded: set[str] = set()
-    for path in _files(folders):
-        file, text = _relative(path, base), _read(path)
+    paths = _files(folders)
+    runs = {
+        _relative(path.parent / run.file, base): run
+        for path in paths
+        if path.name == MANIFEST
+        for run in outputs.parse_manifest(_read(path))
+    }
+    for path in paths:
         if path.name == MANIFEST:
-            runs.extend(outputs.parse_manifest(text))
-            recorded |= {_relative(path.parent / run.file, base) for run in runs}
             continue
-        for kind, target, fact in _facts(text, path.name, spec):
+        file = _relative(path, base)
+        ran = file in runs and runs[file].exit not in _NEVER_RAN
+        for kind, target, fact in _facts(_read(path), path.name, spec, ran=ran):
             found[kind].setdefault(target, []).append(Shown(fact, file))
-    kept = {kind: _preferred(of, recorded) for kind, of in found.items()}
-    return Evidence(folder=_relative(folders[0], base), runs=tuple(runs), **kept)
+    kept = {kind: _preferred(of, set(runs)) for kind, of in found.items()}
+    return Evidence(folder=_relative(folders[0], base), runs=tuple(runs.values()), **kept)
 
 
 def _files(folders: tuple[Path, ...]) -> list[Path]:
@@ -92,14 +104,18 @@ def _relative(path: Path, base: Path) -> str:
         return path.as_posix()
 
 
-def _facts(text: str, name: str, ros: RosSpec) -> Iterator[tuple[str, str, object]]:
-    """Yield kind, target and fact of everything that a text shows."""
+def _facts(text: str, name: str, ros: RosSpec, *, ran: bool) -> Iterator[tuple[str, str, object]]:
+    """Yield kind, target and fact of everything that a text shows; `ran`: it is an output."""
     for block in split_blocks(text, name, ros):
         if not outputs.was_run(block.text):
             continue
+        if block.kind == "lifecycle" and not block.target:
+            states = outputs.parse_states(block.text)
+            yield from (("lifecycle", node, state) for node, state in states.items())
+            continue
         fact = _PARSERS[block.kind](block.text)
-        if isinstance(fact, Names):
-            fact = replace(fact, whole=block.whole)
+        if fact is None and ran:
+            fact = _SILENCE.get(block.kind)
         if fact is not None:
             yield block.kind, block.target, fact
         if block.target == ros.goal.status:
@@ -122,7 +138,8 @@ def _goal_by_words(text: str, goal: GoalSpec) -> Iterator[GoalRun]:
         yield GoalRun(int(measured[1]), outputs.number(measured[2]) if measured[2] else None)
     numbers = {name: number for number, name in enumerate(goal.names)}
     results = [word.lower() for word in _RESULT.findall(text)]
-    logged = {text.rfind(words): name for name, words in goal.log.items()}
+    # The log of a node, where its name stands in brackets before what it says.
+    logged = {text.rfind(f"]: {words}"): name for name, words in goal.log.items()}
     last = logged[max(logged)] if max(logged) >= 0 else ""
     for word in [*results[-1:], last]:
         if word in numbers:

@@ -4,25 +4,29 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import takewhile
 
 from msgspec import Struct
 
+from lab3_usd.lab.evidence_commands import Typed, is_prompt, read_typed
+from lab3_usd.lab.evidence_outputs import NAME
 from lab3_usd.spec.ros_spec import Command, EvidenceKind, RosSpec, file_word
 
-_COLOUR = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
-_CONTINUED = re.compile(r"\\\s*\n\s*>?\s*")
-_TYPED = re.compile(r"^(?:.*[$#%>:`]\s*)?(?P<line>ros2\s+[a-z]\w*\b.*?)`?\s*$")
-_PROMPT = re.compile(r"^\S+@\S+[:\s].*[$#](\s|$)")
-_END_OF_COMMAND = re.compile(r"\s(?:\||>|2>|&&|;|&)")
+_COLOUR = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b\][^\x07\x1b\n]*\x07?")
+_CONTINUED = re.compile(r"\\[ \t]*\n[ \t]*>?")
+_FENCE = "```"
+_PLACE = re.compile(r"[\w/~]+")
+_NUMBER = re.compile(r"[\d.]+")
+_MESSAGE_TYPE = re.compile(r"\w+/(?:msg/)?\w+")
 # What an output looks like, where neither its name nor a command line above it tells.
 _LOOKS = (
     ("topic_hz", re.compile(r"average rate:")),
     ("topic_info", re.compile(r"Publisher count:")),
     ("view_frames", re.compile(r"digraph |frame_yaml=|^[ \t]+parent: '", re.MULTILINE)),
     ("tf2_echo", re.compile(r"- Translation: \[|Waiting for transform ")),
-    ("lifecycle", re.compile(r"^\w+ \[\d\]\s*$", re.MULTILINE)),
-    ("topic_type", re.compile(r"\A\s*\w+/msg/\w+\s*\Z")),
-    ("names", re.compile(r"\A(\s*/[\w/]+( \[.*\])?[ \t]*(\n|\Z))+\s*\Z")),
+    ("lifecycles", re.compile(r"^/\S+: \w+ \[\d\]$", re.MULTILINE)),
+    ("lifecycle", re.compile(r"^\w+ \[\d\]$", re.MULTILINE)),
+    ("topic_type", re.compile(r"\A\w+/msg/\w+\Z")),
     ("topic_echo", re.compile(r"^[a-z]\w*:", re.MULTILINE)),
 )
 _NAMED = {
@@ -32,72 +36,103 @@ _NAMED = {
     "lifecycle": "lifecycle",
     "echo": "topic_echo",
 }
+# Asked about nothing, it answers for all.
+_OF_ALL = {"lifecycle"}
 
 
 class Block(Struct, frozen=True):
-    """The output of one command: its kind, what it was about, and whether it was not filtered."""
+    """The output of one command: its kind, and what it was about."""
 
     kind: str
     target: str
     text: str
-    whole: bool = True
 
 
 def split_blocks(text: str, name: str, ros: RosSpec) -> list[Block]:
     """Split a saved text at the command lines it holds.
 
     A text without command lines is one block, told by the name of its file (`name`, without
-    folder), and by what it looks like; an empty list when nothing tells.
+    folder), and by what it looks like; an empty list when nothing tells. Commands whose output
+    is not shown have no block.
     """
     plain = _COLOUR.sub("", text).replace("\r\n", "\n")
-    typed = list(_typed_blocks(_CONTINUED.sub(" ", plain), ros.kinds))
-    return typed or list(_named_block(plain, name, ros))
+    lines = _CONTINUED.sub(" ", plain).split("\n")
+    typed = [read_typed(line) for line in lines]
+    if any(typed):
+        return list(_typed_blocks(lines, typed, ros.kinds))
+    return list(_named_block(plain, name, ros))
 
 
-def _typed_blocks(text: str, kinds: Mapping[str, EvidenceKind]) -> Iterator[Block]:
+def _typed_blocks(
+    lines: Sequence[str], typed: Sequence[Typed | None], kinds: Mapping[str, EvidenceKind]
+) -> Iterator[Block]:
+    """Give each command the lines up to the next prompt, or to the end of the fence around them."""
     current: Block | None = None
     seen: list[str] = []
-    for line in [*text.splitlines(), None]:
-        typed = _TYPED.match(line) if line is not None else None
-        if typed is None and line is not None and not _PROMPT.match(line):
+    fenced = False
+    for line, command in zip(lines, typed, strict=True):
+        fence = line.lstrip().startswith(_FENCE)
+        opens = fence and not fenced
+        fenced = fenced != fence
+        ends = command is not None or (fence and not opens) or is_prompt(line)
+        if ends and current is not None:
+            yield Block(current.kind, current.target, "\n".join(seen))
+            current = None
+        if command is not None:
+            current, seen = recognise(command, kinds), []
+        elif not fence:
             seen.append(line)
-            continue
-        if current is not None:
-            yield Block(current.kind, current.target, "\n".join(seen), current.whole)
-        current, seen = (recognise(typed["line"], kinds) if typed else None), []
+    if current is not None:
+        yield Block(current.kind, current.target, "\n".join(seen))
 
 
-def recognise(line: str, kinds: Mapping[str, EvidenceKind]) -> Block | None:
-    """Tell kind and target of a typed command; None when it is none of the lab's kinds."""
-    cut = _END_OF_COMMAND.search(line)
-    words = _words(line[: cut.start()] if cut else line)
+def recognise(typed: Typed, kinds: Mapping[str, EvidenceKind]) -> Block | None:
+    """Tell kind and target of a typed command; None when the lab asks for none such, or differs."""
+    words = _before_node_arguments(typed.words)
     for kind in kinds.values():
-        pattern = _words(kind.run)
-        fixed = [word for word in pattern if not word.startswith("{")]
-        if words[: len(fixed)] != fixed:
+        pattern = _before_node_arguments(kind.run.split())
+        fixed = [word for word in pattern if not word.startswith(("{", "-"))]
+        if not typed.shown or words[: len(fixed)] != fixed:
             continue
-        target = _target(words[len(fixed) :], len(pattern) - len(fixed))
+        rest = words[len(fixed) :]
+        if any(word.partition("=")[0] in kind.narrowed_by for word in rest):
+            return None
+        count = sum(word.startswith("{") for word in pattern)
+        target = _target(rest, count, of_all=kind.name in _OF_ALL)
         if target is not None:
-            return Block(kind.name, target, "", whole=cut is None or "|" not in cut[0])
+            return Block(kind.name, target, "")
     return None
 
 
-def _words(line: str) -> list[str]:
-    """The words of a command line that are no options."""
-    return [word for word in line.partition("--ros-args")[0].split() if not word.startswith("-")]
+def _before_node_arguments(words: Sequence[str]) -> list[str]:
+    return list(takewhile(lambda word: word != "--ros-args", words))
 
 
-def _target(words: Sequence[str], count: int) -> str | None:
-    """Pick a topic or node (with its slash), or two frames (without); None when there is none."""
-    names = [word.strip("'\"") for word in words if not re.fullmatch(r"[\d.]+", word)]
-    if count == 0:
-        return ""
-    if len(names) < count:
+def _target(words: Sequence[str], count: int, *, of_all: bool) -> str | None:
+    """Pick a topic or node (with its slash), or two frames (without).
+
+    None when there is none, and when more words stand there than the command takes: a sentence.
+    """
+    given = [
+        (word.strip("'\""), before.startswith("-"))
+        for before, word in zip(("", *words), words, strict=False)
+        if not (word.startswith("-") or _NUMBER.fullmatch(word))
+    ]
+    # The type of the message may follow its topic.
+    places = given[:1] + [each for each in given[1:] if not _MESSAGE_TYPE.fullmatch(each[0])]
+    free = [word for word, led in places if not led]
+    options = sum(word.startswith("-") for word in words)
+    if len(free) > count or len(places) > count + options:
         return None
-    if count > 1:
-        return " ".join(name.strip("/") for name in names[:count])
-    absolute = [name for name in names if name.startswith("/")]
-    return absolute[0] if absolute else f"/{names[0]}"
+    names = free if len(free) == count else [word for word, _ in places]
+    if count == 0 or (of_all and not names):
+        return ""
+    if count == 1:
+        names.sort(key=lambda name: not name.startswith("/"))
+    if len(names) < count or not all(_PLACE.fullmatch(name) for name in names[:count]):
+        return None
+    found = [name.strip("/") for name in names[:count]]
+    return f"/{found[0]}" if count == 1 else " ".join(found)
 
 
 def _named_block(text: str, name: str, ros: RosSpec) -> Iterator[Block]:
@@ -105,16 +140,24 @@ def _named_block(text: str, name: str, ros: RosSpec) -> Iterator[Block]:
         if command.file == name:
             yield Block(command.kind.name, command.target, text)
             return
-    kind = next((kind for kind, looks in _LOOKS if looks.search(text)), _kind_in(name))
-    if kind == "names":
-        known = {*ros.topics, *ros.system.topics}
-        kind = "topic_list" if known & set(text.split()) else "node_list"
-    if kind in {"topic_list", "node_list", "view_frames"}:
+    kind = _looks_like(text, ros) or _kind_in(name)
+    if kind == "lifecycles":
+        yield Block("lifecycle", "", text)
+    elif kind in {"topic_list", "node_list", "view_frames"}:
         yield Block(kind, "", text)
     elif kind is not None:
         target = _target_in(name, [c for c in ros.commands if c.kind.name == kind])
         if target:
             yield Block(kind, target, text)
+
+
+def _looks_like(text: str, ros: RosSpec) -> str | None:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if lines and all(NAME.match(line) for line in lines):
+        known = {*ros.topics, *ros.system.topics}
+        return "topic_list" if known & {line.split()[0] for line in lines} else "node_list"
+    plain = "\n".join(line.rstrip() for line in text.strip().splitlines())
+    return next((kind for kind, looks in _LOOKS if looks.search(plain)), None)
 
 
 def _kind_in(name: str) -> str | None:

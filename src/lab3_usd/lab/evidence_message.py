@@ -15,7 +15,7 @@ _SCALARS = (str, int, float, bool, type(None))
 # What rclcpp and ros2cli print between messages: log lines, and the notice of a lost message.
 _NOISE = re.compile(r"^(\[(INFO|WARN|ERROR|DEBUG)\]|WARNING:|A message was lost|\ttotal count)")
 _ELEMENT = re.compile(r"^ *- (-?[\d.]\S*|\.nan|'\.\.\.')\s*$")
-_FIELD = re.compile(r"^(?P<indent> *)(?:- )?(?P<name>[A-Za-z_]\w*):(?: +(?P<value>.*?))?\s*$")
+_FIELD = re.compile(r"(?P<indent> *)(?:- )?(?P<name>[A-Za-z_]\w*):(?: +(?P<value>.*))?$")
 
 
 def parse_messages(text: str) -> list[Message]:
@@ -57,7 +57,7 @@ def _flat(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Scalar]]
 def _by_line(document: str) -> Iterator[tuple[str, Scalar]]:
     outer: list[tuple[int, str]] = []
     for line in document.splitlines():
-        field = _FIELD.match(line)
+        field = _FIELD.match(line.rstrip())
         if field is None:
             continue
         indent = len(field["indent"])

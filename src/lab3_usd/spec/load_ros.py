@@ -50,7 +50,11 @@ def _load(folder: Path) -> ros.RosSpec:
     lifecycle = need(data, "lifecycle", dict, FILE)
     forbidden = need(data, "forbidden_nodes", dict, FILE)
     kinds = {
-        name: _plain(ros.EvidenceKind, {**kind, "name": name}, f"{FILE}: evidence: {name}")
+        name: _plain(
+            ros.EvidenceKind,
+            {"narrowed_by": [], **kind, "name": name},
+            f"{FILE}: evidence: {name}",
+        )
         for name, kind in _mappings(data, "evidence")
     }
     return ros.RosSpec(
@@ -105,7 +109,7 @@ def _since(spec: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 def _topic(name: str, spec: Mapping[str, Any]) -> ros.TopicSpec:
     where = f"{FILE}: topics: {name}"
-    data = {"optional": False, **_since(spec, where), "name": name}
+    data = {"optional": False, "subscribed": False, **_since(spec, where), "name": name}
     return _plain(ros.TopicSpec, data, where)
 
 

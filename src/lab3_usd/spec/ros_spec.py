@@ -37,7 +37,8 @@ class TopicSpec(Struct, frozen=True):
     """A topic of the running system; None where the handout asks for nothing.
 
     `rate` is the section that asks for a rate above zero, `fields` what one message must say,
-    `map_fields` the fields that repeat facts of the map.
+    `map_fields` the fields that repeat facts of the map. `source` says how to make it exist, where
+    no graph publishes it; `subscribed`: the lab listens to it, and a publisher comes and goes.
     """
 
     name: str
@@ -49,7 +50,9 @@ class TopicSpec(Struct, frozen=True):
     publishers: int | None = None
     fields: Mapping[str, str] | None = None
     map_fields: Mapping[str, str] | None = None
+    source: str | None = None
     optional: bool = False
+    subscribed: bool = False
 
 
 class Place(Struct, frozen=True):
@@ -60,12 +63,16 @@ class Place(Struct, frozen=True):
 
 
 class EvidenceKind(Struct, frozen=True):
-    """One kind of diagnostic command: its words, the name of its output, its limit in seconds."""
+    """One kind of diagnostic command: its words, the name of its output, its limit in seconds.
+
+    Options of `narrowed_by` make it print something else than is read here.
+    """
 
     name: str
     run: str
     file: str
     seconds: int
+    narrowed_by: tuple[str, ...] = ()
 
 
 class Command(Struct, frozen=True):

@@ -8,7 +8,7 @@ from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.in_short import in_short
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules import evidence_frames, evidence_topics
-from lab3_usd.check.subjects_lab import EvidenceSubject, Names, Outputs, Shown, best
+from lab3_usd.check.subjects_lab import EvidenceSubject, Shown, best
 from lab3_usd.spec.ros_spec import Command
 
 __all__ = ["evidence_frames", "evidence_topics"]
@@ -79,7 +79,7 @@ def lifecycle_not_active(subject: EvidenceSubject) -> Iterator[Problem]:
 
 @rule("E09", "node-not-running", scope="evidence", severity="warning")
 def node_not_running(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A node of localization or navigation is in none of the node lists.
+    """Nodes of localization or navigation are in none of the node lists.
 
     Why: without its lifecycle manager nothing is configured, without the behaviour server a goal
     fails at the first recovery.
@@ -88,18 +88,19 @@ def node_not_running(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Example: `/velocity_smoother` is missing, although Nav2 sends its commands through it.
     """
-    listed = _whole_lists(subject.evidence.node_list)
-    if not listed:
+    listed = subject.evidence.node_list.get("", ())
+    names = {name for shown in listed for name in shown.fact}
+    wanted = {**subject.ros.lifecycle, **subject.ros.nodes}
+    missing = [n for n, place in wanted.items() if place.since <= subject.until and n not in names]
+    if not (listed and missing):
         return
-    names = {name for shown in listed for name in shown.fact.names}
-    for node, place in {**subject.ros.lifecycle, **subject.ros.nodes}.items():
-        if place.since <= subject.until and node not in names:
-            message = f"{node} is not in the list of nodes"
-            yield Problem(listed[-1].file, message, node, handout=place.handout)
-
-
-def _whole_lists(outputs: Outputs[Names]) -> list[Shown[Names]]:
-    return [shown for shown in outputs.get("", ()) if shown.fact.whole]
+    file, handout = listed[-1].file, wanted[missing[0]].handout
+    if len(missing) == 1:
+        message = f"{missing[0]} is not in the list of nodes"
+        yield Problem(file, message, missing[0], handout=handout)
+    else:
+        message = f"{len(missing)} nodes are not in the list of nodes; was it saved early?"
+        yield Problem(file, message, expected=", ".join(missing), handout="J1")
 
 
 @rule("E15", "forbidden-publisher", scope="evidence")
@@ -117,7 +118,7 @@ def forbidden_publisher(subject: EvidenceSubject) -> Iterator[Problem]:
     endings = tuple(subject.ros.forbidden_endings)
     seen: dict[str, str] = {}
     for listed in subject.evidence.node_list.get("", ()):
-        seen.update((name, listed.file) for name in listed.fact.names)
+        seen.update((name, listed.file) for name in listed.fact)
     for outputs in subject.evidence.topic_info.values():
         for shown in outputs:
             seen.update((endpoint.node, shown.file) for endpoint in shown.fact)

@@ -18,6 +18,13 @@ from lab3_usd.check.subjects_lab import (
 )
 from lab3_usd.spec.ros_spec import TopicSpec
 
+_PLAY = "press Play, and look that the node which publishes it has its execution wire and context"
+
+
+def _source(topic: TopicSpec) -> str:
+    """Say what to do where nobody publishes a topic."""
+    return topic.source or _PLAY
+
 
 def _topics(subject: EvidenceSubject) -> list[TopicSpec]:
     return [topic for topic in subject.ros.topics.values() if topic.since <= subject.until]
@@ -40,7 +47,8 @@ def topic_type_shown(subject: EvidenceSubject) -> Iterator[Problem]:
                 return []
             actual = " and ".join(shown.fact) or "no type"
             message = f"{topic.name} has {actual}, expected {topic.type}"
-            return [Problem(shown.file, message, topic.name, topic.type, actual, "J3")]
+            hint = None if shown.fact else _source(topic)
+            return [Problem(shown.file, message, topic.name, topic.type, actual, "J3", hint=hint)]
 
         yield from best(subject.evidence.topic_type.get(topic.name, ()), judge)
 
@@ -55,14 +63,17 @@ def topic_not_listed(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Example: `/map` is missing, because the list was saved before the map server was started.
     """
-    lists = [shown for shown in subject.evidence.topic_list.get("", ()) if shown.fact.whole]
+    lists = subject.evidence.topic_list.get("", ())
     if not lists:
         return
-    names = {name for shown in lists for name in shown.fact.names}
+    names = {name for shown in lists for name in shown.fact}
     missing = [t for t in _topics(subject) if not t.optional and t.name not in names]
     if len(missing) == 1:
-        message = f"{missing[0].name} is not in the list of topics"
-        yield Problem(lists[-1].file, message, missing[0].name, handout=missing[0].handout)
+        (topic,) = missing
+        message = f"{topic.name} is not in the list of topics"
+        yield Problem(
+            lists[-1].file, message, topic.name, handout=topic.handout, hint=_source(topic)
+        )
     elif missing:
         absent = ", ".join(topic.name for topic in missing)
         message = f"{len(missing)} topics are not in the list of topics; was it saved early?"
@@ -88,7 +99,10 @@ def topic_rate(subject: EvidenceSubject) -> Iterator[Problem]:
             if shown.fact > 0:
                 return []
             message = f"{topic.name} shows no rate, expected more than zero"
-            return [Problem(shown.file, message, topic.name, "> 0 Hz", "0 Hz", topic.rate)]
+            hint = _source(topic)
+            return [
+                Problem(shown.file, message, topic.name, "> 0 Hz", "0 Hz", topic.rate, hint=hint)
+            ]
 
         yield from best(subject.evidence.topic_hz.get(topic.name, ()), judge)
 
@@ -109,7 +123,8 @@ def message_shown(subject: EvidenceSubject) -> Iterator[Problem]:
         def judge(shown: Shown[Message], topic: TopicSpec = topic) -> list[Problem]:
             if not shown.fact:
                 message = f"no message of {topic.name} arrived"
-                return [Problem(shown.file, message, topic.name, handout=topic.handout)]
+                hint = _source(topic)
+                return [Problem(shown.file, message, topic.name, handout=topic.handout, hint=hint)]
             return list(_differing(shown, topic, dict(topic.fields or {})))
 
         yield from best(subject.evidence.topic_echo.get(topic.name, ()), judge)
@@ -216,20 +231,19 @@ def topic_publishers(subject: EvidenceSubject) -> Iterator[Problem]:
         def judge(shown: Shown[tuple[Endpoint, ...]], topic: TopicSpec = topic) -> list[Problem]:
             publishers = [endpoint.node for endpoint in shown.fact if endpoint.publishes]
             most = topic.publishers if topic.publishers is not None else len(publishers)
-            least = 0 if topic.optional else 1
+            least = 0 if topic.optional or topic.subscribed else 1
             if least <= len(publishers) <= most:
                 return []
             message = f"{topic.name} has {len(publishers)} publishers, expected {most or least}"
-            related = tuple(node for node in publishers if node)
-            return [
-                Problem(
-                    shown.file,
-                    message,
-                    topic.name,
-                    handout="J7",
-                    related=related,
-                    actual=str(len(publishers)),
-                )
-            ]
+            found = Problem(
+                shown.file,
+                message,
+                topic.name,
+                handout="J7",
+                related=tuple(node for node in publishers if node),
+                actual=str(len(publishers)),
+                hint=None if publishers else _source(topic),
+            )
+            return [found]
 
         yield from best(subject.evidence.topic_info.get(topic.name, ()), judge)
