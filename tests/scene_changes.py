@@ -63,6 +63,29 @@ def switch(path: str, name: str, *, on: bool = False) -> Change:
     return change
 
 
+def author(path: str, name: str, kind: str, value: Any) -> Change:
+    """Write an attribute that the prim may not have yet; `kind` is one of Sdf.ValueTypeNames."""
+
+    def change(stage: Usd.Stage) -> None:
+        prim = stage.GetPrimAtPath(path)
+        prim.CreateAttribute(name, getattr(Sdf.ValueTypeNames, kind)).Set(value)
+
+    return change
+
+
+def detach(path: str) -> Change:
+    """Let a prim leave out the transforms of its parents."""
+    return lambda stage: void(
+        UsdGeom.Xformable(stage.GetPrimAtPath(path)).SetResetXformStack(True)  # noqa: FBT003 - no keyword
+        if stage.GetPrimAtPath(path).IsA(UsdGeom.Xformable)
+        else put(
+            path,
+            "xformOpOrder",
+            ["!resetXformStack!", *stage.GetPrimAtPath(path).GetAttribute("xformOpOrder").Get()],
+        )(stage)
+    )
+
+
 def clear(path: str, name: str) -> Change:
     return lambda stage: void(stage.GetPrimAtPath(path).RemoveProperty(name))
 

@@ -16,6 +16,7 @@ from scene_changes import (
     clear,
     deactivate,
     define,
+    detach,
     move_prim,
     put,
     remove,
@@ -24,6 +25,15 @@ from scene_changes import (
     undefine,
     without_api,
 )
+
+CORE = "omni:sensor:Core:"
+SCANLESS: dict[str, object] = {
+    f"{CORE}patternFiringRateHz": 0,
+    f"{CORE}nearRangeM": 120.0,
+    f"{CORE}farRangeM": 0.0,
+    f"{CORE}numberOfEmitters": 0,
+    f"{CORE}emitterState:s001:azimuthDeg": [],
+}
 
 
 def _lidar() -> list[Sabotage]:
@@ -53,9 +63,15 @@ def _lidar() -> list[Sabotage]:
             ("/World/Example_Rotary_2D_01", None),
         ),
     ]
-    for name, value in ((TICK, 20.0), (TURNS, 20)):
-        found.append(Sabotage(f"{name} wrong", "05", put(LIDAR, name, value), (LIDAR, name)))
-        found.append(Sabotage(f"{name} unset", "05", clear(LIDAR, name), (LIDAR, name)))
+    for name, value in ((TICK, 20.0), (TURNS, 20), (TICK, 0.0), (TURNS, 0)):
+        what = f"{name} {value:g}"
+        found.append(Sabotage(what, "05", put(LIDAR, name, value), (LIDAR, name)))
+    for name, nothing in SCANLESS.items():
+        what = f"{name} {nothing}"
+        found.append(Sabotage(what, "05", put(LIDAR, name, nothing), (LIDAR, name)))
+    for path in (LIDAR, CAMERA):
+        what = f"{path.rpartition('/')[2]} stays behind"
+        found.append(Sabotage(what, "05", detach(path), (path, "xformOpOrder")))
     return found
 
 

@@ -13,8 +13,10 @@ from scene_changes import (
     TRANSLATE,
     Change,
     as_matrix,
+    author,
     clear,
     define,
+    detach,
     hide_place,
     move_prim,
     negated,
@@ -50,12 +52,16 @@ EQUALS: dict[str, Change] = {
     "noise": put(CAMERA, ORIENT, FLOATS),
     "single precision": in_single_precision,
     "a little off": put(CAMERA, TRANSLATE, Gf.Vec3d(0.10000000149, 5e-5, 0.2)),
-    "no rate": clear(CAMERA, TICK),
     "no sensor schema": several(clear(CAMERA, TICK), without_api(CAMERA, "OmniSensorAPI")),
     "default aperture": lambda stage: (
         UsdGeom.Camera(stage.GetPrimAtPath(CAMERA)).CreateHorizontalApertureAttr(20.955) and None
     ),
     "another camera on the robot": define(f"{ROBOT}/base_link/Extra", "Camera"),
+    "a camera of the world with its name": define("/World/Camera_1", "Camera"),
+    "perspective": author(CAMERA, "projection", "Token", "perspective"),
+    "pinhole": author(CAMERA, "cameraProjectionType", "Token", "pinhole"),
+    "no clipping planes": author(CAMERA, "clippingPlanes", "Float4Array", []),
+    "no lens distortion": author(CAMERA, "omni:lensdistortion:model", "Token", ""),
 }
 
 
@@ -64,6 +70,72 @@ def test_what_means_the_same_is_no_fault(change: Change) -> None:
     stage = built("05")
     change(stage)
     assert told(stage, "05") == []
+
+
+CHANGED: dict[str, tuple[Change, str]] = {
+    "orthographic": (author(CAMERA, "projection", "Token", "orthographic"), "projection"),
+    "fisheye": (
+        author(CAMERA, "cameraProjectionType", "Token", "fisheyePolynomial"),
+        "cameraProjectionType",
+    ),
+    "distorted": (
+        author(CAMERA, "omni:lensdistortion:model", "Token", "opencvFisheye"),
+        "omni:lensdistortion:model",
+    ),
+    "clipped": (
+        author(CAMERA, "clippingPlanes", "Float4Array", [Gf.Vec4f(1, 0, 0, -2)]),
+        "clippingPlanes",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "name"), CHANGED.values(), ids=CHANGED)
+def test_another_image_than_a_plain_one_is_a_warning(change: Change, name: str) -> None:
+    stage = built("05")
+    change(stage)
+    (found,) = findings_of(stage, "05")
+    assert (found.rule, found.severity, found.prim, found.property) == (
+        *("C10", "warning"),
+        *(CAMERA, name),
+    )
+
+
+@pytest.mark.parametrize("checkpoint", ["04", "08"])
+def test_a_schema_without_a_rate_is_a_warning(checkpoint: str) -> None:
+    stage = built(checkpoint)
+    clear(CAMERA, TICK)(stage)
+    (found,) = findings_of(stage, checkpoint)
+    assert (found.rule, found.severity, found.property) == ("C07", "warning", TICK)
+
+
+def test_a_rate_of_zero_is_a_fault() -> None:
+    stage = built("04")
+    put(CAMERA, TICK, 0.0)(stage)
+    (found,) = findings_of(stage, "04")
+    assert (found.rule, found.severity, found.property) == ("C07", "error", TICK)
+
+
+def test_a_rate_behind_a_missing_asset_is_not_verifiable() -> None:
+    stage = built("04")
+    clear(CAMERA, TICK)(stage)
+    refer(CAMERA, "camera.usd")(stage)
+    assert told(stage, "04") == [("F02", CAMERA, None)]
+
+
+@pytest.mark.parametrize("place", [(0.1, 0, 0.2), (1.9, 0, 0.2)])
+def test_a_camera_that_stays_behind_is_one_fault(place: tuple[float, float, float]) -> None:
+    stage = built("04")
+    put(CAMERA, TRANSLATE, Gf.Vec3d(place))(stage)
+    detach(CAMERA)(stage)
+    (found,) = findings_of(stage, "04")
+    assert (found.rule, found.severity, found.property) == ("C04", "error", "xformOpOrder")
+
+
+def test_a_camera_of_the_world_with_its_name_is_not_the_robots() -> None:
+    stage = built("04")
+    remove(CAMERA)(stage)
+    define("/World/Camera_1", "Camera")(stage)
+    assert told(stage, "04") == [("C01", CAMERA, None)]
 
 
 def message_of(quaternion: Gf.Quatd) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from pxr import Gf, Sdf
+from pxr import Gf, Sdf, Usd
 from scene_changes import (
     LIDAR,
     ORIENT,
@@ -12,10 +12,13 @@ from scene_changes import (
     TRANSLATE,
     TURNS,
     Change,
+    aim,
     as_matrix,
+    author,
     clear,
     deactivate,
     define,
+    detach,
     hide_place,
     move_prim,
     negated,
@@ -25,6 +28,7 @@ from scene_changes import (
     retype,
     rotated,
     several,
+    switch,
     turn,
     without_api,
 )
@@ -34,6 +38,8 @@ from lab3_usd.check.checker import judge
 from lab3_usd.check.sensor_place import sensor_homes
 from lab3_usd.spec.loader import load_lab
 
+CORE = "omni:sensor:Core:"
+ELEVATION = f"{CORE}emitterState:s001:elevationDeg"
 API = "OmniSensorGenericLidarCoreAPI"
 ELSEWHERE = "/World/Example_Rotary_2D"
 OWN_API = "OmniSensorGenericLidarCoreEmitterStateAPI:s001"
@@ -46,6 +52,20 @@ EQUALS: dict[str, Change] = {
     "a little turn": put(LIDAR, ORIENT, turn(0.05)),
     "no pose": lambda stage: stage.GetPrimAtPath(LIDAR).RemoveProperty("xformOpOrder") and None,
     "other attributes": put(LIDAR, "omni:sensor:Core:farRangeM", 30.0),
+    "no tick rate": clear(LIDAR, TICK),
+    "a turned circle": several(
+        put(LIDAR, f"{CORE}validStartAzimuthDeg", -180.0),
+        put(LIDAR, f"{CORE}validEndAzimuthDeg", 180.0),
+    ),
+    "a little tilted": put(LIDAR, ELEVATION, [0.5]),
+    "the sensor's own frame": author(LIDAR, f"{CORE}outputFrameOfReference", "Token", "SENSOR"),
+    "nothing said of accumulation": clear(LIDAR, f"{CORE}accumulateOutputs"),
+    "two beams a turn": put(LIDAR, f"{CORE}patternFiringRateHz", 20),
+    "no emitters of its own": several(
+        clear(LIDAR, f"{CORE}emitterState:s001:azimuthDeg"),
+        clear(LIDAR, ELEVATION),
+        clear(LIDAR, f"{CORE}numberOfEmitters"),
+    ),
     "deactivated leftover": lambda stage: (
         define("/World/Lidar_01", "OmniLidar")(stage),
         deactivate("/World/Lidar_01")(stage),
@@ -210,3 +230,136 @@ def test_a_type_that_is_written_is_judged_beside_a_missing_asset() -> None:
     stage = built("03")
     several(retype(LIDAR, "Xform"), refer(LIDAR, "lidar.usd"))(stage)
     assert ("L03", LIDAR, None) in told(stage, "03")
+
+
+def test_a_scan_rate_that_is_not_written_is_a_warning() -> None:
+    stage = built("03")
+    clear(LIDAR, TURNS)(stage)
+    (found,) = findings_of(stage, "03")
+    assert (found.rule, found.severity, found.property) == ("L05", "warning", TURNS)
+
+
+def test_rates_of_a_lidar_without_its_schema_have_no_values_of_their_own() -> None:
+    stage = built("03")
+    several(without_api(LIDAR, API), clear(LIDAR, TICK))(stage)
+    assert told(stage, "03") == [("L05", LIDAR, TICK), ("L06", LIDAR, None)]
+
+
+@pytest.mark.parametrize(("near", "far"), [(5.0, 5.0), (5.0, 1.0), (0.12, -1.0)])
+def test_a_nearest_range_beyond_the_farthest_is_one_fault(near: float, far: float) -> None:
+    stage = built("03")
+    put(LIDAR, f"{CORE}nearRangeM", near)(stage)
+    put(LIDAR, f"{CORE}farRangeM", far)(stage)
+    assert [(each[0], each[1]) for each in told(stage, "03")] == [("L09", LIDAR)]
+
+
+def test_fewer_beams_than_turns_are_no_scan() -> None:
+    stage = built("03")
+    put(LIDAR, f"{CORE}patternFiringRateHz", 10)(stage)
+    assert told(stage, "03") == [("L09", LIDAR, f"{CORE}patternFiringRateHz")]
+
+
+def test_a_value_that_gives_no_scan_is_a_fault_over_a_missing_asset() -> None:
+    stage = built("03")
+    vendors(stage)
+    put(LIDAR, f"{CORE}farRangeM", 0.0)(stage)
+    assert ("L09", LIDAR, f"{CORE}farRangeM") in told(stage, "03")
+
+
+OTHERS: dict[str, tuple[Change, str]] = {
+    "half a circle": (
+        put(LIDAR, f"{CORE}validEndAzimuthDeg", 180.0),
+        f"{CORE}validEndAzimuthDeg",
+    ),
+    "ahead": (
+        several(
+            put(LIDAR, f"{CORE}validStartAzimuthDeg", 270.0),
+            put(LIDAR, f"{CORE}validEndAzimuthDeg", 90.0),
+        ),
+        f"{CORE}validEndAzimuthDeg",
+    ),
+    "nothing of the circle": (
+        put(LIDAR, f"{CORE}validEndAzimuthDeg", 0.0),
+        f"{CORE}validEndAzimuthDeg",
+    ),
+    "from a later start": (
+        several(
+            put(LIDAR, f"{CORE}validStartAzimuthDeg", 90.0),
+            clear(LIDAR, f"{CORE}validEndAzimuthDeg"),
+        ),
+        f"{CORE}validStartAzimuthDeg",
+    ),
+    "up": (put(LIDAR, ELEVATION, [30.0]), ELEVATION),
+    "down": (put(LIDAR, ELEVATION, [-5.0]), ELEVATION),
+    "up in a second state": (
+        author(LIDAR, f"{CORE}emitterState:s002:elevationDeg", "FloatArray", [0.0, 15.0]),
+        f"{CORE}emitterState:s002:elevationDeg",
+    ),
+    "solid state": (put(LIDAR, f"{CORE}scanType", "SOLID_STATE"), f"{CORE}scanType"),
+    "parts": (switch(LIDAR, f"{CORE}accumulateOutputs"), f"{CORE}accumulateOutputs"),
+    "world frame": (
+        author(LIDAR, f"{CORE}outputFrameOfReference", "Token", "WORLD"),
+        f"{CORE}outputFrameOfReference",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "name"), OTHERS.values(), ids=OTHERS)
+def test_another_scan_than_the_whole_circle_is_a_warning(change: Change, name: str) -> None:
+    stage = built("05")
+    change(stage)
+    (found,) = findings_of(stage, "05")
+    assert (found.rule, found.severity) == ("L10", "warning")
+    assert (found.prim, found.property) == (LIDAR, name)
+
+
+@pytest.mark.parametrize("place", [(0, 0, 0), (1.768, 0, 0.182)])
+def test_a_lidar_that_stays_behind_is_one_fault(place: tuple[float, float, float]) -> None:
+    stage = built("03")
+    put(LIDAR, TRANSLATE, Gf.Vec3d(place))(stage)
+    detach(LIDAR)(stage)
+    (found,) = findings_of(stage, "03")
+    assert (found.rule, found.severity, found.property) == ("L04", "error", "xformOpOrder")
+
+
+def test_a_link_that_leaves_out_its_parents_moves_all_the_same() -> None:
+    stage = built("03")
+    put(f"{ROBOT}/base_scan", TRANSLATE, Gf.Vec3d(1.768, 0, 0.182))(stage)
+    detach(f"{ROBOT}/base_scan")(stage)
+    assert told(stage, "03") == []
+
+
+def judged(stage: Usd.Stage) -> list[tuple[str, str]]:
+    lab = load_lab()
+    found = judge(lab, lab.checkpoints["03"], model_of(stage)).findings
+    return [(each.rule, each.prim) for each in found if each.severity != "note"]
+
+
+def test_of_two_lidars_the_one_that_holds_the_graph_is_the_labs() -> None:
+    stage = built("03")
+    move_prim(LIDAR, ELSEWHERE)(stage)
+    define(LIDAR, "OmniLidar")(stage)
+    assert judged(stage) == [("L02", ELSEWHERE), ("L07", LIDAR)]
+
+
+def test_of_two_lidars_the_wired_one_is_the_labs() -> None:
+    stage = built("03")
+    move_prim(LIDAR, ELSEWHERE)(stage)
+    define(LIDAR, "OmniLidar")(stage)
+    move_prim(f"{ELSEWHERE}/ROS_Lidar2D", "/World/ROS_Lidar2D")(stage)
+    assert judged(stage)[-2:] == [("L02", ELSEWHERE), ("L07", LIDAR)]
+
+
+def test_of_two_unused_lidars_the_one_at_the_path_is_the_labs() -> None:
+    stage = built("03")
+    remove(f"{LIDAR}/ROS_Lidar2D")(stage)
+    define(ELSEWHERE, "OmniLidar")(stage)
+    assert told(stage, "03") == [("L07", ELSEWHERE, None)]
+
+
+def test_a_lidar_at_the_path_with_the_graph_is_the_labs_whatever_the_graph_names() -> None:
+    stage = built("03")
+    define(ELSEWHERE, "OmniLidar")(stage)
+    node = f"{LIDAR}/ROS_Lidar2D/isaac_create_render_product"
+    aim(node, "inputs:cameraPrim", ELSEWHERE)(stage)
+    assert judged(stage) == [("R02", node), ("L07", ELSEWHERE)]

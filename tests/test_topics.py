@@ -189,6 +189,10 @@ def test_the_pace_is_the_events_or_the_sensors() -> None:
     sensor = f"{m.ROBOT}/base_scan/Lidar2D"
     stage = m.with_prim(stage, sensor, attributes={"omni:sensor:tickRate": 10.0})
     assert of(stage, LIDAR).rate == "sensor at 10 Hz"
+    stage = m.with_prim(stage, sensor, attributes={"omni:sensor:tickRate": 0.0})
+    assert of(stage, LIDAR).rate == "On Playback Tick"
+    stage = m.with_prim(stage, sensor, attributes={}, apis=("OmniSensorGenericLidarCoreAPI",))
+    assert of(stage, LIDAR).rate == "sensor at 10 Hz"
     assert (
         of(changed(m.RAW, m.ODOM_TF, staticPublisher=True), m.RAW).rate
         == "once after On Playback Tick"

@@ -12,6 +12,7 @@ from lab3_usd.check.poses import Vector, angles, decompose, distance, turn_betwe
 
 Kind = Literal["translate", "rotate", "scale"]
 ORDER = "xformOpOrder"
+RESET = "!resetXformStack!"  # in that order: leave out the transforms of all parents
 # The operations of the Property panel; others that do the same, in the order of preference.
 OPERATIONS: Mapping[Kind, tuple[str, ...]] = {
     "translate": ("xformOp:translate",),

@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.finding import Finding
+from lab3_usd.check.posing import ORDER
 
 POSE = {
     "translate": ("position", "xformOp:translate"),
@@ -64,7 +65,7 @@ def pose_items(
     """Yield position, rotation and scale of a prim; `rules` says which rules judge each."""
     for kind, (word, where) in POSE.items():
         title = f"{path.rpartition('/')[2]}: {word} {tuple(pose[kind])}"
-        also = (_ROTATE, where) if kind == "rotate" else (where,)
+        also = {"rotate": (_ROTATE, where), "translate": (where, ORDER)}.get(kind, (where,))
         yield SceneItem(
             f"{group}/{word}", group, title, path, where, pose["handout"], rules[kind], also
         )

@@ -30,15 +30,17 @@ def lidar_items(lab: Lab) -> Iterator[SceneItem]:
     """Yield what D3 to D5 ask."""
     yield from _sensor_items(lab, "lidar", "L")
     spec, forbidden = lab.scene["lidar"], lab.scene["forbidden"]["lidar"]
+    scan = spec["scan"]
     group = spec["path"].rpartition("/")[2]
     yield SceneItem(
         f"{group}/schema",
         group,
-        f"{group} has the lidar's schema",
+        f"{group} has the lidar's schema and gives a scan",
         spec["path"],
         None,
         spec["handout"],
-        ("L06",),
+        ("L06", "L09"),
+        (*scan["above_zero"], scan["emitters"], *(low for low, _ in scan["rising"])),
     )
     title, handout = "no second lidar", forbidden["handout"]
     yield SceneItem(

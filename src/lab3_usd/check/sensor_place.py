@@ -13,6 +13,7 @@ from lab3_usd.check.absence import hides_place, is_at_or_below, is_hidden, why_a
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Matrix, Prim, StageModel
 from lab3_usd.check.poses import IDENTITY, relative
+from lab3_usd.check.posing import ORDER, RESET
 from lab3_usd.check.subject import StageSubject
 from lab3_usd.spec.spec import Lab
 
@@ -41,18 +42,32 @@ class Place(Struct, frozen=True):
 def find_sensor(lab: Lab, stage: StageModel, name: str) -> Place:
     """Find the sensor `name` of the scene file: at its path, else the prim that is meant.
 
-    Meant is a prim of the right type that has the name or hangs below the robot; for a sensor
-    that is recognised anywhere, every prim of the type.
+    Meant is a prim of the right type that hangs below the robot, or has the name and is used by a
+    graph; for a sensor that is recognised anywhere, every prim of the type. Of several such, the
+    one that a graph uses is the lab's, even beside an unused one at the path.
     """
     spec = lab.scene[name]
     path: str = spec["path"]
     at = stage.prim(path)
-    if at is not None and at.type == spec["type"]:
+    is_there = at is not None and at.type == spec["type"]
+    if is_there and spec.get("recognised") != "anywhere":
         return Place(path, at)
     if at is not None and not at.type and is_hidden(stage, path):
         return Place(path)  # the missing asset may say what it is
-    others = sorted(candidates(lab, stage, name), key=lambda prim: _strangeness(prim, path, lab))
-    return Place(path, others[0] if others else None, at)
+    found = [*candidates(lab, stage, name)]
+    if len(found) > 1:
+        found.sort(key=lambda prim: (not is_used(stage, prim), _strangeness(prim, path, lab)))
+    return Place(path, found[0] if found else None, None if is_there else at)
+
+
+def is_used(stage: StageModel, prim: Prim) -> bool:
+    """Whether a node names the prim as its target, or a graph that holds nodes lies below it."""
+    below = f"{prim.path}/"
+    for graph in stage.graphs:
+        if graph.active and graph.nodes and graph.path.startswith(below):
+            return True
+    states = (state for node in stage.nodes() for state in node.ports.values())
+    return any(prim.path in state.targets for state in states)
 
 
 def sensor_place(subject: StageSubject, name: str) -> Place | None:
@@ -79,8 +94,8 @@ def candidates(lab: Lab, stage: StageModel, name: str) -> Iterator[Prim]:
     wanted = spec["path"].rpartition("/")[2]
     for prim in stage.prims.values():
         if prim.type == spec["type"] and prim.present:
-            is_known = prim.name == wanted or is_at_or_below(prim.path, robot)
-            if spec.get("recognised") == "anywhere" or is_known:
+            is_known = spec.get("recognised") == "anywhere" or is_at_or_below(prim.path, robot)
+            if is_known or (prim.name == wanted and is_used(stage, prim)):
                 yield prim
 
 
@@ -107,6 +122,24 @@ def frames_of(stage: StageModel, place: Place) -> list[Matrix]:
         seen = relative(prim.world, base.world)
         frames += [seen] if seen is not None else []
     return frames
+
+
+def stays_behind(prim: Prim) -> bool:
+    """Whether the prim leaves out the transforms of its parents, and so does not move with them."""
+    order = prim.attributes.get(ORDER)
+    return isinstance(order, tuple) and RESET in order
+
+
+def stays_behind_problem(place: Place, prim: Prim, handout: str) -> Problem:
+    """Return that the sensor stays where it is while its link moves.
+
+    What its place is relative to the link nobody can say then.
+    """
+    message = (
+        f"{prim.name} has {RESET} in {ORDER}: it ignores its link and does not move with the robot"
+    )
+    hint = f"take {RESET} out of {ORDER}, then set the place relative to the link"
+    return Problem(prim.path, message, ORDER, None, RESET, handout, place.related, hint=hint)
 
 
 def is_named(name: str, names: Mapping[str, Any] | list[str]) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.model import Node, StageModel
+from lab3_usd.check.model import Node, Prim, StageModel
 from lab3_usd.check.running import Nodes, effective, event_of, is_switched_on, live_sources
 from lab3_usd.spec.spec import Lab
 
@@ -46,8 +46,17 @@ def rate_source(
         return f"once after {event}"
     sensor = sensor_of(node, running)
     prim = None if sensor is None else stage.prim(sensor)
-    rate = None if prim is None else prim.attributes.get(_RATE)
-    return f"sensor at {rate:g} Hz" if isinstance(rate, (int, float)) else event
+    rate = 0.0 if prim is None else _rate(prim, lab)
+    return f"sensor at {rate:g} Hz" if rate > 0 else event
+
+
+def _rate(prim: Prim, lab: Lab) -> float:
+    """Return the sensor's own rate: as written, else what its schema takes; 0 for every frame."""
+    rate = prim.attributes.get(_RATE)
+    lidar = lab.scene["lidar"]
+    if rate is None and lidar["required_api"] in prim.apis:
+        rate = lidar["attributes"][_RATE]["value"]
+    return float(rate) if isinstance(rate, (int, float)) else 0.0
 
 
 def _events(node: Node, lab: Lab, running: Nodes) -> Iterator[str]:

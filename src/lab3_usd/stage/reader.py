@@ -24,7 +24,8 @@ from lab3_usd.stage.read_before import Before, Entry, before
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
-    r"horizontalAperture|verticalAperture|kind|node|xformOpOrder)(:|$)"
+    r"horizontalAperture|verticalAperture|projection|cameraProjectionType|clippingPlanes|"
+    r"kind|node|xformOpOrder)(:|$)"
 )
 # Prims whose place matters even if they are no rigid bodies; of the others nobody asks.
 _PLACED = ("Xform", "Camera", "Plane", "OmniLidar", "")

@@ -12,13 +12,15 @@ from lab3_usd.check.met import same_value
 from lab3_usd.check.model import Prim
 from lab3_usd.check.posing import Misfit
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules import early  # noqa: F401 - registers its rules
+from lab3_usd.check.rules import early, image  # noqa: F401 - registers their rules
 from lab3_usd.check.say import shown
 from lab3_usd.check.sensor_place import (
     Place,
     misplaced_problem,
     missing_problem,
     sensor_place,
+    stays_behind,
+    stays_behind_problem,
     stranger_problem,
 )
 from lab3_usd.check.subject import StageSubject
@@ -75,22 +77,28 @@ def camera_type(subject: StageSubject) -> Iterator[Problem]:
 
 def _wrong(subject: StageSubject) -> Iterator[tuple[Place, Prim, Misfit | View]]:
     place = sensor_place(subject, SENSOR)
-    if place is not None and place.prim is not None:
+    if place is not None and place.prim is not None and not stays_behind(place.prim):
         for misfit in camera_misfits(subject, place):
             yield place, place.prim, misfit
 
 
 @rule("C04", "camera-position", scope="stage")
 def camera_position(subject: StageSubject) -> Iterator[Problem]:
-    """The robot's camera does not stand where the handout puts it, or is scaled.
+    """The robot's camera does not stand where the handout puts it, is scaled, or stays behind.
 
     Why: inside the robot it sees the inside of a plate, elsewhere the image does not fit the TF
-    frame `Camera_1`.
+    frame `Camera_1`. With `!resetXformStack!` the camera ignores its link and stays where it is
+    while the robot drives away.
 
-    Fix: select the camera and set Translate (0.1, 0, 0.2) and Scale (1, 1, 1).
+    Fix: select the camera and set Translate (0.1, 0, 0.2) and Scale (1, 1, 1). Take
+    `!resetXformStack!` out of `xformOpOrder`.
 
     Example: `xformOp:translate` (0, 0, 0), the place where the Create menu puts it.
     """
+    handout = subject.lab.scene[SENSOR]["pose"]["handout"]
+    place = sensor_place(subject, SENSOR)
+    if place is not None and place.prim is not None and stays_behind(place.prim):
+        yield stays_behind_problem(place, place.prim, handout)
     for place, prim, wrong in _wrong(subject):
         if isinstance(wrong, Misfit):
             yield Problem(
@@ -99,7 +107,7 @@ def camera_position(subject: StageSubject) -> Iterator[Problem]:
                 wrong.property,
                 wrong.expected,
                 wrong.actual,
-                subject.lab.scene[SENSOR]["pose"]["handout"],
+                handout,
                 place.related,
             )
 
@@ -149,13 +157,42 @@ def camera_rate(subject: StageSubject) -> Iterator[Problem]:
     """The sensor rate of the robot's camera is set, and not to what the handout says.
 
     Why: the rate sets how often an image is published. Create > Camera applies no sensor schema:
-    a rate that is absent is no fault.
+    a rate that is absent is no fault. Where the camera has `OmniSensorAPI` and no rate is written,
+    the schema's 0 means an image for every rendered frame: a warning.
 
     Fix: select the camera, search the Property panel for the name given here and type 10.
 
     Example: `omni:sensor:tickRate` 30.
     """
     yield from _attributes(subject, lambda entry: entry["required"] is not True)
+    yield from _left_alone(subject)
+
+
+def _left_alone(subject: StageSubject) -> Iterator[Problem]:
+    """Yield rates that the camera has by a schema, and that nobody has set."""
+    place = sensor_place(subject, SENSOR)
+    prim = None if place is None else place.prim
+    spec = subject.lab.scene[SENSOR]
+    if place is None or prim is None or spec["rate_api"] not in prim.apis:
+        return
+    for name, entry in spec["attributes"].items():
+        is_rate = entry["required"] is not True and name not in prim.attributes
+        if is_rate and not is_hidden(subject.stage, prim.path):
+            expected = shown(entry["value"])
+            message = (
+                f"{name} is not set, expected {expected}; {spec['rate_api']} takes 0 then, which "
+                "is an image for every rendered frame"
+            )
+            yield Problem(
+                prim.path,
+                message,
+                name,
+                expected,
+                shown(None),
+                entry["handout"],
+                place.related,
+                severity="warning",
+            )
 
 
 def _attributes(subject: StageSubject, is_asked: Any) -> Iterator[Problem]:  # noqa: ANN401
@@ -175,26 +212,3 @@ def _attributes(subject: StageSubject, is_asked: Any) -> Iterator[Problem]:  # n
         why = "" if actual is not None else ", which leaves USD's own default"
         message = f"{name} is {is_}{why}, expected {expected}"
         yield Problem(prim.path, message, name, expected, is_, entry["handout"], place.related)
-
-
-@rule("C08", "camera-aperture", scope="stage", severity="warning")
-def camera_aperture(subject: StageSubject) -> Iterator[Problem]:
-    """The aperture of the robot's camera was changed, which E5 says to leave alone.
-
-    Why: with the focal length it makes the field of view.
-
-    Fix: select the camera, and reset the aperture with the blue square beside it.
-
-    Example: `horizontalAperture` 36.
-    """
-    place = sensor_place(subject, SENSOR)
-    prim = None if place is None else place.prim
-    if place is None or prim is None:
-        return
-    for name, default in subject.lab.scene[SENSOR]["keep_default"].items():
-        actual = prim.attributes.get(name)
-        if actual is not None and not same_value(actual, default):
-            message = f"{name} is {shown(actual)}, the default is {shown(default)}"
-            yield Problem(
-                prim.path, message, name, shown(default), shown(actual), "E5", place.related
-            )

@@ -9,7 +9,7 @@ from lab3_usd.check.finding import Problem
 from lab3_usd.check.met import same_value
 from lab3_usd.check.posing import Misfit, misfits, sensor_tolerance
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules import early  # noqa: F401 - registers its rules
+from lab3_usd.check.rules import early, scan  # noqa: F401 - registers their rules
 from lab3_usd.check.say import shown
 from lab3_usd.check.sensor_place import (
     frames_of,
@@ -17,6 +17,8 @@ from lab3_usd.check.sensor_place import (
     missing_problem,
     second_lidars,
     sensor_place,
+    stays_behind,
+    stays_behind_problem,
     stranger_problem,
 )
 from lab3_usd.check.subject import StageSubject
@@ -74,12 +76,14 @@ def lidar_type(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("L04", "lidar-pose", scope="stage")
 def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
-    """The lidar does not sit at the origin of its link.
+    """The lidar does not sit at the origin of its link, or does not move with it.
 
     Why: the scan is published in the frame `base_scan`: what the lidar is moved or turned by, the
-    walls are off in RViz and on the map (8.7, 8.14).
+    walls are off in RViz and on the map (8.7, 8.14). With `!resetXformStack!` it ignores its link
+    and stays where it is while the robot drives away.
 
-    Fix: select the lidar and set Translate (0, 0, 0), Rotate (0, 0, 0) and Scale (1, 1, 1).
+    Fix: select the lidar and set Translate (0, 0, 0), Rotate (0, 0, 0) and Scale (1, 1, 1). Take
+    `!resetXformStack!` out of `xformOpOrder`.
 
     Example: `xformOp:translate` (0, 0, 0.182), the place of the link typed in again.
     """
@@ -88,6 +92,9 @@ def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
         return
     spec, prim = subject.lab.scene[SENSOR], place.prim
     tolerance = sensor_tolerance(subject.lab.scene, subject.stage)
+    if stays_behind(prim):
+        yield stays_behind_problem(place, prim, spec["pose"]["handout"])
+        return
 
     def judged() -> Iterator[list[Misfit]]:
         for matrix in frames_of(subject.stage, place):
@@ -111,7 +118,8 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
     """A rate of the lidar is not the handout's, or is not set.
 
     Why: the tick rate sets how often a scan is published; when it differs from the scan rate, each
-    scan is only a part of a turn, and Isaac Sim does not say so.
+    scan is only a part of a turn, and Isaac Sim does not say so. Where no tick rate is written, the
+    lidar's schema takes 10; what it takes for a scan rate is not public: a warning.
 
     Fix: select the lidar, search the Property panel for the name given here and type the value.
 
@@ -121,21 +129,30 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
     prim = None if place is None else place.prim
     if place is None or prim is None:
         return
-    for name, entry in subject.lab.scene[SENSOR]["attributes"].items():
+    spec = subject.lab.scene[SENSOR]
+    for name, entry in spec["attributes"].items():
         actual = prim.attributes.get(name)
         if not entry.get("required") or same_value(actual, entry["value"]):
             continue
-        if actual is not None or not is_hidden(subject.stage, prim.path):
-            expected, is_ = shown(entry["value"]), shown(actual)
-            message = f"{name} is {is_}, expected {expected}"
-            yield Problem(prim.path, message, name, expected, is_, entry["handout"], place.related)
+        unset = entry["unset"] if actual is None and spec["required_api"] in prim.apis else None
+        if unset != "right" and (actual is not None or not is_hidden(subject.stage, prim.path)):
+            yield Problem(
+                prim.path,
+                f"{name} is {shown(actual)}, expected {shown(entry['value'])}",
+                name,
+                shown(entry["value"]),
+                shown(actual),
+                entry["handout"],
+                place.related,
+                severity="warning" if unset else None,
+            )
 
 
 @rule("L06", "lidar-schema", scope="stage")
 def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
     """The lidar lacks the schema by which Isaac Sim recognises a generic RTX lidar.
 
-    Why: the lidar helper refuses it with an error in the console, and `/scan` stays silent. An
+    Why: the lidar helper refuses it with a warning in the console, and `/scan` stays silent. An
     asset that cannot be found from here could bring the schema: nothing is said then.
 
     Fix: delete the prim and make it with Create > Sensors > RTX Lidar > NVIDIA > Example Rotary 2D.
