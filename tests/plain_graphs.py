@@ -77,6 +77,11 @@ def with_nodes(graph: GraphModel, *nodes: Node) -> GraphModel:
     return replace(graph, nodes=kept + tuple(changed.values()))
 
 
+def without_nodes(graph: GraphModel, *names: str) -> GraphModel:
+    """The graph without the nodes of these names."""
+    return replace(graph, nodes=tuple(each for each in graph.nodes if each.name not in names))
+
+
 def node_of(graph: GraphModel, name: str) -> Node:
     return next(node for node in graph.nodes if node.name == name)
 

@@ -101,3 +101,99 @@ def test_a_link_that_is_deactivated_is_not_taken_for_another() -> None:
     stage.GetPrimAtPath(f"{ROBOT}/caster_back_link").SetActive(False)  # noqa: FBT003
     path = f"{ROBOT}/caster_back_link"
     assert ("S01", path, "is deactivated") in told(judged(stage, "02"))
+
+
+# Graphs that are missing together with a prim are named in its finding.
+
+ON_ROBOT = ("ROS_Drive", "ROS_Lidar2D", "ROS_Camera", "ROS_OdomTF")
+
+
+def only(found: Judgement, rule: str) -> str:
+    (message,) = [each.message for each in found.findings if each.rule == rule]
+    return message
+
+
+@pytest.mark.parametrize(
+    ("gone", "rule", "names"),
+    [
+        (ROBOT, "S01", ON_ROBOT),
+        (f"{ROBOT}/base_scan", "S01", ("ROS_Lidar2D",)),
+        (f"{ROBOT}/base_footprint", "S01", ("ROS_Camera",)),
+        (f"{ROBOT}/base_scan/Lidar2D", "L01", ("ROS_Lidar2D",)),
+        (f"{ROBOT}/base_footprint/Camera_1", "C01", ("ROS_Camera",)),
+        ("/World", "S01", ("ROS_Clock",)),
+    ],
+)
+@pytest.mark.parametrize("deactivated", [False, True])
+def test_a_missing_prim_names_the_graphs_that_are_missing_with_it(
+    gone: str, rule: str, names: tuple[str, ...], *, deactivated: bool
+) -> None:
+    stage = built("05")
+    if deactivated:
+        stage.GetPrimAtPath(gone).SetActive(False)  # noqa: FBT003 - pxr takes it so
+    else:
+        stage.RemovePrim(gone)
+    found = judged(stage)
+    assert [each.rule for each in found.findings if each.rule == "G01"] == []
+    assert only(found, rule).endswith(f"; missing with it: {', '.join(names)}")
+
+
+def test_a_graph_that_is_missing_alone_is_its_own_finding() -> None:
+    stage = built("05")
+    stage.RemovePrim(f"{ROBOT}/ROS_Drive")
+    stage.RemovePrim(f"{ROBOT}/base_link")
+    found = judged(stage)
+    assert only(found, "G01") == "graph ROS_Drive is missing"
+    assert "ROS_Drive" not in only(found, "S01")
+
+
+def behind_an_asset(path: str, *, by_over: bool = False) -> Usd.Stage:
+    """A stage whose robot is nothing but a reference that leads nowhere."""
+    stage = built("05")
+    stage.RemovePrim(ROBOT)
+    robot = stage.OverridePrim(path) if by_over else stage.DefinePrim(path, "Xform")
+    robot.GetReferences().AddReference("./turtlebot3_burger.usd")
+    return stage
+
+
+@pytest.mark.parametrize("by_over", [False, True])
+@pytest.mark.parametrize("home", [DRAGGED, "/World/robots/turtlebot3_burger_01"])
+def test_a_robot_whose_asset_is_missing_is_known_by_its_name(home: str, *, by_over: bool) -> None:
+    found = judged(behind_an_asset(home, by_over=by_over))
+    assert [(rule, prim) for rule, prim, _ in told(found)] == [("S01", home)]
+    assert only(found, "S01").endswith(f"; missing with it: {', '.join(ON_ROBOT)}")
+    assert "Scene/mass/base_link" not in lost(found)
+
+
+def test_a_prim_of_another_name_behind_a_missing_asset_is_not_the_robot() -> None:
+    found = judged(behind_an_asset("/World/table"))
+    assert ("S01", ROBOT, "is missing") in told(found)
+
+
+def test_a_robot_where_it_belongs_is_not_looked_for_elsewhere() -> None:
+    stage = behind_an_asset(ROBOT)
+    stage.DefinePrim(DRAGGED, "Xform").GetReferences().AddReference("./other.usd")
+    assert [each.prim for each in judged(stage).findings if each.rule == "S01"] == []
+
+
+def test_graphs_of_a_robot_whose_asset_is_missing_are_judged_where_they_are() -> None:
+    stage = built("05")
+    editor = Usd.NamespaceEditor(stage)
+    assert editor.MovePrimAtPath(ROBOT, DRAGGED)
+    assert editor.ApplyEdits()
+    for link in ("base_link", "caster_back_link", "wheel_left_link", "wheel_right_link", "joints"):
+        stage.RemovePrim(f"{DRAGGED}/{link}")
+    stage.GetPrimAtPath(DRAGGED).GetPayloads().AddPayload("./turtlebot3_burger.usd")
+    found = judged(stage)
+    assert [(rule, prim) for rule, prim, _ in told(found)] == [("S01", DRAGGED)]
+    stage.RemovePrim(f"{DRAGGED}/ROS_Drive")
+    rules = [(rule, prim) for rule, prim, _ in told(judged(stage))]
+    assert rules == [("G01", f"{DRAGGED}/ROS_Drive"), ("S01", DRAGGED)]
+
+
+def test_a_robot_elsewhere_without_its_graphs_names_them() -> None:
+    stage = dragged((ROBOT, DRAGGED), checkpoint="02")
+    stage.RemovePrim(f"{DRAGGED}/ROS_Drive")
+    found = judged(stage, "02")
+    assert [(rule, prim) for rule, prim, _ in told(found)] == [("S01", DRAGGED)]
+    assert only(found, "S01").endswith("; missing with it: ROS_Drive")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from lab3_usd.check.model import Prim, StageModel
 
 
@@ -26,6 +28,12 @@ def why_absent(stage: StageModel, path: str) -> str:
     if not found.active:
         return "is deactivated"
     return "is only an over without a def"
+
+
+def with_it(lost: Mapping[str, str], path: str) -> str:
+    """Name the graphs that are missing together with the prim, as the end of a sentence."""
+    names = [name for name, prim in lost.items() if prim == path]
+    return f"; missing with it: {', '.join(names)}" if names else ""
 
 
 def is_hidden(stage: StageModel, path: str) -> bool:

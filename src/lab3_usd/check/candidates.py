@@ -78,13 +78,13 @@ def _likeness(spec: GraphSpec, graph: GraphModel) -> float:
     asked = Counter(node.type.type for node in spec.nodes.values())
     held = Counter(node.type.type for node in graph.nodes if node.type is not None)
     shared = sum((asked & held).values())
-    typical = {kind for kind in asked if _says_something(spec, kind)}
+    typical = {kind for kind in asked if says_something(spec, kind)}
     if not typical & set(held) or shared < LEAST_SHARE * len(spec.nodes):
         return 0.0
     return 2 * shared / (len(spec.nodes) + len(graph.nodes))
 
 
-def _says_something(spec: GraphSpec, kind: str) -> bool:
+def says_something(spec: GraphSpec, kind: str) -> bool:
     """Whether nodes of this type have a part in ROS or wires on both sides."""
     roles = {role for role, node in spec.nodes.items() if node.type.type == kind}
     has_input = any(wire.target.role in roles for wire in spec.wires)

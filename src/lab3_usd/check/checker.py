@@ -10,7 +10,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.candidates import find_graphs, relocated
+from lab3_usd.check.candidates import relocated
 from lab3_usd.check.diagnosis import diagnose
 from lab3_usd.check.finding import (
     Crash,
@@ -21,7 +21,7 @@ from lab3_usd.check.finding import (
     StageResult,
     Verdict,
 )
-from lab3_usd.check.matcher import match
+from lab3_usd.check.merging import match_all
 from lab3_usd.check.model import Node, StageModel
 from lab3_usd.check.registry import Rule, rules_of
 from lab3_usd.check.requirements import (
@@ -30,9 +30,9 @@ from lab3_usd.check.requirements import (
     scene_requirements,
     score,
 )
-from lab3_usd.check.robot_place import lab_at, robot_homes
+from lab3_usd.check.robot_place import lab_at, lost_graphs, robot_homes
 from lab3_usd.check.sensor_place import sensor_homes
-from lab3_usd.check.subject import GraphSubject, Roles, StageSubject
+from lab3_usd.check.subject import GraphSubject, StageSubject
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.spec import Checkpoint, Lab
@@ -102,7 +102,8 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     live = {node.path: node for node in stage.nodes()}
     homes = robot_homes(lab, stage)
     placed = lab_at(lab, homes)
-    subjects = [*_graph_subjects(placed, checkpoint, stage, live)]
+    robot = homes.get(lab.scene["robot"]["path"], "")
+    subjects = [*_graph_subjects(placed, checkpoint, stage, live, robot)]
     run = _Run([], [])
     for found in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
@@ -114,6 +115,7 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         roles={subject.spec.name: subject.roles for subject in subjects},
         blamed=frozenset(each.prim for each in run.findings if each.severity == "error"),
         homes=homes,
+        lost={subject.spec.name: subject.lost_with for subject in subjects if subject.lost_with},
     )
     for found in rules_of("stage", *STAGE_FAMILIES):
         run.rule(found, whole)
@@ -140,9 +142,19 @@ class _Run(Struct, frozen=True):
     def rule(self, found: Rule, subject: Any) -> None:  # noqa: ANN401 - the scope decides
         """Run one rule; a rule that crashes is recorded, never a pass."""
         try:
-            self.findings.extend(finding_of(found, problem) for problem in found.check(subject))
+            for problem in found.check(subject):
+                finding = finding_of(found, problem)
+                if not any(_is_same(finding, told) for told in self.findings):
+                    self.findings.append(finding)
         except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
             self.crashes.append(Crash(found.id, f"{type(error).__name__}: {error}"))
+
+
+def _is_same(one: Finding, other: Finding) -> bool:
+    """Whether two findings say the same: graphs that were built in one may share a node."""
+    if (one.rule, one.prim, one.property) != (other.rule, other.prim, other.property):
+        return False
+    return one.message == other.message
 
 
 def finding_of(found: Rule, problem: Problem) -> Finding:
@@ -163,22 +175,24 @@ def finding_of(found: Rule, problem: Problem) -> Finding:
 
 
 def _graph_subjects(
-    lab: Lab, checkpoint: Checkpoint, stage: StageModel, live: Mapping[str, Node]
+    lab: Lab, checkpoint: Checkpoint, stage: StageModel, live: Mapping[str, Node], robot: str
 ) -> Iterator[GraphSubject]:
+    """Yield every graph of the checkpoint; `robot` is where the robot stands elsewhere."""
     homes = sensor_homes(lab, stage)
     specs = {name: relocated(spec, homes) for name, spec in lab.graphs.items()}
-    graphs = find_graphs(specs, stage)
+    matched = match_all(specs, stage)
+    roles = {name: matched[name] for name in checkpoint.graphs}
+    lost = lost_graphs(specs, roles, robot, stage)
     for name in checkpoint.graphs:
-        spec = specs[name]
-        roles: Roles = match(spec, graphs[name])
         yield GraphSubject(
             lab=lab,
             checkpoint=checkpoint,
-            spec=spec,
-            roles=roles,
+            spec=specs[name],
+            roles=roles[name],
             stage=stage,
             live=live,
-            wire_faults=diagnose(spec, roles, live),
+            wire_faults=diagnose(specs[name], roles[name], live),
+            lost_with=lost.get(name, ""),
         )
 
 

@@ -20,20 +20,25 @@ def match(spec: GraphSpec, graph: GraphModel | None) -> Roles:
     """
     if graph is None:
         return Roles(None, dict.fromkeys(spec.nodes), {})
-    node_of = assign(spec, graph)
+    return cast(spec, graph, assign(spec, graph), graph.nodes)
+
+
+def cast(spec: GraphSpec, graph: GraphModel, node_of: Pairs, offered: Sequence[Node]) -> Roles:
+    """Return the roles as assigned, and what the other nodes are; `offered` may be extra nodes."""
     taken = {node.path for node in node_of.values() if node is not None}
-    extra = sorted(
+    others = sorted(
         (node for node in graph.nodes if node.path not in taken), key=lambda node: node.path
     )
+    free = {node.path for node in offered}
+    extra = [node for node in others if node.path in free]
     retyped = _retyped(spec, node_of, extra)
     used = {node.path for node in retyped.values()}
-    extra = [node for node in extra if node.path not in used]
     return Roles(
         graph=graph,
         node_of=node_of,
         role_of={node.path: role for role, node in node_of.items() if node is not None},
-        stand_ins=_stand_ins(node_of, extra),
-        extra=tuple(extra),
+        stand_ins=_stand_ins(node_of, [node for node in others if node.path not in used]),
+        extra=tuple(node for node in extra if node.path not in used),
         retyped=retyped,
     )
 

@@ -7,11 +7,13 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from lab3_usd.check.absence import is_at_or_below, is_hidden
+from lab3_usd.check.absence import hides_below, is_at_or_below, is_hidden
 from lab3_usd.check.candidates import moved, relocated
 from lab3_usd.check.model import Prim, StageModel
 from lab3_usd.check.physics import BODY_API
-from lab3_usd.spec.spec import Lab
+from lab3_usd.check.sensor_place import is_named
+from lab3_usd.check.subject import Roles
+from lab3_usd.spec.spec import GraphSpec, Lab
 
 _LEAST_LINKS = 0.5  # of the robot's links that a prim must hold to be taken for the robot
 _SENSORS = ("lidar", "camera")
@@ -20,15 +22,17 @@ _SENSORS = ("lidar", "camera")
 def robot_homes(lab: Lab, stage: StageModel) -> dict[str, str]:
     """Map the path of the robot, and of a link that has none, to where it stands instead.
 
-    The robot is the prim that holds the most of its links, at least half of them. A link is the
+    The robot is the prim that holds the most of its links, at least half of them, or that has its
+    name while the asset with its links cannot be found. A link is the
     only prim of its name below the robot, or where no other is missing the only body beside the
     robot's links that is none of them. Paths of links are those below the robot where it stands.
     """
     expected: str = lab.scene["robot"]["path"]
     root = expected
     homes: dict[str, str] = {}
-    if stage.prim(expected) is None and not is_hidden(stage, expected):
-        root = _robot(lab, stage) or expected
+    is_nowhere = expected not in stage.prims or not is_hidden(stage, expected)
+    if stage.prim(expected) is None and is_nowhere:
+        root = _robot(lab, stage) or _namesake(lab, stage) or expected
         if root != expected:
             homes[expected] = root
     if stage.prim(root) is not None:
@@ -49,6 +53,13 @@ def _robot(lab: Lab, stage: StageModel) -> str | None:
         if count >= _LEAST_LINKS * len(links)
     )
     return offers[0][2] if offers else None
+
+
+def _namesake(lab: Lab, stage: StageModel) -> str | None:
+    """Return the first prim of the robot's name whose links an asset may hold that is missing."""
+    name = lab.scene["robot"]["path"].rpartition("/")[2]
+    named = (prim for prim in stage.prims.values() if is_named(prim.name, [name]) and prim.active)
+    return min((prim.path for prim in named if hides_below(stage, prim.path)), default=None)
 
 
 def _link_homes(links: tuple[str, ...], root: str, stage: StageModel) -> dict[str, str]:
@@ -81,6 +92,35 @@ def _strange_bodies(links: tuple[str, ...], root: str, stage: StageModel) -> Ite
         is_beside = prim.parent == root and prim.present and prim.name not in links
         if is_beside and BODY_API in prim.apis:
             yield prim
+
+
+def lost_graphs(
+    specs: Mapping[str, GraphSpec], roles: Mapping[str, Roles], robot: str, stage: StageModel
+) -> dict[str, str]:
+    """Map each graph that is missing together with a prim to that prim, whose finding names it.
+
+    That is the topmost prim above it that is not in the scene, or the robot at `robot` where it
+    stands elsewhere ('' where it does not) and none of its graphs came along.
+    """
+    lost: dict[str, str] = {}
+    on_robot = [name for name in roles if robot and is_at_or_below(specs[name].path, robot)]
+    stayed_behind = all(roles[name].graph is None for name in on_robot)
+    for name in (name for name, each in roles.items() if each.graph is None):
+        above = _topmost_missing(stage, specs[name].path.rpartition("/")[0])
+        if name in on_robot and stayed_behind:
+            lost[name] = robot
+        elif above and stage.unresolved_above(above) is None:
+            lost[name] = above
+    return lost
+
+
+def _topmost_missing(stage: StageModel, path: str) -> str:
+    missing = ""
+    while path:
+        if stage.prim(path) is None:
+            missing = path
+        path = path.rpartition("/")[0]
+    return missing
 
 
 def lab_at(lab: Lab, homes: Mapping[str, str]) -> Lab:

@@ -9,7 +9,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.check.absence import hides_place, is_at_or_below, is_hidden, why_absent
+from lab3_usd.check.absence import hides_place, is_at_or_below, is_hidden, why_absent, with_it
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Matrix, Prim, StageModel
 from lab3_usd.check.poses import IDENTITY, relative
@@ -179,7 +179,7 @@ def missing_problem(subject: StageSubject, place: Place, handout: str) -> Iterat
         return
     if stage.prim(parent) is not None:
         why = why_absent(stage, place.path)
-        message = f"{place.path} {why}"
+        message = f"{place.path} {why}{with_it(subject.lost, place.path)}"
         yield Problem(place.path, message, None, place.path, why, handout)
 
 

@@ -20,7 +20,8 @@ class Roles(Struct, frozen=True):
     `graph` is None when the stage holds nothing that could be the graph. `stand_ins` maps a node
     that does the work of another (a second context with the same settings) to the role it may
     stand in for; `retyped` holds, for a role without a node, the node of another type that stands
-    in its place; `extra` are the nodes that play no role.
+    in its place; `extra` are the nodes that play no role. `together` names the graphs of the lab
+    that one graph of the stage holds, where it holds several.
     """
 
     graph: GraphModel | None
@@ -29,13 +30,15 @@ class Roles(Struct, frozen=True):
     stand_ins: Mapping[str, str] = field(default_factory=dict)
     extra: tuple[Node, ...] = ()
     retyped: Mapping[str, Node] = field(default_factory=dict)
+    together: tuple[str, ...] = ()
 
 
 class GraphSubject(Struct, frozen=True, eq=False):
     """One graph of the spec beside its graph in the stage.
 
     `live` holds the live nodes of the whole stage by path, `wire_faults` what is wrong with the
-    wires of this graph.
+    wires of this graph. `lost_with` is the prim that the graph is missing together with, whose own
+    finding names it.
     """
 
     lab: Lab
@@ -45,6 +48,7 @@ class GraphSubject(Struct, frozen=True, eq=False):
     stage: StageModel
     live: Mapping[str, Node]
     wire_faults: tuple[WireFault, ...] = ()
+    lost_with: str = ""
 
 
 class StageSubject(Struct, frozen=True, eq=False):
@@ -52,7 +56,8 @@ class StageSubject(Struct, frozen=True, eq=False):
 
     `blamed` holds the prims that already have an error from the rules of their graph: what
     follows from that error is not said again. `homes` maps where the handout has the robot and
-    its links to where they stand instead; `lab` reads as if they belonged there.
+    its links to where they stand instead; `lab` reads as if they belonged there. `lost` maps each
+    graph that is missing together with a prim to that prim, whose finding names the graph.
     """
 
     lab: Lab
@@ -61,3 +66,4 @@ class StageSubject(Struct, frozen=True, eq=False):
     roles: Mapping[str, Roles]
     blamed: frozenset[str] = frozenset()
     homes: Mapping[str, str] = field(default_factory=dict)
+    lost: Mapping[str, str] = field(default_factory=dict)

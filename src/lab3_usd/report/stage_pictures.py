@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from lab3_usd.check.candidates import find_graphs, relocated
+from msgspec.structs import replace
+
+from lab3_usd.check.candidates import relocated
 from lab3_usd.check.finding import Finding
 from lab3_usd.check.frames import published_edges
-from lab3_usd.check.matcher import match
-from lab3_usd.check.model import StageModel
+from lab3_usd.check.merging import match_all
+from lab3_usd.check.model import GraphModel, StageModel
 from lab3_usd.check.robot_place import lab_at, robot_homes
 from lab3_usd.check.sensor_place import sensor_homes
+from lab3_usd.check.subject import Roles
 from lab3_usd.report.frames_picture import frames_picture
 from lab3_usd.report.picture_model import Picture
 from lab3_usd.report.pictures import graph_picture
@@ -33,17 +36,28 @@ def stage_pictures(
     lab = lab_at(lab, robot_homes(lab, stage))
     homes = sensor_homes(lab, stage)
     specs = {name: relocated(spec, homes) for name, spec in lab.graphs.items()}
-    graphs = {} if checkpoint is None else find_graphs(specs, stage)
+    matched = {} if checkpoint is None else match_all(specs, stage)
     asked = () if checkpoint is None else checkpoint.graphs
-    for name, graph in graphs.items():
-        if name in asked or graph is not None:
-            spec = specs[name]
-            yield graph_picture(spec, match(spec, graph), graph, findings, every_port=every_port)
-    known = {graph.path for graph in graphs.values() if graph is not None}
+    for name, roles in matched.items():
+        if name in asked or roles.graph is not None:
+            part = _part_of(roles, matched)
+            yield graph_picture(specs[name], roles, part, findings, every_port=every_port)
+    known = {roles.graph.path for roles in matched.values() if roles.graph is not None}
     for graph in stage.graphs:
         if graph.active and graph.path not in known:
             yield graph_picture(None, None, graph, findings, every_port=every_port)
     yield from _tree(lab, checkpoint, stage)
+
+
+def _part_of(roles: Roles, matched: Mapping[str, Roles]) -> GraphModel | None:
+    """Return the graph without the nodes that play roles of other graphs built in it."""
+    if roles.graph is None or not roles.together:
+        return roles.graph
+    others = {path for name in roles.together for path in matched[name].role_of}
+    others |= {node.path for name in roles.together for node in matched[name].extra}
+    own = {*roles.role_of, *(node.path for node in (*roles.extra, *roles.retyped.values()))}
+    kept = (node for node in roles.graph.nodes if node.path in own or node.path not in others)
+    return replace(roles.graph, nodes=tuple(kept))
 
 
 def _tree(lab: Lab, checkpoint: Checkpoint | None, stage: StageModel) -> Iterator[Picture]:

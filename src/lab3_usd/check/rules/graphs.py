@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.model import GraphModel
@@ -27,11 +27,12 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: select the graph's parent in the Stage panel, open Window > Graph Editors > Action Graph,
     click New Action Graph and name it as the handout says. A deactivated one: right-click it in
-    the Stage panel and choose Activate. Where the parent itself is missing, that comes first.
+    the Stage panel and choose Activate. A graph that is missing together with its parent is named
+    in the finding of the parent.
 
     Example: no `/World/ROS_Clock` in checkpoint 01.
     """
-    if subject.roles.graph is not None or _went_with_its_parent(subject):
+    if subject.roles.graph is not None or subject.lost_with:
         return
     spec = subject.spec
     yield Problem(
@@ -41,17 +42,6 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
         handout=spec.handout,
         hint=f"make the graph {spec.name} at {spec.path} as section {spec.handout} shows",
     )
-
-
-def _went_with_its_parent(subject: GraphSubject) -> bool:
-    """Whether a prim above the graph is not in the scene, which a rule of the scene says.
-
-    Behind an asset that cannot be found nobody knows: graphs must be in the student's own files.
-    """
-    parent = subject.spec.path.rpartition("/")[0]
-    if subject.stage.prim(parent) is not None:
-        return False
-    return subject.stage.unresolved_above(parent) is None
 
 
 def _why_missing(subject: GraphSubject) -> str:
@@ -75,7 +65,7 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
     Example: `/World/ActionGraph` instead of `/World/ROS_Clock`.
     """
     graph, spec = subject.roles.graph, subject.spec
-    if graph is not None and graph.path != spec.path:
+    if graph is not None and graph.path != spec.path and not subject.roles.together:
         message = f"this is the graph {spec.name}, expected at {spec.path}"
         hint = f"rename the graph in the Stage panel, or drag it, to {spec.path}"
         standing = _in_the_way(subject)
@@ -101,6 +91,43 @@ def _in_the_way(subject: GraphSubject) -> str | None:
             return "an empty graph" if graph.active else "a deactivated graph"
     prim = subject.stage.prims.get(path)
     return None if prim is None else f"another prim ({prim.type or 'of no type'})"
+
+
+@rule("G05", "graphs-in-one", scope="graph")
+def graphs_in_one(subject: GraphSubject) -> Iterator[Problem]:
+    """One graph holds what the handout puts into several.
+
+    Why: each part of the lab is a graph of its own, at a path of its own: its nodes are named
+    after it in ROS 2, and later steps of the handout look for it there. What is inside is judged
+    all the same, part by part.
+
+    Fix: make the graphs that are named here, and move the nodes of each part into its graph. Each
+    graph needs its own tick, context and time.
+
+    Example: `/World/ActionGraph` holds the nodes of ROS_Clock and of ROS_Drive.
+    """
+    graph, names = subject.roles.graph, subject.roles.together
+    asked = [name for name in names if name in subject.checkpoint.graphs]
+    if graph is None or not names or subject.spec.name != asked[0]:
+        return
+    later = [name for name in names if name not in asked]
+    paths = tuple(subject.lab.graphs[name].path for name in asked)
+    message = f"this one graph holds {_listed(names)}, expected each in a graph of its own"
+    if later:
+        message += f"; {_listed(later)} belongs to a later checkpoint"
+    yield Problem(
+        prim=graph.path,
+        message=message,
+        expected=", ".join(paths),
+        actual=graph.path,
+        handout=subject.spec.handout,
+        related=tuple(path for path in paths if path != graph.path),
+        hint=f"make {_listed(paths)}, and move the nodes of each part into its own graph",
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 @rule("G03", "graph-kind", scope="graph")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.absence import is_hidden, why_absent
+from lab3_usd.check.absence import is_hidden, why_absent, with_it
 from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.poses import IDENTITY, decompose, relative
 from lab3_usd.check.posing import is_near, misfits, pose_property, root_tolerance, text, vector
@@ -51,7 +51,8 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
             if others:
                 at = f"; it seems to be the prim at {others[0]}"
                 hint = f"rename or drag {others[0]} back to {path} in the Stage panel"
-            yield Problem(path, f"{path} {why}{at}", None, path, why, handout, others, hint=hint)
+            message = f"{path} {why}{at}{with_it(subject.lost, path)}"
+            yield Problem(path, message, None, path, why, handout, others, hint=hint)
 
 
 def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
@@ -59,7 +60,8 @@ def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     spec = subject.lab.scene["robot"]
     for expected, home in subject.homes.items():
         if home == spec["path"]:
-            message = f"the robot is at {home}, expected at {expected}"
+            gone = with_it(subject.lost, home)
+            message = f"the robot is at {home}, expected at {expected}{gone}"
             hint = f"rename or drag the robot in the Stage panel, back to {expected}"
             handout = spec["handout"]
             yield Problem(home, message, None, expected, home, handout, (expected,), hint=hint)

@@ -1,0 +1,126 @@
+"""Matches all graphs of the lab at once: several of them may have been built in one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.assignment import Pairs, assign
+from lab3_usd.check.candidates import LEAST_SHARE, find_graphs, says_something
+from lab3_usd.check.matcher import cast, match
+from lab3_usd.check.model import GraphModel, Node, StageModel
+from lab3_usd.check.subject import Roles
+from lab3_usd.spec.spec import GraphSpec, NodeSpec
+
+Specs = Mapping[str, GraphSpec]
+
+
+class _Host(Struct, frozen=True):
+    """A graph of the stage, and the graphs of the lab that it holds with who plays their roles."""
+
+    graph: GraphModel
+    held: dict[str, Pairs]
+
+
+def match_all(specs: Specs, stage: StageModel) -> dict[str, Roles]:
+    """Find and match every graph of the lab.
+
+    One that is nowhere by itself may be part of another: its roles are played by nodes that the
+    other one does not ask for, and by nodes that both ask for alike (tick, context, time).
+    """
+    graphs = find_graphs(specs, stage)
+    hosts = [
+        _Host(graph, {name: assign(specs[name], graph)})
+        for name, graph in graphs.items()
+        if graph is not None and graph.nodes
+    ]
+    for name, spec in specs.items():
+        graph = graphs[name]
+        if graph is None or not graph.nodes:
+            offers = [(pairs, host) for host in hosts if (pairs := _inside(spec, host, specs))]
+            if offers:
+                pairs, host = max(offers, key=lambda offer: _count(offer[0]))
+                host.held[name] = pairs
+    found = {name: match(spec, graphs[name]) for name, spec in specs.items()}
+    for host in hosts:
+        if len(host.held) > 1:
+            found |= _shared_out(specs, host)
+    return found
+
+
+def _count(pairs: Pairs) -> int:
+    return sum(node is not None for node in pairs.values())
+
+
+def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
+    """Return who plays the roles of `spec` in a graph that holds others, None where it does not.
+
+    A node that others ask for as well counts where it is wired to one that only `spec` asks for.
+    """
+    users: dict[str, list[NodeSpec]] = {}
+    for name, pairs in host.held.items():
+        for role, node in pairs.items():
+            if node is not None:
+                users.setdefault(node.path, []).append(specs[name].nodes[role])
+    usable = [
+        node for node in host.graph.nodes if _is_free_for(spec, node, users.get(node.path, []))
+    ]
+    pairs = assign(spec, replace(host.graph, nodes=tuple(usable)))
+    own = {node.path for node in pairs.values() if node is not None and node.path not in users}
+    typical = any(
+        node is not None and node.path in own and says_something(spec, spec.nodes[role].type.type)
+        for role, node in pairs.items()
+    )
+    kept = {
+        role: node
+        for role, node in pairs.items()
+        if node is not None and (node.path in own or _touches(node, own, pairs))
+    }
+    enough = len(kept) >= LEAST_SHARE * len(spec.nodes)
+    return pairs if typical and enough else None
+
+
+def _is_free_for(spec: GraphSpec, node: Node, users: list[NodeSpec]) -> bool:
+    """Whether nobody else needs the node, or all who do ask the same of it."""
+    kinds = [each for each in spec.nodes.values() if each.type is node.type]
+    return not users or any(_alike(kind, user) for kind in kinds for user in users)
+
+
+def _alike(one: NodeSpec, other: NodeSpec) -> bool:
+    asked = [
+        {(each.port, each.value) for each in spec.settings}
+        | {(each.port, each.prims) for each in spec.targets}
+        for spec in (one, other)
+    ]
+    return one.type is other.type and asked[0] == asked[1]
+
+
+def _touches(node: Node, own: set[str], pairs: Pairs) -> bool:
+    """Whether a wire joins the node to one of those in `own`."""
+    if any(_leads_from(node, path) for path in own):
+        return True
+    mine = (each for each in pairs.values() if each is not None and each.path in own)
+    return any(_leads_from(each, node.path) for each in mine)
+
+
+def _leads_from(node: Node, path: str) -> bool:
+    return any(
+        source.rpartition(".")[0] == path
+        for state in node.ports.values()
+        for source in state.sources
+    )
+
+
+def _shared_out(specs: Specs, host: _Host) -> dict[str, Roles]:
+    """Return the roles of every graph that the host holds; a node is extra where none needs it."""
+    played = {n.path for pairs in host.held.values() for n in pairs.values() if n is not None}
+    spare = [node for node in host.graph.nodes if node.path not in played]
+    names = tuple(name for name in specs if name in host.held)
+    found: dict[str, Roles] = {}
+    for name in names:
+        roles = cast(specs[name], host.graph, host.held[name], spare)
+        spare = []  # what is left over is told once
+        found[name] = replace(roles, together=names)
+    return found
