@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.check.finding import Problem
-from lab3_usd.check.model import Absent, Node, StageModel, Unresolved
+from lab3_usd.check.model import Absent, Node, PortState, StageModel, Unresolved
 from lab3_usd.check.registry import rules_of, run_rule
 from lab3_usd.check.requirements import frame_requirements
 from lab3_usd.spec.catalog import Value
@@ -558,3 +558,37 @@ def test_a_frame_name_that_a_node_computes_is_a_warning() -> None:
     )
     tick = m.node("/Graph/tf/on_playback_tick", TICK_TYPE)
     assert sites(m.stage(m.graph("/Graph/tf", computed, product, tick))) == [("T12", SENDER, None)]
+
+
+# ---- what only may be sent
+
+
+def perhaps(stage: StageModel) -> StageModel:
+    """The stage with an event in /Graph/tf of which nobody knows whether it fires."""
+    event = m.node("/Graph/tf/on_playback_tick", "omni.graph.action.OnCustomEvent")
+    return m.with_node(stage, replace(event, ports={"outputs:tick": PortState("outputs:tick")}))
+
+
+@pytest.mark.parametrize(
+    ("rule", "pairs"),
+    [
+        ("T03", [("odom", "base_link")]),
+        ("T04", [("odom", "base_footprint")]),
+        ("T05", [("base_link", "base_footprint")]),
+        ("T06", [("a", "b")]),
+        ("T09", [("a", "a")]),
+    ],
+)
+def test_a_transform_that_may_be_sent_is_a_warning(rule: str, pairs: list[tuple[str, str]]) -> None:
+    stage = beside(*pairs)
+    assert [p.severity for p in problems(stage)[rule]] == [None]
+    assert [p.severity for p in problems(perhaps(stage))[rule]] == ["warning"]
+
+
+def test_a_dead_node_with_its_parent_among_the_targets_sends_nothing() -> None:
+    compute = m.node("/Graph/tf/compute", m.role(m.stage(), m.COMPUTE).type_name)
+    compute = m.aimed(m.aimed(compute, PARENT, m.CAMERA), TARGETS, m.CAMERA)
+    tick = m.node("/Graph/tf/tick", TICK_TYPE)
+    assert "T09" not in problems(m.stage(m.graph("/Graph/tf", compute, tick)))
+    driven = m.wired(compute, "inputs:execIn", f"{tick.path}.outputs:tick")
+    assert "T09" in problems(m.stage(m.graph("/Graph/tf", driven, tick)))

@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.check.finding import Problem
-from lab3_usd.check.model import GraphModel, Node, StageModel
+from lab3_usd.check.model import GraphModel, Node, PortState, StageModel
 from lab3_usd.check.registry import rules_of, run_rule
 from lab3_usd.spec.catalog import Value
 
@@ -108,6 +108,50 @@ def test_a_copy_that_does_not_run_is_no_second_publisher() -> None:
     stopped = tuple(node for node in copy.nodes if node.name != "on_playback_tick")
     assert sites(m.stage(replace(copy, nodes=stopped))) == []
     assert sites(m.stage(replace(copy, active=False))) == []
+
+
+@pytest.mark.parametrize(
+    ("event", "attributes", "severity"),
+    [
+        ("isaacsim.core.nodes.OnPhysicsStep", {"pipelineStage": "pipelineStageOnDemand"}, None),
+        ("isaacsim.core.nodes.OnPhysicsStep", {}, "absent"),
+        (TICK_TYPE, {"pipelineStage": "pipelineStageOnDemand"}, "absent"),
+        (TICK_TYPE, {"evaluationMode": "Instanced"}, "absent"),
+        (TICK_TYPE, {"evaluationMode": "Standalone"}, None),
+        ("some.Node", {"evaluator:type": "push"}, None),
+        ("some.Node", {"evaluator:type": "dirty_push"}, None),
+        ("omni.graph.action.OnCustomEvent", {}, "warning"),
+        ("omni.graph.action.OnVariableChange", {}, "warning"),
+    ],
+)
+def test_a_second_publisher_counts_where_it_runs(
+    event: str, attributes: dict[str, Value], severity: str | None
+) -> None:
+    copy = copy_of("ROS_OdomTF")
+    nodes = []
+    for node in copy.nodes:
+        if node.name == "on_playback_tick":
+            root = m.node(node.path, event)
+            nodes.append(replace(root, ports={"outputs:tick": PortState("outputs:tick")}))
+        else:
+            nodes.append(node)
+    changed = replace(copy, nodes=tuple(nodes), attributes={**copy.attributes, **attributes})
+    found = problems(m.stage(changed))
+    assert [p.severity for p in found.get("Q01", [])] == [severity] * (severity != "absent")
+    assert [p.severity for p in found.get("Q02", [])] == []
+
+
+def test_a_reader_of_another_type_counts_where_it_runs() -> None:
+    graph = driven(
+        "/Graph/any/reader", GENERIC_SUBSCRIBER, topicName="cmd_vel",
+        messagePackage="geometry_msgs", messageName="TwistStamped",
+    )  # fmt: skip
+    reader, tick = graph.nodes
+    assert "Q02" not in problems(m.stage(replace(graph, nodes=(reader,))), "06")
+    custom = replace(tick, type=None, type_name="omni.graph.action.OnCustomEvent")
+    custom = replace(custom, ports={"outputs:tick": PortState("outputs:tick")})
+    (problem,) = problems(m.stage(replace(graph, nodes=(reader, custom))), "06")["Q02"]
+    assert problem.severity == "warning"
 
 
 def test_a_copy_in_a_namespace_is_no_second_publisher() -> None:

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
 
-from lab3_usd.check.model import Node, StageModel
+from lab3_usd.check.model import Node, PortState, StageModel
 from lab3_usd.check.qos import Qos, decode
 from lab3_usd.check.topics import Endpoint, endpoints, resolve
 from lab3_usd.cli import lab3
@@ -202,6 +202,27 @@ def test_the_pace_is_the_events_or_the_sensors() -> None:
 def test_a_node_that_no_event_reaches_never_publishes() -> None:
     stage = m.without_node(m.stage(), m.role(m.stage(), "on_playback_tick", "ROS_Clock").path)
     assert of(stage, "ros2_publish_clock").rate == "never"
+
+
+def test_what_an_unknown_event_starts_perhaps_publishes() -> None:
+    stage = m.stage()
+    tick = m.role(stage, "on_playback_tick", "ROS_Clock")
+    event = m.node(tick.path, "omni.graph.action.OnCustomEvent")
+    event = replace(event, ports={"outputs:tick": PortState("outputs:tick")})
+    clock = of(m.with_node(stage, event), "ros2_publish_clock")
+    assert (clock.runs, clock.sure, clock.rate) == (True, False, "perhaps OnCustomEvent")
+    assert of(stage, "ros2_publish_clock").sure
+
+
+def test_a_push_graph_publishes_with_every_update() -> None:
+    stage = m.stage()
+    clock, *others = stage.graphs
+    cut = m.wired(m.role(stage, "ros2_publish_clock", "ROS_Clock"), "inputs:execIn")
+    push = {**clock.attributes, "evaluator:type": "push"}
+    nodes = tuple(cut if node.path == cut.path else node for node in clock.nodes)
+    pushed = replace(stage, graphs=(replace(clock, attributes=push, nodes=nodes), *others))
+    found = of(pushed, "ros2_publish_clock")
+    assert (found.runs, found.sure, found.rate) == (True, True, "every update")
 
 
 # ---- QoS

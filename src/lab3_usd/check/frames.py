@@ -25,6 +25,7 @@ from lab3_usd.check.hidden_frames import Hidden, is_unknown
 from lab3_usd.check.model import Node, StageModel
 from lab3_usd.check.running import (
     Nodes,
+    doubt,
     effective,
     live_nodes,
     live_sources,
@@ -45,7 +46,7 @@ class Edge(Struct, frozen=True):
     `publisher` sends it, `cause` is the node whose settings name it (the same one, or the node
     that computes the frames). `target` is the target prim it comes from, None for a transform
     between named frames; `expanded` where the target stands for all links of a robot, and `prim`
-    is the prim whose frame the child is.
+    is the prim whose frame the child is. `sure` tells whether the nodes run for certain.
     """
 
     parent: str
@@ -57,6 +58,7 @@ class Edge(Struct, frozen=True):
     target: str | None = None
     prim: str | None = None
     expanded: bool = False
+    sure: bool = True
 
 
 class _Scene(Struct, frozen=True):
@@ -106,6 +108,11 @@ def hidden_frames(stage: StageModel, lab: Lab) -> tuple[Hidden, ...]:
     return tuple(hidden for sent in sent_frames(stage, lab) for hidden in sent.hidden)
 
 
+def sure(edges: Iterable[Edge]) -> list[Edge]:
+    """Return the transforms that are sent for certain, not only perhaps."""
+    return [edge for edge in edges if edge.sure]
+
+
 def tree(edges: Iterable[Edge]) -> nx.DiGraph[str]:
     """Return the edges as a networkx graph from parent to child frame.
 
@@ -150,16 +157,22 @@ def _sent(node: Node, topic: str, scene: _Scene) -> Sent:
         parent, child = (effective(node, port, scene.live) for port in ports.names)
         if not isinstance(parent, str) or not isinstance(child, str):
             return Sent(node, None)
-        return Sent(node, (Edge(parent, child, node.path, node.path, topic, static),))
+        edge = Edge(parent, child, node.path, node.path, topic, static)
+        return Sent(node, (replace(edge, sure=_is_sure(scene, node)),))
     arrays = _arrays(node, ports, scene) if ports.prims else None
     if arrays is None:
         return Sent(node, None)
-    made = Edge("", "", node.path, arrays.maker.path, topic, static)
+    is_sure = _is_sure(scene, node, arrays.maker)
+    made = Edge("", "", node.path, arrays.maker.path, topic, static, sure=is_sure)
     return Sent(
         node,
         tuple(_edge_of(pair, made, arrays.order) for pair in arrays.pairs),
         tuple(_hidden_of(arrays.maker, made, scene)) if arrays.is_filled else (),
     )
+
+
+def _is_sure(scene: _Scene, *nodes: Node) -> bool:
+    return doubt(scene.stage, scene.lab, *(node.path for node in nodes)) is None
 
 
 class _Arrays(Struct, frozen=True):

@@ -123,7 +123,7 @@ def _starts(graph: GraphModel, nodes: Nodes, lab: Lab) -> Iterator[tuple[str, St
 def _may_start(node: Node, nodes: Nodes) -> bool:
     """Whether a node that is no known event may be one: it sends signals and waits for none."""
     if node.type is None:
-        return not any(True for port in signal_inputs(node) for _ in _signals(node, port, nodes))
+        return not any(True for _ in signal_sources(node, nodes))
     signals = [port for port in node.type.ports.values() if port.is_execution]
     return bool(signals) and all(port.name.startswith(OUTPUT) for port in signals)
 
@@ -143,9 +143,8 @@ def _followers(nodes: Nodes) -> _Followers:
     """Map each node to those that its execution outputs trigger."""
     followers: _Followers = {}
     for node in nodes.values():
-        for port in signal_inputs(node):
-            for source in _signals(node, port, nodes):
-                followers.setdefault(source.path, []).append(node.path)
+        for source in signal_sources(node, nodes):
+            followers.setdefault(source.path, []).append(node.path)
     return followers
 
 
@@ -156,12 +155,13 @@ def signal_inputs(node: Node) -> Iterator[str]:
             yield name
 
 
-def _signals(node: Node, port: str, nodes: Nodes) -> Iterator[Node]:
-    """Yield the nodes that may send a signal into an input."""
-    for source, source_port in live_sources(node, port, nodes):
-        known = None if source.type is None else source.type.port(source_port)
-        if source_port.startswith(OUTPUT) and (known is None or known.is_execution):
-            yield source
+def signal_sources(node: Node, nodes: Nodes) -> Iterator[Node]:
+    """Yield the nodes that trigger this one, or may where a type is unknown."""
+    for port in signal_inputs(node):
+        for source, source_port in live_sources(node, port, nodes):
+            known = None if source.type is None else source.type.port(source_port)
+            if source_port.startswith(OUTPUT) and (known is None or known.is_execution):
+                yield source
 
 
 def is_switched_on(node: Node, live: Nodes) -> bool:

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.model import Node, Prim, StageModel
-from lab3_usd.check.running import Nodes, effective, event_of, is_switched_on, live_sources
+from lab3_usd.check.running import (
+    Nodes,
+    effective,
+    event_of,
+    is_switched_on,
+    live_sources,
+    run_states,
+    signal_sources,
+)
 from lab3_usd.spec.spec import Lab
 
 _PRODUCT = "inputs:renderProductPath"
@@ -38,10 +46,11 @@ def rate_source(
     node: Node, stage: StageModel, lab: Lab, running: Nodes, *, static: bool = False
 ) -> str:
     """Say what sets the pace: the sensor's own rate, the event that starts the node, or nothing."""
-    if node.path not in running:
+    state = run_states(stage, lab).get(node.path)
+    if state is None:
         return "never"
-    events = dict.fromkeys(_events(node, lab, running))
-    event = ", ".join(events)
+    event = ", ".join(dict.fromkeys(_events(node, lab, running))) or "every update"
+    event = event if state == "runs" else f"perhaps {event}"
     if static:
         return f"once after {event}"
     sensor = sensor_of(node, running)
@@ -65,12 +74,10 @@ def _events(node: Node, lab: Lab, running: Nodes) -> Iterator[str]:
     ahead = [node]
     while ahead:
         current = ahead.pop(0)
-        if event_of(current, lab) is not None:
+        senders = list(signal_sources(current, running))
+        if event_of(current, lab) is not None or (current is not node and not senders):
             known = current.type
             yield current.type_name.rpartition(".")[2] if known is None else known.handout_name
-        ports = () if current.type is None else current.type.ports.values()
-        for port in ports:
-            for source, _ in live_sources(current, port.name, running) if port.is_execution else ():
-                if source.path not in seen:
-                    seen.add(source.path)
-                    ahead.append(source)
+        new = [source for source in senders if source.path not in seen]
+        seen.update(source.path for source in new)
+        ahead.extend(new)

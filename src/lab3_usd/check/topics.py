@@ -12,7 +12,14 @@ from msgspec import Struct
 from lab3_usd.check.model import Node, StageModel
 from lab3_usd.check.names import resolved_topic
 from lab3_usd.check.qos import QUEUE, Qos, qos_of
-from lab3_usd.check.running import Nodes, effective, is_switched_on, live_nodes, running_nodes
+from lab3_usd.check.running import (
+    Nodes,
+    effective,
+    is_switched_on,
+    live_nodes,
+    run_states,
+    running_nodes,
+)
 from lab3_usd.check.sensors import fed_by_sensor, is_fed, rate_source, sensor_of
 from lab3_usd.spec.catalog import INPUT, NodeType
 from lab3_usd.spec.spec import Lab
@@ -33,7 +40,7 @@ class Endpoint(Struct, frozen=True):
 
     `topic` is the resolved name, None where ROS 2 refuses it or a wire brings it; `written` is
     the setting. `type` is None where the stage does not say. `runs` tells whether anything is
-    sent or received at all, `rate` what sets the pace.
+    sent or received at all, `sure` whether that is certain, `rate` what sets the pace.
     """
 
     topic: str | None
@@ -47,6 +54,7 @@ class Endpoint(Struct, frozen=True):
     qos: Qos | None
     rate: str
     runs: bool
+    sure: bool
 
 
 def resolve(namespace: str, written: str) -> str | None:
@@ -103,7 +111,7 @@ def _endpoint(
     queue = effective(node, QUEUE, live)
     switch = None if kind.tf is None else kind.tf.static
     static = switch is not None and effective(node, switch, live) is True
-    product = f"inputs:renderProductPath{_suffix(port)}"
+    runs = [_is_at_work(node, port, live, each) for each in (running, _sure(running, stage, lab))]
     return Endpoint(
         topic=resolve(namespace_of(node, stage, lab, live), written)
         if isinstance(written, str)
@@ -117,10 +125,22 @@ def _endpoint(
         queue=queue if isinstance(queue, int) else None,
         qos=qos_of(node, live, static=static),
         rate=rate_source(node, stage, lab, running, static=static),
-        runs=node.path in running
-        and is_switched_on(node, live)
-        and (product not in kind.ports or fed_by_sensor(node, product, running)),
+        runs=runs[0],
+        sure=runs[1],
     )
+
+
+def _sure(running: Nodes, stage: StageModel, lab: Lab) -> Nodes:
+    states = run_states(stage, lab)
+    return {path: node for path, node in running.items() if states[path] == "runs"}
+
+
+def _is_at_work(node: Node, port: str, live: Nodes, running: Nodes) -> bool:
+    """Whether a node sends or receives a topic, when these nodes run."""
+    product = f"inputs:renderProductPath{_suffix(port)}"
+    needs = node.type is not None and product in node.type.ports
+    at_work = node.path in running and is_switched_on(node, live)
+    return at_work and (not needs or fed_by_sensor(node, product, running))
 
 
 def namespace_of(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> str:

@@ -22,13 +22,14 @@ GRAVE: tuple[State, ...] = ("wrong", "extra")
 
 
 class Branch(Struct, frozen=True):
-    """One edge of the drawn tree: who publishes it, and how it was judged."""
+    """One edge of the drawn tree: who publishes it, how surely, and how it was judged."""
 
     parent: str
     child: str
     publishers: tuple[str, ...]
     state: State = "ok"
     elsewhere: bool = False
+    sure: bool = True
 
 
 def spec_frames_picture(frames: FrameSpec) -> Picture:
@@ -60,6 +61,7 @@ def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> It
     published: dict[Pair, list[str]] = {}
     for edge in edges:
         published.setdefault((edge.parent, edge.child), []).append(edge.publisher)
+    certain = {(edge.parent, edge.child) for edge in edges if edge.sure}
     parents = _parents(published)
     top = frames.localization_edge[1]
     for pair in frames.edges:
@@ -78,7 +80,7 @@ def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> It
             state = "wrong"
         elif not required and top not in pair:
             state = "ok"
-        yield Branch(*pair, publishers, state)
+        yield Branch(*pair, publishers, state, sure=pair in certain)
 
 
 def _parents(pairs: Iterable[Pair]) -> dict[str, list[str]]:
@@ -126,7 +128,7 @@ def _picture(title: str, subtitle: str, branches: Sequence[Branch], *, judged: b
         Curve(
             End(branch.parent, ""),
             End(branch.child, ""),
-            dashed=branch.elsewhere,
+            dashed=branch.elsewhere or not branch.sure,
             state=branch.state,
             note=_note(branch),
         )
@@ -147,12 +149,13 @@ def _box(name: str, into: Sequence[Branch]) -> Box:
     state: State = "missing" if states == {"missing"} else "ok"
     state = next((one for one in GRAVE if one in states), state)
     publishers = dict.fromkeys(one for branch in into for one in branch.publishers)
+    surely = "by" if all(branch.sure for branch in into) else "perhaps by"
     by = " and ".join(clip_end(one.rpartition("/")[2], MOST_TITLE) for one in publishers)
     return measured(
         Box(
             key=name,
             title=clip_end(name, MOST_TITLE),
-            subtitle=f"by {by}" if by else "missing" if state == "missing" else "",
+            subtitle=f"{surely} {by}" if by else "missing" if state == "missing" else "",
             family="frame",
             state=state,
             note="\n".join(publishers),
@@ -161,5 +164,6 @@ def _box(name: str, into: Sequence[Branch]) -> Box:
 
 
 def _note(branch: Branch) -> str:
-    by = f", published by {' and '.join(branch.publishers)}" if branch.publishers else ""
+    surely = "published" if branch.sure else "perhaps published"
+    by = f", {surely} by {' and '.join(branch.publishers)}" if branch.publishers else ""
     return f"{branch.parent} → {branch.child}{by}"

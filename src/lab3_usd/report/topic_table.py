@@ -104,4 +104,5 @@ def _item(endpoint: Endpoint, report: TopicReport) -> dict[str, object]:
         "qos": None if endpoint.qos is None else asdict(endpoint.qos),
         "rate": endpoint.rate if endpoint.runs else "never",
         "runs": endpoint.runs,
+        "sure": endpoint.sure,
     }

@@ -126,6 +126,7 @@ def _branches(top: str, report: TreeReport, drawn: set[str], *, verbose: bool) -
         edge, lead, is_last = ahead.pop()
         line = lead + ("└── " if is_last else "├── ") + visible(edge.child)
         line += "  (static)" if edge.static else ""
+        line += "" if edge.sure else "  (perhaps)"
         line += f"  <- {visible(edge.publisher)} ({edge.topic})" if verbose else ""
         yield line + "".join(_MARK + visible(mark) for mark in marks.get(edge.child, ()))
         if edge.child not in drawn:
@@ -149,7 +150,7 @@ def as_dot(report: TreeReport) -> str:
         looks = [f"label={quoted('/'.join(edge.publisher.split('/')[-2:]))}"]
         looks += [f"tooltip={quoted(edge.publisher)}"]
         looks += ["color=red"] if edge.child in wrong else []
-        looks += ["style=dashed"] if edge.static else []
+        looks += ["style=dashed"] if edge.static else [] if edge.sure else ["style=dotted"]
         lines.append(f"  {quoted(edge.parent)} -> {quoted(edge.child)} [{', '.join(looks)}];")
     return "\n".join([*lines, "}"])
 

@@ -11,6 +11,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.nodes import absent_nodes
 from lab3_usd.check.say import title_of
 from lab3_usd.check.subject import GraphSubject, StageSubject
+from lab3_usd.check.topics import Endpoint, endpoints
 from lab3_usd.spec.spec import Lab
 
 _PUBLISHES = ("publisher", "helper")
@@ -28,7 +29,7 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
     Example: a second ROS2 Context in ROS_Drive.
     """
     for node in subject.roles.extra:
-        if not (_is_script(subject, node) or _publishes_again(subject, node)):
+        if not (_is_script(subject, node) or _published_again(subject, node)):
             message = f"{title_of(node)} is not asked for in {subject.spec.name}"
             yield Problem(node.path, message, actual=node.type_name, handout=subject.spec.handout)
 
@@ -37,21 +38,27 @@ def _is_script(subject: GraphSubject, node: Node) -> bool:
     return node.type_name in subject.lab.catalog.scripts
 
 
-def _publishes_again(subject: GraphSubject, node: Node) -> bool:
-    """Whether an extra node publishes a topic of the lab that another node publishes as well."""
-    own = _published(node)
-    if own is None or own not in _topics_asked(subject.lab):
-        return False
-    if subject.checkpoint.frames and own in subject.lab.policy.tree_topics:
-        return False  # the rules of frames judge what it sends
-    return any(_published(each) == own for each in subject.live.values() if each is not node)
+def _published_again(subject: GraphSubject, node: Node) -> tuple[Endpoint, Endpoint] | None:
+    """Return where an extra node publishes a topic of the lab, and where another node does."""
+    asked = _topics_asked(subject.lab)
+    if subject.checkpoint.frames:
+        asked -= set(subject.lab.policy.tree_topics)  # the rules of frames judge what it sends
+    published = [
+        each
+        for each in endpoints(subject.stage, subject.lab)
+        if each.runs and each.direction == "publishes" and each.topic in asked
+    ]
+    pairs = [
+        (own, other)
+        for own in published
+        for other in published
+        if own.node is node and other.node is not node and own.topic == other.topic
+    ]
+    return min(pairs, key=lambda pair: not _is_sure(pair), default=None)
 
 
-def _published(node: Node) -> str | None:
-    """Return the topic that a node publishes first of all, None for one that publishes none."""
-    if node.type is None or not node.type.topics or node.type.role not in _PUBLISHES:
-        return None
-    return resolved_topic(str(node.value(node.type.topics[0])))
+def _is_sure(pair: tuple[Endpoint, Endpoint]) -> bool:
+    return all(endpoint.sure for endpoint in pair)
 
 
 def _topics_asked(lab: Lab) -> set[str]:
@@ -76,12 +83,17 @@ def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
     Example: a second ROS2 Publish Clock in ROS_Clock.
     """
     for node in subject.roles.extra:
-        is_again = not _is_script(subject, node) and _publishes_again(subject, node)
-        if is_again and node.type is not None:
-            topic = _published(node)
-            message = f"{title_of(node)} is not asked for and publishes {topic} again"
+        pair = None if _is_script(subject, node) else _published_again(subject, node)
+        if pair is not None:
+            own, other = pair
             yield Problem(
-                node.path, message, node.type.topics[0], None, topic, subject.spec.handout
+                node.path,
+                f"{title_of(node)} is not asked for and publishes {own.topic} again",
+                property=own.port,
+                actual=own.topic,
+                handout=subject.spec.handout,
+                related=(other.node.path,),
+                severity=None if _is_sure(pair) else "warning",
             )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.finding import Problem
-from lab3_usd.check.frames import Edge
+from lab3_usd.check.frames import Edge, sure
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rings import frames_in_rings
 from lab3_usd.check.subject import StageSubject
@@ -52,7 +52,7 @@ def two_parents(subject: StageSubject) -> Iterator[Problem]:
     rings = set(frames_in_rings(_open_edges(view)))
     clashes: dict[str, list[tuple[Edge, list[Edge]]]] = {}
     for child, edges in view.children.items():
-        if len({edge.parent for edge in edges}) == 1 or child in rings:
+        if not _has_parents(edges) or child in rings:
             continue
         if not any(judged_elsewhere(edge, view) for edge in edges):
             site = _site(edges, view)
@@ -71,7 +71,13 @@ def two_parents(subject: StageSubject) -> Iterator[Problem]:
             actual=sites,
             handout=subject.lab.frames.handout,
             related=_others(everything, found[0][0]),
+            severity=None if any(_has_parents(sure(e)) for _, e in found) else "warning",
         )
+
+
+def _has_parents(edges: list[Edge]) -> bool:
+    """Whether the transforms of one frame lead from more than one parent."""
+    return len({edge.parent for edge in edges}) > 1
 
 
 @rule("T04", "transform-published-twice", scope="stage")
@@ -90,7 +96,7 @@ def transform_published_twice(subject: StageSubject) -> Iterator[Problem]:
     view = tf_view(subject)
     twice: dict[str, list[tuple[Edge, list[Edge]]]] = {}
     for edges in _same_transforms(view).values():
-        if len({edge.publisher for edge in edges}) > 1:
+        if _has_publishers(edges):
             site = _site(edges, view)
             twice.setdefault(site.publisher, []).append((site, edges))
     copies = copied_graphs(subject)
@@ -104,7 +110,12 @@ def transform_published_twice(subject: StageSubject) -> Iterator[Problem]:
             actual=sites,
             handout=subject.lab.frames.handout,
             related=_others([edge for _, edges in found for edge in edges], found[0][0]),
+            severity=None if any(_has_publishers(sure(e)) for _, e in found) else "warning",
         )
+
+
+def _has_publishers(edges: list[Edge]) -> bool:
+    return len({edge.publisher for edge in edges}) > 1
 
 
 def _same_transforms(view: TfView) -> dict[tuple[str, str], list[Edge]]:
@@ -140,6 +151,7 @@ def ring_of_frames(subject: StageSubject) -> Iterator[Problem]:
             actual=f"{site.parent} -> {site.child}",
             handout=subject.lab.frames.handout,
             related=_others(inside, site),
+            severity=None if frames_in_rings(sure(edges)) else "warning",
         )
 
 
@@ -175,6 +187,7 @@ def frames_not_connected(subject: StageSubject) -> Iterator[Problem]:
             f"publishes {names}, which is not connected with '{_tops(subject)[0]}'",
             actual=names,
             handout=subject.lab.frames.handout,
+            severity=None if sure(found) else "warning",
         )
 
 

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.absence import is_at_or_below, is_hidden
 from lab3_usd.check.computed_frames import expands, listed_targets, parent_prim, tf_ports
-from lab3_usd.check.finding import Problem
+from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.frame_names import NAME_OVERRIDE, frame_name
-from lab3_usd.check.frames import Edge
+from lab3_usd.check.frames import Edge, sure
 from lab3_usd.check.link_tree import LINK_API, ROBOT_API
 from lab3_usd.check.model import Node
 from lab3_usd.check.physics import BODY_API
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules import frame_ids, frame_tree, odom_parent  # noqa: F401 - their rules
+from lab3_usd.check.running import doubt
 from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.tf_view import (
     Maker,
@@ -168,6 +171,7 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
         expected=expected,
         actual=actual,
         handout=view.subject.lab.frames.handout,
+        severity=None if sure(edges) else "warning",
     )
 
 
@@ -188,13 +192,18 @@ def frame_is_its_own_parent(subject: StageSubject) -> Iterator[Problem]:
     if not subject.checkpoint.frames:
         return
     view = tf_view(subject)
-    for path, node in view.live.items():
-        if not differs_from_spec(path, view):
-            yield from _own_parents(node, view)
+    # What a node of the lab would send is judged even where its wires are wrong.
+    judged = {path: node for path, node in view.live.items() if path in view.played}
+    for path, node in {**judged, **view.running}.items():
+        for problem in () if differs_from_spec(path, view) else _own_parents(node, view):
+            doubtful = doubt(subject.stage, subject.lab, path)
+            yield replace(problem, severity=doubtful or problem.severity)
     strangers = (edge for edge in view.edges if edge.cause not in {*view.played, *subject.blamed})
     for edge in strangers:
         if edge.parent == edge.child != view.odom and edge.target is None:
-            yield Problem(edge.cause, f"publishes '{edge.child}' as its own parent")
+            severity: Severity | None = None if edge.sure else "warning"
+            message = f"publishes '{edge.child}' as its own parent"
+            yield Problem(edge.cause, message, severity=severity)
 
 
 def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:

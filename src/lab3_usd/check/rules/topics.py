@@ -48,7 +48,13 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
             actual=names,
             handout=None if wanted is None else wanted.handout,
             related=tuple(dict.fromkeys([*(e.node.path for e, _ in found[1:]), *paths])),
+            severity=None if any(map(_is_sure, found)) else "warning",
         )
+
+
+def _is_sure(again: tuple[Endpoint, tuple[Endpoint, ...]]) -> bool:
+    endpoint, others = again
+    return endpoint.sure and any(other.sure for other in others)
 
 
 @rule("Q02", "topic-of-another-type", scope="stage")
@@ -70,7 +76,8 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
         path, wanted = endpoint.node.path, expected.get(endpoint.topic or "")
         if wanted is None or endpoint.type in (None, wanted.type) or path in played:
             continue
-        if path not in subject.blamed and path.rpartition("/")[0] not in copies:
+        is_told = path in subject.blamed or path.rpartition("/")[0] in copies
+        if endpoint.runs and not is_told:
             yield Problem(
                 path,
                 f"{endpoint.direction} {endpoint.topic} as {endpoint.type}",
@@ -78,6 +85,7 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
                 expected=wanted.type,
                 actual=endpoint.type,
                 handout=wanted.handout,
+                severity=None if endpoint.sure else "warning",
             )
 
 
@@ -110,6 +118,7 @@ def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
                 expected=wanted.durability,
                 actual=actual,
                 handout=wanted.handout,
+                severity=None if endpoint.sure else "warning",
             )
 
 
