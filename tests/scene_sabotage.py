@@ -110,7 +110,19 @@ def _bodies() -> list[Sabotage]:
             ]
     kinematic = switch(f"{ROBOT}/base_link", "physics:kinematicEnabled", on=True)
     site = (f"{ROBOT}/base_link", "physics:kinematicEnabled")
+    found += [
+        Sabotage(
+            f"{link} scaled", "05", put(f"{ROBOT}/{link}", SCALE, size), (f"{ROBOT}/{link}", SCALE)
+        )
+        for link, size in zip(LINKS, _SIZES, strict=True)
+    ]
     return [*found, Sabotage("base kinematic", "02", kinematic, site)]
+
+
+_SIZES = [
+    *(Gf.Vec3d(1.2, 1.2, 1.2), Gf.Vec3d(1, 1, 0.98), Gf.Vec3d(-1, 1, 1), Gf.Vec3d(1, 1.01, 1)),
+    *(Gf.Vec3d(1, 1, 1.5), Gf.Vec3d(1.002, 1, 1)),
+]
 
 
 def _articulation() -> list[Sabotage]:
@@ -195,7 +207,19 @@ def _twin(name: str) -> str:
 def _loose() -> list[Sabotage]:
     hold = f"{JOINTS}/root_joint"
     held = weld(hold, body1=f"{ROBOT}/base_footprint")
-    found = [
+    lock, cross = f"{JOINTS}/lock", "/World/cross"
+    left, right = (f"{ROBOT}/{link}" for link in WHEELS.values())
+    seconds = {
+        "wheel locked": (lock, weld(lock, body0=f"{ROBOT}/base_link", body1=left)),
+        "wheels coupled": (cross, weld(cross, "PhysxPhysicsGearJoint", body0=left, body1=right)),
+        "wheel on the ground": (lock, weld(lock, "PhysicsDistanceJoint", body1=right)),
+        "wheel turned twice": (
+            lock,
+            weld(lock, "PhysicsRevoluteJoint", body0=f"{ROBOT}/base_footprint", body1=left),
+        ),
+    }
+    found = [Sabotage(name, "02", change, (site, None)) for name, (site, change) in seconds.items()]
+    found += [
         Sabotage(f"no {joint}", "02", remove(f"{JOINTS}/{joint}"), (f"{ROBOT}/{link}", None))
         for joint, link in (
             ("base_joint", "base_link"),

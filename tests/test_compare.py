@@ -430,6 +430,27 @@ def test_bodies_stand_where_they_stood_in_the_first_checkpoint(
     assert compared(starter, stage, "01") == ()
 
 
+@pytest.mark.parametrize("checkpoint", ["00", "01", "08"])
+@pytest.mark.parametrize("scale", [(1, 1, 1.3), (-1, 1, 1)])
+def test_no_run_scales_a_body(
+    starter: Usd.Stage, stage: Usd.Stage, checkpoint: str, scale: tuple[float, float, float]
+) -> None:
+    put(BASE, "xformOp:scale", Gf.Vec3d(*scale))(stage)
+    found = difference(compared(starter, stage, checkpoint))
+    assert (found.kind, found.property) == ("place", "xformOp:scale")
+
+
+def test_a_body_that_was_scaled_in_the_starter_stays_so(
+    starter: Usd.Stage, stage: Usd.Stage
+) -> None:
+    other = stage_of(starter.GetRootLayer())
+    put(BASE, "xformOp:scale", Gf.Vec3d(1.2, 1.2, 1.2))(other)
+    assert difference(compared(other, stage)).kind == "place"
+    put(BASE, "xformOp:scale", Gf.Vec3d(1.2, 1.2, 1.2))(stage)
+    put(BASE, "xformOp:translate", Gf.Vec3d(5, 5, 0))(stage)
+    assert compared(other, stage) == ()
+
+
 def test_a_shape_on_a_body_stays_in_its_place(starter: Usd.Stage, stage: Usd.Stage) -> None:
     put(f"{ROBOT}/colliders/base_link/body", "xformOp:translate", Gf.Vec3d(0, 0, 0.5))(stage)
     change = only(compared(starter, stage))

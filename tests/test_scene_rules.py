@@ -15,6 +15,7 @@ from scene_changes import (
     LINKS,
     ORIENT,
     ROBOT,
+    SCALE,
     TRANSLATE,
     WHEELS,
     Change,
@@ -35,6 +36,7 @@ from scene_changes import (
     several,
     switch,
     turn,
+    undefine,
     weld,
     with_api,
     without_api,
@@ -579,3 +581,81 @@ def test_a_joint_on_a_link_whose_place_may_be_in_a_missing_asset_is_not_measured
     assert told(stage, "05") == []
     hide_place(scan)(stage)
     assert told(stage, "05") == [("F02", scan, None)]
+
+
+LOCK = f"{JOINTS}/lock"
+LEFT_WHEEL = f"{ROBOT}/wheel_left_link"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        weld(LOCK, body0=f"{LEFT_WHEEL}/collisions/tyre", body1=BASE),
+        weld(LOCK, body0=LEFT_WHEEL),
+        weld(LOCK, "PhysicsJoint", body0="/World/Box", body1=LEFT_WHEEL),
+        weld(f"{LEFT_WHEEL}/lock", "PhysicsSphericalJoint", body0=LEFT_WHEEL, body1=BASE),
+        several(refer(ROBOT, "robot.usd"), weld(LOCK, body0=LEFT_WHEEL, body1=BASE)),
+        several(
+            refer(ROBOT, "robot.usd"),
+            remove(f"{JOINTS}/wheel_left_joint"),
+            weld(LOCK, body0=LEFT_WHEEL, body1=BASE),
+        ),
+    ],
+)
+def test_whatever_ties_a_wheel_a_second_time_is_one_error(change: Change) -> None:
+    stage = built("02")
+    change(stage)
+    assert [each[0] for each in told(stage, "02") if each[0] != "F02"] == ["S23"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        several(weld(LOCK, body0=LEFT_WHEEL, body1=BASE), switch(LOCK, "physics:jointEnabled")),
+        several(weld(LOCK, body0=LEFT_WHEEL, body1=BASE), deactivate(LOCK)),
+        several(weld(LOCK, body0=LEFT_WHEEL, body1=BASE), undefine(LOCK)),
+        weld(LOCK, body0=LEFT_WHEEL, body1=f"{LEFT_WHEEL}/collisions/tyre"),
+        weld(LOCK, body0=BASE, body1=f"{ROBOT}/base_link"),
+    ],
+)
+def test_what_does_not_tie_a_wheel_is_no_second_joint(change: Change) -> None:
+    stage = built("02")
+    change(stage)
+    assert told(stage, "02") == []
+
+
+@pytest.mark.parametrize("kind", ["PhysicsRevoluteJoint", "PhysicsFixedJoint"])
+def test_a_joint_in_the_place_of_a_wheels_own_is_one_error(kind: str) -> None:
+    stage = built("02")
+    deactivate(f"{JOINTS}/wheel_left_joint")(stage)
+    weld(LOCK, kind, body0=f"{ROBOT}/base_link", body1=LEFT_WHEEL)(stage)
+    assert [each[0] for each in told(stage, "02")] == ["S07"]
+
+
+def test_a_joint_that_ties_both_wheels_costs_an_item_of_each_wheel_that_it_names() -> None:
+    lab, stage = load_lab(), built("02")
+    weld(LOCK, body0=LEFT_WHEEL, body1=f"{ROBOT}/wheel_right_link")(stage)
+    found = findings_of(stage, "02")
+    lost = [item.id for item in scene_items(lab, lab.checkpoints["02"]) if not is_met(item, found)]
+    assert lost == ["Scene/joint/wheel_left_joint"]
+
+
+@pytest.mark.parametrize("checkpoint", ["00", "02", "08"])
+def test_a_scale_is_a_fault_at_every_checkpoint_however_it_is_written(checkpoint: str) -> None:
+    stage = built(checkpoint)
+    put(LEFT_WHEEL, SCALE, Gf.Vec3d(1, 1, 1.1))(stage)
+    as_matrix(LEFT_WHEEL)(stage)
+    assert told(stage, checkpoint) == [("S24", LEFT_WHEEL, SCALE)]
+
+
+def test_a_scale_with_noise_is_none() -> None:
+    stage = built("05")
+    put(LEFT_WHEEL, SCALE, Gf.Vec3d(1.0000001, 0.9999998, 1.0005))(stage)
+    assert told(stage, "05") == []
+
+
+def test_a_scale_is_told_on_a_robot_whose_asset_is_missing() -> None:
+    stage = built("05")
+    refer(ROBOT, "robot.usd")(stage)
+    put(LEFT_WHEEL, SCALE, Gf.Vec3d(1, 1, 1.1))(stage)
+    assert told(stage, "05") == [("F02", ROBOT, None), ("S24", LEFT_WHEEL, SCALE)]

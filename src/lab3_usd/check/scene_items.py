@@ -94,8 +94,8 @@ def _link_items(
         path,
         "physics:rigidBodyEnabled",
         robot["handout"],
-        ("S05",),
-        ("physics:kinematicEnabled",),
+        ("S05", "S24"),
+        ("physics:kinematicEnabled", "xformOp:scale"),
     )
     if "mass" in link:
         title = f"{name} weighs {link['mass']:g} kg"
@@ -126,7 +126,7 @@ def _wheel_items(lab: Lab) -> Iterator[SceneItem]:
     for name in wheels["joints"]:
         path = f"{robot['path']}/{wheels['joints_below']}/{name}"
         parts: tuple[tuple[str, str, str | None, str, tuple[str, ...]], ...] = (
-            ("joint", f"{name} turns a wheel", None, "S07", ("physics:jointEnabled",)),
+            ("joint", f"{name} turns a wheel", None, "S07 S23", ("physics:jointEnabled",)),
             ("bodies", f"{name} connects its wheel", "physics:body1", "S08", ("physics:body0",)),
             ("axis", f"{name} turns forward", "physics:axis", "S09", ("physics:localRot",)),
             ("stiffness", f"{name} has stiffness 0", "drive:angular:physics:stiffness", "S10", ()),
@@ -139,9 +139,10 @@ def _wheel_items(lab: Lab) -> Iterator[SceneItem]:
                 ("physics:localPos1",),
             ),
         )
-        for part, title, where, rule, also in parts:
+        for part, title, where, ids, also in parts:
+            rules = tuple(ids.split())
             yield SceneItem(
-                f"Scene/{part}/{name}", _SCENE, title, path, where, wheels["handout"], (rule,), also
+                f"Scene/{part}/{name}", _SCENE, title, path, where, wheels["handout"], rules, also
             )
 
 

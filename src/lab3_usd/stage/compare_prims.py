@@ -18,7 +18,7 @@ from lab3_usd.stage.compare_terms import (
     matters,
     pattern,
 )
-from lab3_usd.stage.compare_values import same_place, same_value, show
+from lab3_usd.stage.compare_values import same_place, same_scale, same_value, show
 from lab3_usd.stage.places import Places
 from lab3_usd.stage.transforms import local_transform
 
@@ -74,7 +74,7 @@ def differences(
             is_posed = True
         elif kind != "never":
             found.extend(_property(prim, twin, name, kind, terms))
-    if is_posed and _is_placed(prim, terms):
+    if is_posed and was.path != terms.root:  # whose own place has a rule of its own
         found.extend(_place(prim, twin, terms, same_parent=same_parent))
     return found
 
@@ -192,18 +192,14 @@ def _same_pose_value(prim: Usd.Prim, twin: Usd.Prim, name: str) -> bool:
     return bool(one) and bool(other) and one.Get() == other.Get()
 
 
-def _is_placed(prim: Usd.Prim, terms: Terms) -> bool:
-    """Whether the place of the prim is compared: not that of the robot, nor of what a run moves."""
-    if str(prim.GetPath()) == terms.root:
-        return False
-    return terms.bodies_rest or terms.rules.body not in applied(prim)
-
-
 def _place(
     prim: Usd.Prim, twin: Usd.Prim, terms: Terms, *, same_parent: bool
 ) -> Iterator[Difference]:
     was, now = (_matrix(each, local=same_parent) for each in (prim, twin))
-    what = same_place(was, now, terms.limits)
+    if terms.bodies_rest or terms.rules.body not in applied(prim):
+        what = same_place(was, now, terms.limits)
+    else:  # a run moves bodies, and scales none
+        what = "" if same_scale(was, now, terms.limits[2]) else "scaled"
     if not what:
         return
     names = [n for n in twin.GetAuthoredPropertyNames() if terms.classes(n) == "pose"]

@@ -125,12 +125,19 @@ def same_place(was: Gf.Matrix4d, now: Gf.Matrix4d, limits: tuple[float, float, f
     length, angle, scale = limits
     if (was.ExtractTranslation() - now.ExtractTranslation()).GetLength() > length:
         return "moved"
+    if not same_scale(was, now, scale):
+        return "scaled"
     rows = [(was.GetRow3(row), now.GetRow3(row)) for row in range(3)]
-    for one, other in rows:
-        longest = max(one.GetLength(), other.GetLength())
-        if abs(one.GetLength() - other.GetLength()) > scale * longest:
-            return "scaled"
     return "turned" if any(_angle(one, other) > angle for one, other in rows) else ""
+
+
+def same_scale(was: Gf.Matrix4d, now: Gf.Matrix4d, limit: float) -> bool:
+    """Whether two transforms scale alike, up to a relative limit; a mirrored one does not."""
+    for row in range(3):
+        one, other = was.GetRow3(row).GetLength(), now.GetRow3(row).GetLength()
+        if not abs(one - other) <= limit * max(one, other):
+            return False
+    return bool(was.GetDeterminant3() * now.GetDeterminant3() >= 0)
 
 
 def _angle(one: Gf.Vec3d, other: Gf.Vec3d) -> float:

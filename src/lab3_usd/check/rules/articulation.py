@@ -26,8 +26,9 @@ from lab3_usd.check.wheel_joints import could_hide_joints, has_no_joints, wheel_
 def articulation(subject: StageSubject) -> Iterator[Problem]:
     """The robot has no articulation root, two of them, or one on the wrong prim.
 
-    Why: the controller and the odometry graph name the articulation at `base_footprint`; without
-    it Isaac Sim says that the prim is no articulation, and nothing moves.
+    Why: the Articulation Controller looks for the articulation at its target prim and below.
+    Without one it says so in the console, and nothing moves. Odometry needs the rigid body only.
+    On the robot root the articulation is as good, with the robot root as the target.
 
     Fix: select the prim, choose Add > Physics > Articulation Root; remove one that stands elsewhere
     with the cross beside it in the Property panel.
@@ -122,14 +123,20 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
 
 
 def _holds(subject: StageSubject) -> Iterator[tuple[Prim, int]]:
-    """Yield each joint with one body on the robot and one off it, and which one is on it."""
+    """Yield each joint with one body on the robot and one off it, and which one is on it.
+
+    Those of wheels have rules of their own.
+    """
     stage = subject.stage
-    wheels = [joint.prim for joint in wheel_joints(subject)]
+    wheels = wheel_joints(subject)
+    own = [wheel.prim for wheel in wheels]
     for joint in joints(stage):
         ends = bodies(joint)
         on_robot = [_is_on_robot(end, subject) for end in ends]
         may_be_tied = not all(ends) and is_hidden(stage, joint.path)
-        if on_robot.count(True) == 1 and joint not in wheels and not may_be_tied:
+        on_wheel = any(is_at_or_below(end, wheel.link) for end in ends for wheel in wheels)
+        is_wheels = joint in own or on_wheel
+        if on_robot.count(True) == 1 and not is_wheels and not may_be_tied:
             yield joint, on_robot.index(True)
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.absence import is_hidden, why_absent
+from lab3_usd.check.absence import is_at_or_below, is_hidden, why_absent
 from lab3_usd.check.axles import anchor
 from lab3_usd.check.finding import Problem
-from lab3_usd.check.physics import JOINT_ENABLED, REVOLUTE, is_switched_off
+from lab3_usd.check.model import Prim
+from lab3_usd.check.physics import JOINT_ENABLED, REVOLUTE, bodies, is_switched_off, joints
 from lab3_usd.check.poses import distance
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import StageSubject
@@ -107,6 +108,48 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
             message = f"{name} is {actual or 'the world'}, expected {expected}"
             is_ = actual or "no prim"
             yield Problem(joint.site, message, name, expected, is_, "8.4", joint.related)
+
+
+@rule("S23", "second-wheel-joint", scope="stage")
+def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel is tied by a second joint, beside the one that turns it.
+
+    Why: the second joint holds the wheel, drags it, or turns it with something else: the robot
+    stands still, or goes in circles, whatever the drive graph commands.
+
+    Fix: delete the joint, or clear Joint Enabled in the Property panel; each wheel has one joint.
+
+    Example: `/turtlebot3_burger/joints/lock`, a fixed joint from `base_link` to
+    `wheel_left_link`.
+    """
+    wheels = wheel_joints(subject)
+    own = [wheel.prim for wheel in wheels]
+    for joint in joints(subject.stage):
+        tied = [] if joint in own else [each for each in wheels if _ties(joint, each)]
+        for wheel in [each for each in tied if _may_turn(each, subject)][:1]:
+            other = next((end for end in bodies(joint) if not is_at_or_below(end, wheel.link)), "")
+            is_ = f"{joint.name} ties {wheel.link} to {other or 'the world'}"
+            yield Problem(
+                joint.path,
+                f"{is_}, beside {wheel.name}",
+                None,
+                f"{wheel.name} alone",
+                joint.type,
+                "8.4",
+                (wheel.link, wheel.path),
+            )
+
+
+def _ties(joint: Prim, wheel: WheelJoint) -> bool:
+    """Whether the wheel is at one end of a joint; at both ends it would be tied to itself."""
+    return [is_at_or_below(end, wheel.link) for end in bodies(joint)].count(True) == 1
+
+
+def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
+    """Whether the wheel has its own joint, or may have it; S07 speaks of one that has none."""
+    if wheel.prim is None:
+        return could_hide_joints(subject)
+    return wheel.live is not None and not is_switched_off(wheel.live, JOINT_ENABLED)
 
 
 @rule("S20", "wheel-distance", scope="stage")

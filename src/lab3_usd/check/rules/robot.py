@@ -21,8 +21,12 @@ from lab3_usd.check.physics import (
     is_switched_off,
     number,
 )
+from lab3_usd.check.poses import decompose, distance
+from lab3_usd.check.posing import pose_property, text
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import StageSubject
+
+_UNSCALED = (1.0, 1.0, 1.0)
 
 
 def _links(subject: StageSubject) -> Iterator[tuple[Prim, Mapping[str, Any]]]:
@@ -123,3 +127,25 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
             spec["handout"],
             related=(prim.path,) if site != prim.path else (),
         )
+
+
+@rule("S24", "link-scale", scope="stage")
+def link_scale(subject: StageSubject) -> Iterator[Problem]:
+    """A link of the robot is scaled.
+
+    Why: the scale of a body scales its shapes and the places of its joints: a wheel of another
+    size drives another way, wheels further apart turn otherwise. No run changes a scale.
+
+    Fix: select the link and set Scale to (1, 1, 1) in the Property panel.
+
+    Example: `xformOp:scale` (1, 1, 1.5) on `/turtlebot3_burger/wheel_left_link`.
+    """
+    tolerance = subject.lab.scene["tolerance"]["scale"]
+    handout = subject.lab.scene["robot"]["handout"]
+    for prim, _ in _links(subject):
+        scale = _UNSCALED if prim.local is None else decompose(prim.local).scale
+        if not distance(scale, _UNSCALED) <= tolerance:  # so that NaN is far as well
+            is_, should = text(scale), text(_UNSCALED)
+            message = f"{prim.name}'s scale is {is_}, expected {should}"
+            where = pose_property(prim, "scale")
+            yield Problem(prim.path, message, where, should, is_, handout)
