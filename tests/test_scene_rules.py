@@ -51,6 +51,7 @@ from lab3_usd.check.scene_items import scene_items
 from lab3_usd.spec.loader import load_lab
 
 FAULTS = scene_sabotage()
+LINK_LEFT = f"{ROBOT}/wheel_left_link"
 CHECKPOINTS = tuple(load_lab().checkpoints)
 # Faults that no item of the handout asks for by itself.
 ELSEWHERE = {"F02", "F03", "S16", "S22", "C08", "C10", "L10"}
@@ -583,22 +584,83 @@ def test_a_joint_on_a_link_whose_place_may_be_in_a_missing_asset_is_not_measured
     assert told(stage, "05") == [("F02", scan, None)]
 
 
-LOCK = f"{JOINTS}/lock"
-LEFT_WHEEL = f"{ROBOT}/wheel_left_link"
+SAID_ON_A_MISSING_ASSET: dict[str, tuple[Change, tuple[str, str | None]]] = {
+    "axis": (
+        put(f"{JOINTS}/wheel_left_joint", "physics:axis", "X"),
+        (f"{JOINTS}/wheel_left_joint", "physics:axis"),
+    ),
+    "distance": (
+        put(f"{JOINTS}/wheel_right_joint", "physics:localPos0", Gf.Vec3f(0, -0.2, 0.023)),
+        (f"{JOINTS}/wheel_right_joint", "physics:localPos0"),
+    ),
+    "stiffness without its schema": (
+        several(
+            without_api(f"{JOINTS}/wheel_left_joint", "PhysicsDriveAPI:angular"),
+            put(f"{JOINTS}/wheel_left_joint", drive("stiffness"), 100.0),
+        ),
+        (f"{JOINTS}/wheel_left_joint", drive("stiffness")),
+    ),
+    "tyre switched off": (
+        switch(f"{LINK_LEFT}/collisions/tyre", "physics:collisionEnabled"),
+        (f"{LINK_LEFT}/collisions/tyre", "physics:collisionEnabled"),
+    ),
+    "joint deactivated": (deactivate(f"{JOINTS}/scan_joint"), (f"{ROBOT}/base_scan", None)),
+    "joint disabled": (
+        switch(f"{JOINTS}/scan_joint", "physics:jointEnabled"),
+        (f"{ROBOT}/base_scan", None),
+    ),
+    "wheel joint deactivated": (
+        deactivate(f"{JOINTS}/wheel_left_joint"),
+        (f"{JOINTS}/wheel_left_joint", None),
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "site"), SAID_ON_A_MISSING_ASSET.values(), ids=SAID_ON_A_MISSING_ASSET
+)
+def test_what_a_stage_says_itself_is_judged_beside_a_missing_asset(
+    change: Change, site: tuple[str, str | None]
+) -> None:
+    stage = built("02")
+    refer(ROBOT, "bogus.usd")(stage)
+    change(stage)
+    assert [each[1:] for each in told(stage, "02") if each[0] != "F02"] == [site]
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        weld(LOCK, body0=f"{LEFT_WHEEL}/collisions/tyre", body1=BASE),
-        weld(LOCK, body0=LEFT_WHEEL),
-        weld(LOCK, "PhysicsJoint", body0="/World/Box", body1=LEFT_WHEEL),
-        weld(f"{LEFT_WHEEL}/lock", "PhysicsSphericalJoint", body0=LEFT_WHEEL, body1=BASE),
-        several(refer(ROBOT, "robot.usd"), weld(LOCK, body0=LEFT_WHEEL, body1=BASE)),
+        remove(f"{JOINTS}/scan_joint"),
+        remove(f"{JOINTS}/wheel_left_joint"),
+        clear(f"{JOINTS}/wheel_left_joint", "physics:axis"),
+        clear(f"{JOINTS}/wheel_left_joint", "physics:localPos0"),
+        clear(f"{JOINTS}/base_joint", "physics:localRot0"),
+        remove(f"{LINK_LEFT}/collisions"),
+    ],
+)
+def test_what_a_stage_does_not_say_may_be_in_the_missing_asset(change: Change) -> None:
+    stage = built("02")
+    refer(ROBOT, "bogus.usd")(stage)
+    change(stage)
+    assert [each[0] for each in told(stage, "02")] == ["F02"]
+
+
+LOCK = f"{JOINTS}/lock"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        weld(LOCK, body0=f"{LINK_LEFT}/collisions/tyre", body1=BASE),
+        weld(LOCK, body0=LINK_LEFT),
+        weld(LOCK, "PhysicsJoint", body0="/World/Box", body1=LINK_LEFT),
+        weld(f"{LINK_LEFT}/lock", "PhysicsSphericalJoint", body0=LINK_LEFT, body1=BASE),
+        several(refer(ROBOT, "robot.usd"), weld(LOCK, body0=LINK_LEFT, body1=BASE)),
         several(
             refer(ROBOT, "robot.usd"),
             remove(f"{JOINTS}/wheel_left_joint"),
-            weld(LOCK, body0=LEFT_WHEEL, body1=BASE),
+            weld(LOCK, body0=LINK_LEFT, body1=BASE),
         ),
     ],
 )
@@ -611,10 +673,10 @@ def test_whatever_ties_a_wheel_a_second_time_is_one_error(change: Change) -> Non
 @pytest.mark.parametrize(
     "change",
     [
-        several(weld(LOCK, body0=LEFT_WHEEL, body1=BASE), switch(LOCK, "physics:jointEnabled")),
-        several(weld(LOCK, body0=LEFT_WHEEL, body1=BASE), deactivate(LOCK)),
-        several(weld(LOCK, body0=LEFT_WHEEL, body1=BASE), undefine(LOCK)),
-        weld(LOCK, body0=LEFT_WHEEL, body1=f"{LEFT_WHEEL}/collisions/tyre"),
+        several(weld(LOCK, body0=LINK_LEFT, body1=BASE), switch(LOCK, "physics:jointEnabled")),
+        several(weld(LOCK, body0=LINK_LEFT, body1=BASE), deactivate(LOCK)),
+        several(weld(LOCK, body0=LINK_LEFT, body1=BASE), undefine(LOCK)),
+        weld(LOCK, body0=LINK_LEFT, body1=f"{LINK_LEFT}/collisions/tyre"),
         weld(LOCK, body0=BASE, body1=f"{ROBOT}/base_link"),
     ],
 )
@@ -628,13 +690,13 @@ def test_what_does_not_tie_a_wheel_is_no_second_joint(change: Change) -> None:
 def test_a_joint_in_the_place_of_a_wheels_own_is_one_error(kind: str) -> None:
     stage = built("02")
     deactivate(f"{JOINTS}/wheel_left_joint")(stage)
-    weld(LOCK, kind, body0=f"{ROBOT}/base_link", body1=LEFT_WHEEL)(stage)
+    weld(LOCK, kind, body0=f"{ROBOT}/base_link", body1=LINK_LEFT)(stage)
     assert [each[0] for each in told(stage, "02")] == ["S07"]
 
 
 def test_a_joint_that_ties_both_wheels_costs_an_item_of_each_wheel_that_it_names() -> None:
     lab, stage = load_lab(), built("02")
-    weld(LOCK, body0=LEFT_WHEEL, body1=f"{ROBOT}/wheel_right_link")(stage)
+    weld(LOCK, body0=LINK_LEFT, body1=f"{ROBOT}/wheel_right_link")(stage)
     found = findings_of(stage, "02")
     lost = [item.id for item in scene_items(lab, lab.checkpoints["02"]) if not is_met(item, found)]
     assert lost == ["Scene/joint/wheel_left_joint"]
@@ -643,19 +705,19 @@ def test_a_joint_that_ties_both_wheels_costs_an_item_of_each_wheel_that_it_names
 @pytest.mark.parametrize("checkpoint", ["00", "02", "08"])
 def test_a_scale_is_a_fault_at_every_checkpoint_however_it_is_written(checkpoint: str) -> None:
     stage = built(checkpoint)
-    put(LEFT_WHEEL, SCALE, Gf.Vec3d(1, 1, 1.1))(stage)
-    as_matrix(LEFT_WHEEL)(stage)
-    assert told(stage, checkpoint) == [("S24", LEFT_WHEEL, SCALE)]
+    put(LINK_LEFT, SCALE, Gf.Vec3d(1, 1, 1.1))(stage)
+    as_matrix(LINK_LEFT)(stage)
+    assert told(stage, checkpoint) == [("S24", LINK_LEFT, SCALE)]
 
 
 def test_a_scale_with_noise_is_none() -> None:
     stage = built("05")
-    put(LEFT_WHEEL, SCALE, Gf.Vec3d(1.0000001, 0.9999998, 1.0005))(stage)
+    put(LINK_LEFT, SCALE, Gf.Vec3d(1.0000001, 0.9999998, 1.0005))(stage)
     assert told(stage, "05") == []
 
 
 def test_a_scale_is_told_on_a_robot_whose_asset_is_missing() -> None:
     stage = built("05")
     refer(ROBOT, "robot.usd")(stage)
-    put(LEFT_WHEEL, SCALE, Gf.Vec3d(1, 1, 1.1))(stage)
-    assert told(stage, "05") == [("F02", ROBOT, None), ("S24", LEFT_WHEEL, SCALE)]
+    put(LINK_LEFT, SCALE, Gf.Vec3d(1, 1, 1.1))(stage)
+    assert told(stage, "05") == [("F02", ROBOT, None), ("S24", LINK_LEFT, SCALE)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from lab3_usd.check.absence import hides_place, is_at_or_below
+from lab3_usd.check.absence import hides_place, is_at_or_below, is_hidden
 from lab3_usd.check.model import Matrix, Prim
 from lab3_usd.check.physics import FIXED, bodies, joints
 from lab3_usd.check.poses import (
@@ -31,6 +31,7 @@ from lab3_usd.spec.catalog import Value
 
 _ALONG: dict[Any, Vector] = dict(zip("XYZ", AXES, strict=True))
 AXIS = "physics:axis"
+_FRAMES = tuple(f"physics:local{part}{side}" for part in ("Pos", "Rot") for side in (0, 1))
 
 
 def axle(joint: WheelJoint, subject: StageSubject) -> Vector | None:
@@ -98,7 +99,7 @@ def _base(subject: StageSubject) -> str:
 def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
     """Map the base, and each body that fixed joints tie to it, to where it stands on the base."""
     found = {_base(subject): IDENTITY}
-    welds = [joint for joint in joints(subject.stage) if joint.type == FIXED]
+    welds = [joint for joint in joints(subject.stage) if _is_weld(joint, subject)]
     is_growing = True
     while is_growing:
         is_growing = False
@@ -111,6 +112,12 @@ def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
                     found[ends[other]] = multiply(seen, found[ends[side]])
                     is_growing = True
     return found
+
+
+def _is_weld(joint: Prim, subject: StageSubject) -> bool:
+    """Whether a joint holds its bodies where it says, and no missing asset may say otherwise."""
+    is_known = not is_hidden(subject.stage, joint.path) or joint.authored.issuperset(_FRAMES)
+    return joint.type == FIXED and is_known
 
 
 def _joint_frame(joint: Prim, side: int) -> Matrix:

@@ -104,6 +104,14 @@ def base_side(joint: WheelJoint) -> int | None:
     return None if side is None else 1 - side
 
 
+def is_stated(joint: WheelJoint, subject: StageSubject, *names: str) -> bool:
+    """Whether these properties are as the file says, and none may be in a missing asset."""
+    prim = joint.prim
+    if prim is None or not is_hidden(subject.stage, prim.path):
+        return prim is not None
+    return prim.authored.issuperset(names)
+
+
 def wrong_ends(joint: WheelJoint, subject: StageSubject) -> Iterator[tuple[str, str]]:
     """Yield the property of each body that the joint does not rightly connect, and what it is.
 

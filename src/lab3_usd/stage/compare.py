@@ -28,7 +28,8 @@ def compare_starter(
     """Compare everything that the lab does not add, both stages composed with their payloads.
 
     After the first checkpoint the places of rigid bodies are left aside: a stage may have been
-    saved after a run. What an asset that cannot be found would hold is not compared.
+    saved after a run. Where the stage lacks an asset, what its own layers say is compared; the rest
+    may be in the asset.
 
     Raises:
         StageError: one of the files cannot be opened.
@@ -84,13 +85,16 @@ def _changes(pair: Pair) -> Iterator[Change]:
         skipped = None
         if was.text and was.text == texts.get(was.path):
             continue  # it is written as it was, below a prim that is there
+        if _is_ignored(path, pair):
+            skipped = path
+            continue
         twin = pair.stage.GetPrimAtPath(path)
-        if _is_passed_over(path, twin, pair):
-            skipped = path
-        elif is_there(twin):
-            yield from pair.changes(was, twin)
-        else:
-            skipped = path
+        is_hidden = _is_hidden(was.path, pair.hidden)
+        if is_there(twin, may_be_undefined=is_hidden):
+            yield from pair.changes(was, twin, is_whole=not is_hidden)
+            continue
+        skipped = path
+        if twin or not is_hidden:  # else the missing asset may hold it
             gone.append(was.prim)
     yield from gone_changes(gone, pair)
 
@@ -106,16 +110,12 @@ def _listed(starter: Usd.Stage) -> tuple[tuple[Sdf.Path, Known], ...]:
     )
 
 
-def _is_passed_over(path: Sdf.Path, twin: Usd.Prim, pair: Pair) -> bool:
-    if path.pathElementCount == 1:
-        ignored = pair.terms.rules.ignored_prims
-        if any(fnmatchcase(str(path), pattern) for pattern in ignored):
-            return True
-    return bool(pair.hidden) and _is_hidden(str(path), twin, pair.hidden)
+def _is_ignored(path: Sdf.Path, pair: Pair) -> bool:
+    ignored = pair.terms.rules.ignored_prims
+    is_root = path.pathElementCount == 1
+    return is_root and any(fnmatchcase(str(path), pattern) for pattern in ignored)
 
 
-def _is_hidden(path: str, twin: Usd.Prim, hidden: tuple[str, ...]) -> bool:
-    """Whether a missing asset could hold the prim; what was deactivated is absent all the same."""
-    if twin and not twin.IsActive():
-        return False
+def _is_hidden(path: str, hidden: tuple[str, ...]) -> bool:
+    """Whether a missing asset could hold the prim, or what it lacks."""
     return any(path == top or path.startswith(f"{top.rstrip('/')}/") for top in hidden)

@@ -8,7 +8,7 @@ from msgspec import Struct
 from pxr import Usd, UsdGeom
 
 from lab3_usd.check.changes import Change
-from lab3_usd.stage.compare_prims import Known, differences, known
+from lab3_usd.stage.compare_prims import Known, differences, known, spoken_differences
 from lab3_usd.stage.compare_terms import (
     Terms,
     body_of,
@@ -29,19 +29,28 @@ class Pair(Struct, frozen=True):
     hidden: tuple[str, ...]
     share_layers: bool
 
-    def changes(self, was: Known, twin: Usd.Prim, *, moved: bool = False) -> Iterator[Change]:
-        """Yield what changed of one prim, which stands at `twin` now: at most one change."""
+    def changes(
+        self, was: Known, twin: Usd.Prim, *, moved: bool = False, is_whole: bool = True
+    ) -> Iterator[Change]:
+        """Yield what changed of one prim, which stands at `twin` now: at most one change.
+
+        With `is_whole` False an asset of `twin` is missing, which may hold what `twin` lacks.
+        """
         if self.share_layers and not moved and was.prim.GetPrimStack() == twin.GetPrimStack():
             return  # both come from the same places of the same files
-        found = differences(was, twin, self.terms, same_parent=not moved)
+        if is_whole:
+            found = differences(was, twin, self.terms, same_parent=not moved)
+        else:
+            found = spoken_differences(was, twin, self.terms)
         if found:
             body = body_of(was.prim, self.terms.rules)
             yield Change(str(twin.GetPath()), str(was.kind), tuple(found), body=body)
 
 
-def is_there(prim: Usd.Prim) -> bool:
-    """Whether the prim is part of the scene."""
-    return bool(prim and prim.IsActive() and prim.IsDefined() and not prim.IsAbstract())
+def is_there(prim: Usd.Prim, *, may_be_undefined: bool = False) -> bool:
+    """Whether the prim is part of the scene; what defines it may be in a missing asset."""
+    is_defined = prim and (prim.IsDefined() or may_be_undefined)
+    return bool(is_defined and prim.IsActive() and not prim.IsAbstract())
 
 
 def gone_changes(gone: Iterable[Usd.Prim], pair: Pair) -> Iterator[Change]:

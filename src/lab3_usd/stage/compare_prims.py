@@ -20,9 +20,11 @@ from lab3_usd.stage.compare_terms import (
 )
 from lab3_usd.stage.compare_values import same_place, same_scale, same_value, show
 from lab3_usd.stage.places import Places
-from lab3_usd.stage.transforms import local_transform
+from lab3_usd.stage.transforms import ORDER, RESET, local_transform
 
 _ASSET = "@"
+_SCHEMAS = "apiSchemas"
+_SCALE = "xformOp:scale"
 
 
 class Known(Struct, frozen=True, eq=False):
@@ -77,6 +79,72 @@ def differences(
     if is_posed and was.path != terms.root:  # whose own place has a rule of its own
         found.extend(_place(prim, twin, terms, same_parent=same_parent))
     return found
+
+
+def spoken_differences(was: Known, twin: Usd.Prim, terms: Terms) -> list[Difference]:
+    """Return what the layers at hand say of `twin` otherwise than the starter.
+
+    An asset of `twin` is missing: values, schemas and targets that no layer states may be in it.
+    """
+    prim, form = was.prim, twin.GetPrimTypeInfo()
+    found = [*_type(was.kind, twin, prim, terms)] if twin.GetTypeName() else []
+    dropped = _dropped_schemas(twin)
+    schemas = _schemas(was.form, form, prim, twin, terms)
+    found += [each for each in schemas if dropped is None or each.was in dropped]
+    poses = []
+    for name in _unequal(was, twin):
+        kind = terms.classes(name)
+        if not _is_said(twin, name):
+            continue
+        if kind == "pose":
+            poses.append(name)
+        elif kind != "never":
+            found.extend(_property(prim, twin, name, kind, terms))
+    if poses and was.path != terms.root:
+        found.extend(_spoken_place(prim, twin, poses, terms))
+    return found
+
+
+def _is_said(prim: Usd.Prim, name: str) -> bool:
+    """Whether a layer at hand gives the property a value, or takes it away."""
+    attribute = prim.GetAttribute(name)
+    if attribute:
+        return bool(attribute.HasAuthoredValueOpinion())
+    relationship = prim.GetRelationship(name)
+    return bool(relationship and relationship.HasAuthoredTargets())
+
+
+def _dropped_schemas(prim: Usd.Prim) -> set[str] | None:
+    """Return the schemas that layers delete; None where one lists all that there are."""
+    dropped: set[str] = set()
+    for spec in prim.GetPrimStack():
+        edits = spec.GetInfo(_SCHEMAS)
+        if edits.isExplicit and spec.HasInfo(_SCHEMAS):
+            return None
+        dropped.update(edits.deletedItems)
+    return dropped
+
+
+def _spoken_place(
+    prim: Usd.Prim, twin: Usd.Prim, names: list[str], terms: Terms
+) -> Iterator[Difference]:
+    """Compare places where layers say all of the place, else operation by operation."""
+    order = twin.GetAttribute(ORDER).Get() or ()
+    if len(order) and all(_is_said(twin, name) for name in (ORDER, *_operations(order))):
+        yield from _place(prim, twin, terms, same_parent=True)
+        return
+    moves = not terms.bodies_rest and terms.rules.body in applied(prim)
+    for name in names:
+        was, now = (each.GetAttribute(name) for each in (prim, twin))
+        may_differ = name == ORDER or (moves and not name.startswith(_SCALE))
+        if may_differ or not was or same_value(was.Get(), now.Get(), terms.limits[2]):
+            continue
+        physics = matters(prim, terms.rules) and not is_light_or_camera(prim)
+        yield Difference("place", name, show(was.Get()), show(now.Get()), physics)
+
+
+def _operations(order: Iterable[str]) -> list[str]:
+    return [name.rpartition("!")[2] for name in order if not name.startswith(RESET)]
 
 
 def _unequal(was: Known, twin: Usd.Prim) -> Iterator[str]:

@@ -19,7 +19,7 @@ from lab3_usd.check.poses import IDENTITY, multiply
 from lab3_usd.stage.plain import elements
 
 ORDER = "xformOpOrder"
-_RESET = "!resetXformStack!"
+RESET = "!resetXformStack!"
 _INVERSE = "!invert!"
 _SIXTEEN = Struct("16d")
 _SHORTEST = 1e-10  # length of an axis that is one, as in Gf
@@ -32,7 +32,7 @@ def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
     """
     matrix, is_reset = IDENTITY, False
     for name in _names(prim.GetAttribute(ORDER).Get()):
-        if name == _RESET:
+        if name == RESET:
             matrix, is_reset = IDENTITY, True
             continue
         operation = _operation(prim, name.removeprefix(_INVERSE))

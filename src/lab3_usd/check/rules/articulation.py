@@ -12,6 +12,7 @@ from lab3_usd.check.physics import (
     ARTICULATION_ENABLED,
     BODIES,
     BODY_API,
+    JOINT_ENABLED,
     below,
     bodies,
     is_switched_off,
@@ -80,9 +81,11 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
     links = [f"{robot['path']}/{name}" for name in robot["links"]]
     present = [path for path in links if subject.stage.prim(path) is not None]
     base = f"{robot['path']}/{robot['base_frame']}"
-    if could_hide_joints(subject) or has_no_joints(subject) or base not in present:
+    if has_no_joints(subject) or base not in present:
         return
-    groups = _groups(subject, present)
+    if could_hide_joints(subject):  # then only what a joint let go of is known to be loose
+        present = [base, *(path for path in present if path in _let_go(subject, links))]
+    groups = _groups(subject, links)
     # A link that is held by the world is S21's.
     told = [groups[base], *(groups[_link_of(each, links)] for each in _held_bodies(subject))]
     for name in robot["links"]:
@@ -153,6 +156,16 @@ def _is_on_robot(body: str, subject: StageSubject) -> bool:
 
 def _held_bodies(subject: StageSubject) -> list[str]:
     return [bodies(joint)[side] for joint, side in _holds(subject)]
+
+
+def _let_go(subject: StageSubject, links: list[str]) -> list[str]:
+    """Return the links that joints of the file name which are switched off or deactivated."""
+    return [
+        _link_of(body, links)
+        for prim in subject.stage.prims.values()
+        if not prim.present or is_switched_off(prim, JOINT_ENABLED)
+        for body in bodies(prim)
+    ]
 
 
 def _groups(subject: StageSubject, links: list[str]) -> dict[str, str]:

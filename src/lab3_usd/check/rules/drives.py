@@ -15,6 +15,7 @@ from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.wheel_joints import (
     WheelJoint,
     base_side,
+    is_stated,
     tied_joints,
     turning_joints,
 )
@@ -47,7 +48,7 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     )
     severity: Severity | None = "warning" if is_all_back else None
     for joint, found in wrong.items():
-        if is_hidden(subject.stage, joint.site):
+        if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
             continue
         message = f"{joint.name} {_says(found, wanted, limit)}"
         yield Problem(
@@ -94,10 +95,9 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
         if prim is None:
             continue
         may_be_hidden = is_hidden(subject.stage, prim.path)
-        if DRIVE_API not in prim.apis:
-            if not may_be_hidden:
-                message = f"{joint.name} has no angular drive"
-                yield Problem(prim.path, message, DAMPING, DRIVE_API, None, handout, joint.related)
+        if DRIVE_API not in prim.apis and not may_be_hidden:
+            message = f"{joint.name} has no angular drive"
+            yield Problem(prim.path, message, DAMPING, DRIVE_API, None, handout, joint.related)
             continue
         stiffness = number(prim.attributes.get(STIFFNESS, 0.0))
         if stiffness != 0:

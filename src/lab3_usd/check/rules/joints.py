@@ -17,6 +17,7 @@ from lab3_usd.check.wheel_joints import (
     base_side,
     could_hide_joints,
     has_no_joints,
+    is_stated,
     tied_joints,
     turning_joints,
     wheel_joints,
@@ -166,8 +167,13 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     """
     scene = subject.lab.scene
     wheels, limit = scene["robot"]["wheels"], scene["tolerance"]["link_position"]
-    places = {joint: found for joint in tied_joints(subject) if (found := anchor(joint, subject))}
-    if len(places) != len(wheels["joints"]) or could_hide_joints(subject):
+    places = {
+        joint: found
+        for joint in tied_joints(subject)
+        if is_stated(joint, subject, f"physics:localPos{base_side(joint)}")
+        and (found := anchor(joint, subject))
+    }
+    if len(places) != len(wheels["joints"]):
         return
     (first, one), (second, other) = places.items()
     apart = distance(one, other)

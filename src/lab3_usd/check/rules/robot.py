@@ -110,12 +110,14 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
     """
     stage = subject.stage
     for prim, spec in _links(subject):
-        if not spec.get("collision") or hides_below(stage, prim.path):
-            continue
         parts = list(below(stage, prim.path))
-        if any(map(collides, parts)):
+        if not spec.get("collision") or any(map(collides, parts)):
             continue
         off = [part for part in parts if part.present and COLLISION_API in part.apis]
+        if hides_below(stage, prim.path):
+            off = [part for part in parts if is_switched_off(part, COLLISION_ENABLED)]
+            if not off:
+                continue
         site = off[0].path if off else prim.path
         what = "collision is switched off" if off else "has no collision geometry"
         yield Problem(

@@ -1,0 +1,212 @@
+"""A stage beside its starter where an asset is missing: what its own layers say is compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from pxr import Gf, Sdf, Usd
+from scene_changes import deactivate, put, refer, retype, several, switch, without_api
+from starters import layered_starter
+
+from lab3_usd.check.changes import Change
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.compare import compare_starter
+from lab3_usd.stage.opening import open_stage, quiet
+from lab3_usd.stage.starter import starter_layer
+
+LAB = load_lab()
+ROBOT = LAB.scene["robot"]["path"]
+BASE = f"{ROBOT}/base_link"
+FOOT = f"{ROBOT}/base_footprint"
+WHEEL = f"{ROBOT}/wheel_left_link"
+JOINT = f"{ROBOT}/joints/wheel_left_joint"
+WALL = "/Environment/Walls/East"
+SCENE = "/physicsScene"
+TRANSLATE, SCALE = "xformOp:translate", "xformOp:scale"
+Edit = Callable[[Usd.Stage], None]
+
+
+def copy_of(layer: Sdf.Layer) -> Usd.Stage:
+    copy = Sdf.Layer.CreateAnonymous(".usda")
+    copy.TransferContent(layer)
+    return Usd.Stage.Open(copy)
+
+
+@pytest.fixture(scope="module")
+def starter() -> Usd.Stage:
+    return copy_of(starter_layer(LAB.folder))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Sdf.Layer:
+    path = build_checkpoint(None, "08", tmp_path_factory.mktemp("built") / "Lab3.usda")
+    return Sdf.Layer.FindOrOpen(str(path))
+
+
+def compared(
+    starter: Usd.Stage, finished: Sdf.Layer, *edits: Edit, checkpoint: str = "08"
+) -> tuple[Change, ...]:
+    stage = copy_of(finished)
+    with quiet():
+        for edit in edits:
+            edit(stage)
+        return compare_starter(starter, stage, LAB, checkpoint).changes
+
+
+def told(changes: tuple[Change, ...]) -> list[tuple[str, str]]:
+    """Each prim that changed, with why it is gone or what its gravest difference is about."""
+    return [
+        (each.prim, each.absent or each.differences[0].property or each.differences[0].kind)
+        for each in changes
+    ]
+
+
+CHANGES: dict[str, tuple[Edit, tuple[str, str]]] = {
+    "mass": (put(BASE, "physics:mass", 1000.0), (BASE, "physics:mass")),
+    "mass of the base": (put(FOOT, "physics:mass", 1000.0), (FOOT, "physics:mass")),
+    "gravity": (put(SCENE, "physics:gravityMagnitude", 0.0), (SCENE, "physics:gravityMagnitude")),
+    "wall deactivated": (deactivate(WALL), (WALL, "deactivated")),
+    "walls deactivated": (
+        deactivate("/Environment/Walls"),
+        ("/Environment/Walls", "deactivated"),
+    ),
+    "wall moved": (put(WALL, TRANSLATE, Gf.Vec3d(9, 0, 0)), (WALL, TRANSLATE)),
+    "wall soft": (
+        without_api(WALL, "PhysicsCollisionAPI"),
+        (WALL, "schema"),
+    ),
+    "wall passable": (
+        switch(WALL, "physics:collisionEnabled"),
+        (WALL, "physics:collisionEnabled"),
+    ),
+    "joint deactivated": (deactivate(JOINT), (JOINT, "deactivated")),
+    "joint fixed": (retype(JOINT, "PhysicsFixedJoint"), (JOINT, "type")),
+    "joint aimed": (
+        lambda stage: (
+            stage.GetPrimAtPath(JOINT)
+            .GetRelationship("physics:body1")
+            .SetTargets([f"{ROBOT}/wheel_right_link"])
+            and None
+        ),
+        (JOINT, "physics:body1"),
+    ),
+    "schema listed away": (
+        lambda stage: (
+            stage.GetRootLayer()
+            .GetPrimAtPath(WHEEL)
+            .SetInfo("apiSchemas", Sdf.TokenListOp.CreateExplicit(["IsaacLinkAPI"]))
+        ),
+        (WHEEL, "schema"),
+    ),
+    "link scaled": (put(WHEEL, SCALE, Gf.Vec3d(1, 1, 2)), (WHEEL, SCALE)),
+    "value blocked": (
+        lambda stage: stage.GetPrimAtPath(BASE).GetAttribute("physics:diagonalInertia").Block(),
+        (BASE, "physics:diagonalInertia"),
+    ),
+}
+TOPS = [ROBOT, "/Environment", BASE, SCENE]
+
+
+@pytest.mark.parametrize("top", TOPS)
+@pytest.mark.parametrize(("edit", "site"), CHANGES.values(), ids=CHANGES)
+def test_a_missing_asset_hides_nothing_that_the_stage_says_itself(
+    starter: Usd.Stage, finished: Sdf.Layer, top: str, edit: Edit, site: tuple[str, str]
+) -> None:
+    assert told(compared(starter, finished, refer(top, "bogus.usd"), edit)) == [site]
+
+
+def test_one_missing_asset_does_not_switch_the_comparison_off(
+    starter: Usd.Stage, finished: Sdf.Layer
+) -> None:
+    names = ("mass", "gravity", "walls deactivated")
+    edits = [refer(ROBOT, "bogus.usd"), *(CHANGES[name][0] for name in names)]
+    found = compared(starter, finished, *edits)
+    assert sorted(told(found)) == sorted(CHANGES[name][1] for name in names)
+
+
+@pytest.mark.parametrize("top", TOPS)
+def test_a_missing_asset_alone_is_no_change(
+    starter: Usd.Stage, finished: Sdf.Layer, top: str
+) -> None:
+    assert compared(starter, finished, refer(top, "bogus.usd")) == ()
+
+
+def removed(path: str) -> Edit:
+    return lambda stage: void(stage.RemovePrim(path))
+
+
+def cleared(path: str, name: str) -> Edit:
+    return lambda stage: void(stage.GetPrimAtPath(path).RemoveProperty(name))
+
+
+def void(_: object) -> None:
+    """Drop what the USD API returns."""
+
+
+UNSAID: dict[str, tuple[str, Edit]] = {
+    "a prim": ("/Environment", removed(WALL)),
+    "a subtree": (ROBOT, removed(f"{ROBOT}/joints")),
+    "a value": (ROBOT, cleared(BASE, "physics:diagonalInertia")),
+    "a target": (ROBOT, cleared(JOINT, "physics:body1")),
+    "a place": ("/Environment", several(cleared(WALL, TRANSLATE), cleared(WALL, "xformOpOrder"))),
+    "a type": (ROBOT, retype(JOINT, "")),
+    "what a run changes": (
+        ROBOT,
+        several(put(BASE, TRANSLATE, Gf.Vec3d(3, 3, 0)), put(ROBOT, TRANSLATE, Gf.Vec3d(0, 0, 0))),
+    ),
+    "a schema that no layer lists": (
+        ROBOT,
+        lambda stage: (
+            stage.GetRootLayer()
+            .GetPrimAtPath(WHEEL)
+            .SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=["PhysicsRigidBodyAPI"]))
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize(("top", "edit"), UNSAID.values(), ids=UNSAID)
+def test_what_no_layer_says_may_be_in_the_missing_asset(
+    starter: Usd.Stage, finished: Sdf.Layer, top: str, edit: Edit
+) -> None:
+    assert compared(starter, finished, refer(top, "bogus.usd"), edit) == ()
+
+
+def overs(folder: Path, *edits: Edit) -> tuple[Path, Path]:
+    """A starter in several files, and a stage whose robot and room did not come along."""
+    starter = layered_starter(folder / "given")
+    stage = build_checkpoint(starter, "05", folder / "work" / "Lab3_05.usda")
+    opened = Usd.Stage.Open(str(stage))
+    for edit in edits:
+        edit(opened)
+    opened.Save()
+    elsewhere = folder / "handed" / "in" / "work"
+    elsewhere.mkdir(parents=True)
+    return starter, stage.rename(elsewhere / stage.name)
+
+
+@pytest.mark.parametrize(
+    ("edit", "site"),
+    [
+        (put(BASE, "physics:mass", 1000.0), (BASE, "physics:mass")),
+        (put(WALL, TRANSLATE, Gf.Vec3d(9, 0, 0)), (WALL, TRANSLATE)),
+        (put(WHEEL, SCALE, Gf.Vec3d(1, 1, 2)), (WHEEL, SCALE)),
+        (deactivate(WALL), (WALL, "deactivated")),
+        (deactivate(JOINT), (JOINT, "deactivated")),
+    ],
+)
+def test_an_over_of_a_prim_in_a_missing_asset_is_compared(
+    edit: Edit, site: tuple[str, str], tmp_path: Path
+) -> None:
+    before, after = overs(tmp_path, edit)
+    stage = open_stage(after)
+    assert told(compare_starter(before, stage, LAB, "05").changes)[-1:] == [site]
+
+
+def test_overs_of_a_run_in_a_missing_asset_are_no_change(tmp_path: Path) -> None:
+    before, after = overs(tmp_path, put(BASE, TRANSLATE, Gf.Vec3d(1, 1, 0)))
+    found = compare_starter(before, open_stage(after), LAB, "05").changes
+    assert [each for each in told(found) if each[0].startswith(ROBOT)] == []
