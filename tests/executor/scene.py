@@ -1,0 +1,239 @@
+"""What a composed stage holds, read once as plain data at the time at which playing starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from msgspec import Struct
+from pxr import Usd, UsdGeom
+
+from executor.affine import HERE, Affine
+
+GRAPH, NODE = "OmniGraph", "OmniGraphNode"
+IGNORED = ("Replicator", "Render")
+UNSEEN = ("guide",)
+SHAPES = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Mesh", "Plane")
+
+
+class Input(Struct, frozen=True):
+    """An input of a node as it is saved: the type it is declared with, its value, its wires."""
+
+    type: str
+    value: Any = None
+    literal: Any = None  # what an extended port holds beside its value
+    sources: tuple[str, ...] = ()
+
+
+class Node(Struct, frozen=True):
+    """A node prim."""
+
+    path: str
+    type: str
+    version: int
+    inputs: dict[str, Input]
+    targets: dict[str, tuple[str, ...]]
+    outputs: frozenset[str]
+    namespace: str = ""
+
+
+class Graph(Struct, frozen=True):
+    """A graph prim and its nodes, in the order of the stage."""
+
+    path: str
+    evaluator: str
+    pipeline: str
+    mode: str
+    nodes: tuple[Node, ...]
+
+
+class Prim(Struct, frozen=True):
+    """Any other prim that is in the scene; `world` is where it is authored to stand."""
+
+    path: str
+    type: str
+    apis: frozenset[str]
+    world: Affine
+    values: dict[str, Any]
+    targets: dict[str, tuple[str, ...]]
+    seen: bool
+
+
+class Scene(Struct, frozen=True):
+    """A stage: its units, its graphs, and its prims by path in the order of the stage."""
+
+    meters_per_unit: float
+    up: str
+    graphs: tuple[Graph, ...]
+    prims: dict[str, Prim]
+    moving: tuple[str, ...]  # prims whose place is animated
+
+    def below(self, path: str) -> Iterator[Prim]:
+        """Yield a prim and all below it."""
+        inside = f"{path}/"
+        for each in self.prims.values():
+            if each.path == path or each.path.startswith(inside):
+                yield each
+
+    def above(self, path: str) -> Iterator[Prim]:
+        """Yield a prim and all above it, nearest first."""
+        while path:
+            if path in self.prims:
+                yield self.prims[path]
+            path = path.rpartition("/")[0]
+
+
+def read_scene(stage: Usd.Stage) -> Scene:
+    """Read a stage as it is composed."""
+    time = Usd.TimeCode(stage.GetStartTimeCode())
+    graphs: dict[str, Usd.Prim] = {}
+    nodes: dict[str, list[Node]] = {}
+    prims: dict[str, Prim] = {}
+    moving: list[str] = []
+    everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
+        path = str(prim.GetPath())
+        if path == "/" or path.split("/")[1] in IGNORED:
+            continue
+        kind = str(prim.GetTypeName())
+        if kind == GRAPH and not prim.IsInstanceProxy():
+            graphs[path], nodes[path] = prim, []
+        if kind == NODE:
+            _keep_node(prim, path, nodes, time)
+        else:
+            prims[path] = _prim(prim, path, kind, time, prims)
+            if UsdGeom.Xformable(prim).TransformMightBeTimeVarying():
+                moving.append(path)
+    return Scene(
+        float(stage.GetMetadata("metersPerUnit")),
+        str(stage.GetMetadata("upAxis")),
+        tuple(_graph(path, prim, tuple(nodes[path]), time) for path, prim in graphs.items()),
+        prims,
+        tuple(moving),
+    )
+
+
+def _keep_node(prim: Usd.Prim, path: str, nodes: dict[str, list[Node]], time: Usd.TimeCode) -> None:
+    parent = path.rpartition("/")[0]
+    if parent in nodes:
+        nodes[parent].append(_node(prim, path, time))
+
+
+def _graph(path: str, prim: Usd.Prim, nodes: tuple[Node, ...], time: Usd.TimeCode) -> Graph:
+    def said(name: str, default: str) -> str:
+        return str(_value(prim, name, time) or default)
+
+    return Graph(
+        path,
+        said("evaluator:type", "push"),
+        said("pipelineStage", "pipelineStageSimulation"),
+        said("evaluationMode", "Automatic"),
+        nodes,
+    )
+
+
+def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> Node:
+    inputs, targets = {}, {}
+    names = [str(each) for each in prim.GetAuthoredPropertyNames()]
+    for name in names:
+        if not name.startswith("inputs:"):
+            continue
+        attribute = prim.GetAttribute(name)
+        if attribute:
+            inputs[name] = _input(attribute, time)
+        else:
+            targets[name] = tuple(map(str, prim.GetRelationship(name).GetTargets()))
+    return Node(
+        path,
+        str(_value(prim, "node:type", time) or ""),
+        int(_value(prim, "node:typeVersion", time) or 0),
+        inputs,
+        targets,
+        frozenset(name for name in names if name.startswith("outputs:")),
+        str(_value(prim, "isaac:namespace", time) or ""),
+    )
+
+
+def _input(attribute: Usd.Attribute, time: Usd.TimeCode) -> Input:
+    sources: tuple[str, ...] = ()
+    if attribute.HasAuthoredConnections():
+        sources = tuple(map(str, attribute.GetConnections()))
+    literal = None
+    if attribute.HasAuthoredCustomDataKey("omni"):
+        literal = plain(attribute.GetCustomDataByKey("omni:graph:attrValue"))
+    return Input(str(attribute.GetTypeName()), plain(attribute.Get(time)), literal, sources)
+
+
+def _value(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Any:
+    attribute = prim.GetAttribute(name)
+    return plain(attribute.Get(time)) if attribute else None
+
+
+def _prim(
+    prim: Usd.Prim, path: str, kind: str, time: Usd.TimeCode, before: dict[str, Prim]
+) -> Prim:
+    values, targets = {}, {}
+    shape = kind in SHAPES or kind == "Camera"
+    for each in prim.GetAuthoredProperties():
+        name = str(each.GetName())
+        if name.startswith(("xformOp", "primvars", "ui:")):
+            continue
+        if isinstance(each, Usd.Attribute):
+            values[name] = plain(each.Get(time))
+        else:
+            targets[name] = tuple(map(str, each.GetTargets()))
+    if shape:
+        values.update(_shape_values(prim, kind, time))
+    parent = before.get(path.rpartition("/")[0])
+    xform = UsdGeom.Xformable(prim)
+    local = _affine(xform.GetLocalTransformation(time))
+    above = parent.world if parent and not xform.GetResetXformStack() else HERE
+    return Prim(
+        path,
+        kind,
+        frozenset(prim.GetPrimTypeInfo().GetAppliedAPISchemas()),
+        above.then(local),
+        values,
+        targets,
+        shape and _is_seen(prim, time),
+    )
+
+
+_FALLBACKS = {
+    "Cube": ("size",),
+    "Sphere": ("radius",),
+    "Cylinder": ("radius", "height", "axis"),
+    "Capsule": ("radius", "height", "axis"),
+    "Cone": ("radius", "height", "axis"),
+    "Mesh": ("points", "faceVertexCounts", "faceVertexIndices"),
+    "Plane": ("axis", "width", "length"),
+    "Camera": ("focalLength", "horizontalAperture", "verticalAperture", "clippingRange"),
+}
+
+
+def _shape_values(prim: Usd.Prim, kind: str, time: Usd.TimeCode) -> dict[str, Any]:
+    """Return what a shape is like, with the schema's values where nothing is authored."""
+    return {name: _value(prim, name, time) for name in _FALLBACKS[kind]}
+
+
+def _is_seen(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
+    image = UsdGeom.Imageable(prim)
+    return image.ComputePurpose() not in UNSEEN and image.ComputeVisibility(time) != "invisible"
+
+
+def _affine(matrix: Any) -> Affine:
+    """Return a matrix of USD, which multiplies rows from the left."""
+    m = [list(matrix.GetRow(row)) for row in range(4)]
+    rows = tuple(tuple(m[j][i] for j in range(3)) for i in range(3))
+    return Affine(rows, (m[3][0], m[3][1], m[3][2]))  # type: ignore[arg-type]
+
+
+def plain(value: Any) -> Any:
+    """Return a value of USD as Python's own; a quaternion comes as (w, x, y, z)."""
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    if hasattr(value, "GetReal"):
+        return (value.GetReal(), *value.GetImaginary())
+    if hasattr(value, "__len__"):
+        return tuple(plain(each) for each in value)
+    return str(value)

@@ -1,0 +1,144 @@
+"""The built stage drives as it is told, and single faults show in the checks they should."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+from breaking import Step, broken, correct_stage, the_lab
+from dry_runs import DRIVE, INTERFACE, driven, faults
+from executor.behaviour import CHECKS, judge
+from executor.drive import fixed_drive
+from executor.record import Odometry
+from executor.scene import read_scene
+from executor.simulation import record
+
+WHEELS = 0.033 / 0.025  # the wheel of the model by that of the controller
+
+
+def test_the_built_stage_behaves() -> None:
+    evidence = driven(correct_stage("05"), the_lab().catalog)
+    verdicts = judge(evidence)
+    assert [each for each in verdicts if each.verdict != "ok"] == []
+    assert [each.name for each in verdicts] == list(CHECKS)
+    assert evidence.recording.not_simulated == {}
+
+
+def test_it_goes_as_far_as_its_wheels_say() -> None:
+    evidence = driven(correct_stage("05"), the_lab().catalog)
+    _, before, poses = evidence.leg("ahead")
+    moved = (len(poses) - 1) / 60  # a command reaches the wheels in the next frame
+    assert poses[-1].x - before.x == pytest.approx(0.15 * moved * WHEELS, rel=1e-6)
+    assert poses[-1].y - before.y == pytest.approx(0.0, abs=1e-6)
+    _, before, poses = evidence.leg("left")
+    assert poses[-1].heading == pytest.approx(0.8 * (len(poses) - 1) / 60 * WHEELS, rel=1e-6)
+
+
+def test_rates_and_frames_are_those_of_the_lab() -> None:
+    recording = driven(correct_stage("05"), the_lab().catalog).recording
+    seconds = sum(each.seconds for each in DRIVE[0].legs)
+    assert len(recording.topic("/scan", 0)) == pytest.approx(10 * seconds, abs=1)
+    assert len(recording.topic("/clock", 0)) == pytest.approx(60 * seconds, abs=2)
+    assert {each.frame for each in recording.topic("/scan")} == {"base_scan"}
+    assert {each.frame for each in recording.topic("/camera/image_raw")} == {"Camera_1"}
+    last = recording.topic("/odom", 1)[-1]
+    assert isinstance(last.data, Odometry)
+    assert last.data.child == "base_footprint"
+
+
+def test_a_dry_run_is_much_faster_than_the_real_thing() -> None:
+    """Told as 20 times; a machine that does other things as well must not fail this."""
+    stage, drive = correct_stage("05"), fixed_drive(3.0)
+    start = time.process_time()
+    evidence = record(read_scene(stage), the_lab().catalog, drive, INTERFACE)
+    passed = time.process_time() - start
+    assert evidence.recording.seconds > 25
+    assert evidence.recording.seconds / passed > 8
+
+
+CASES: list[tuple[Step, str]] = [
+    ({"set": ["ROS_Clock/ros2_publish_clock.inputs:topicName", "/time"]}, "topics"),
+    ({"disconnect": ["ROS_Clock/ros2_publish_clock.inputs:timeStamp"]}, "clock"),
+    ({"set": ["ROS_Clock/isaac_read_simulation_time.inputs:resetOnStop", True]}, "clock"),
+    ({"set": ["ROS_Clock/ros2_context.inputs:useDomainIDEnvVar", True]}, "topics"),
+    ({"set": ["ROS_Drive/ros2_context.inputs:useDomainIDEnvVar", True]}, "again"),
+    ({"set": ["ROS_Drive/ros2_subscribe_twist.inputs:topicName", "/cmd"]}, "follows"),
+    ({"set": ["ROS_Drive/differential_controller.inputs:maxAcceleration", 1.0]}, "follows"),
+    ({"set": ["ROS_Drive/differential_controller.inputs:maxLinearSpeed", 2.0]}, "limits"),
+    (
+        {"swap": ["ROS_Drive/make_array.inputs:input0", "ROS_Drive/make_array.inputs:input1"]},
+        "follows",
+    ),
+    ({"set": ["ROS_Drive.pipelineStage", "pipelineStageOnDemand"]}, "follows"),
+    ({"set": ["ROS_OdomTF/ros2_publish_odometry.inputs:chassisFrameId", "base_link"]}, "odometry"),
+    (
+        {
+            "connect": [
+                "ROS_OdomTF/ros2_publish_odometry.inputs:linearVelocity",
+                "ROS_OdomTF/isaac_compute_odometry.outputs:globalLinearVelocity",
+            ]
+        },
+        "odometry",
+    ),
+    (
+        {"disconnect": ["ROS_OdomTF/ros2_publish_raw_transform_tree.inputs:translation"]},
+        "moving frames",
+    ),
+    ({"set": ["ROS_OdomTF/ros2_publish_raw_transform_tree.inputs:childFrameId", "x"]}, "tree"),
+    ({"set": ["ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:frameId", "lidar"]}, "tree"),
+    ({"set": ["ROS_Camera/ros2_camera_info_helper.inputs:frameSkipCount", 2]}, "camera"),
+    ({"deactivate": "/turtlebot3_burger/joints/wheel_left_joint"}, "follows"),
+    ({"deactivate": "/Environment/GroundPlane/CollisionPlane"}, "follows"),
+    (
+        {
+            "set": [
+                "/turtlebot3_burger/joints/wheel_left_joint.drive:angular:physics:stiffness",
+                1e3,
+            ]
+        },
+        "follows",
+    ),
+    ({"set": ["/turtlebot3_burger/base_scan/Lidar2D.omni:sensor:tickRate", 30.0]}, "scan"),
+    (
+        {"set": ["/turtlebot3_burger/base_scan/Lidar2D.xformOp:translate", (0.3, 0.0, 0.0)]},
+        "scan",
+    ),
+]
+
+
+@pytest.mark.parametrize(("step", "check"), CASES, ids=[str(each) for each, _ in CASES])
+def test_a_fault_shows_where_it_should(step: Step, check: str) -> None:
+    found = faults(driven(broken("05", [step]), the_lab().catalog))
+    assert check in {each.name for each in found}
+
+
+WORKS: list[list[Step]] = [
+    [{"set": ["ROS_Clock/ros2_publish_clock.inputs:topicName", "clock"]}],
+    [{"set": ["ROS_Drive/ros2_subscribe_twist.inputs:topicName", "//cmd_vel/"]}],
+    [{"targets": ["ROS_Drive/articulation_controller.inputs:targetPrim", "/turtlebot3_burger"]}],
+    [
+        {
+            "connect": [
+                "ROS_Drive/differential_controller.inputs:dt",
+                "ROS_Drive/on_playback_tick.outputs:deltaSeconds",
+            ]
+        }
+    ],
+    # every node of a push graph computes, and ROS_Clock has nothing that must not
+    [{"set": ["ROS_Clock.evaluator:type", "push"]}],
+    [{"clear": "ROS_Drive/ros2_subscribe_twist.inputs:queueSize"}],
+    [
+        {
+            "targets": [
+                "ROS_OdomTF/isaac_compute_transform_tree.inputs:targetPrims",
+                "/turtlebot3_burger",
+                "/turtlebot3_burger/base_footprint/Camera_1",
+            ]
+        }
+    ],
+]
+
+
+@pytest.mark.parametrize("steps", WORKS, ids=[str(each[0]) for each in WORKS])
+def test_what_works_is_not_faulted(steps: list[Step]) -> None:
+    assert faults(driven(broken("05", steps), the_lab().catalog)) == []
