@@ -19,6 +19,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.finding import Finding
 from lab3_usd.check.frames import Edge
+from lab3_usd.check.hidden_frames import Hidden
 from lab3_usd.check.matcher import match
 from lab3_usd.check.model import Absent, GraphModel, Node, PortState, StageModel
 from lab3_usd.check.subject import Roles
@@ -588,6 +589,35 @@ def test_a_frame_says_who_publishes_it() -> None:
     picture = frames_picture(LAB.frames, ASKED, localized=True)
     subtitles = {box.title: box.subtitle for box in picture.boxes}
     assert (subtitles["odom"], subtitles["base_link"]) == ("by AMCL", "by publisher")
+
+
+def hidden_at(prim: str, *, links: bool) -> Hidden:
+    return Hidden(
+        prim, links=links, asset="robot.usd", parent="base_footprint", publisher="/graph/publisher"
+    )
+
+
+def test_what_a_missing_asset_could_tell_is_drawn_as_unknown_and_not_as_missing() -> None:
+    names = [child for _, child in LAB.frames.edges[1:-1]]
+    unknown = [hidden_at(f"/turtlebot3_burger/{name}", links=False) for name in names]
+    picture = frames_picture(LAB.frames, [ASKED[0], ASKED[-1]], unknown)
+    assert [box.family for box in picture.boxes].count("absent") == len(names)
+    assert {curve.state for curve in picture.curves} == {"ok"}
+    assert "absent" in {sign.kind for sign in picture.signs}
+    assert picture.subtitle == f"2 transforms  ·  {len(names)} unknown"
+    (missing,) = [
+        curve for curve in frames_picture(LAB.frames, [ASKED[0], *ASKED[2:]], unknown[1:]).curves
+        if curve.state == "missing"
+    ]  # fmt: skip
+    assert missing.target.key == names[0]
+
+
+def test_unknown_links_of_a_robot_are_one_box_and_excuse_every_frame() -> None:
+    picture = frames_picture(LAB.frames, ASKED[:1], [hidden_at("/robot", links=True)])
+    box = picture.boxes[-1]
+    assert (box.title, box.subtitle) == ("links of robot", "asset not found")
+    assert {curve.state for curve in picture.curves} == {"ok"}
+    assert box.family in svg(picture)
 
 
 # ---- SVG

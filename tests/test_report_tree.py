@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 
 from lab3_usd.check.frames import Edge
+from lab3_usd.check.hidden_frames import Hidden
 from lab3_usd.cli import lab3
 from lab3_usd.report.tree import TreeReport, as_dot, as_json, as_text, faults, roots
 from lab3_usd.stage.builder import build_checkpoint
@@ -105,6 +107,42 @@ def test_nothing_published_says_so() -> None:
 
 def test_unknown_publishers_are_named() -> None:
     assert text(unknown=("/g/any",)) == ["! /g/any publishes frames that the stage does not tell"]
+
+
+LINKS = Hidden("/robot", True, "robot.usd", "base", "/g/p", "/g/c", "/tf")  # noqa: FBT003
+FRAME = replace(LINKS, prim="/robot/arm", links=False)
+
+
+def with_hidden(*pairs: str, verbose: bool = False) -> list[str]:
+    report = TreeReport("x.usda", edges(*pairs), hidden=(LINKS, FRAME))
+    return list(as_text(report, verbose=verbose))
+
+
+def test_what_a_missing_asset_could_tell_is_unknown_and_no_frame() -> None:
+    assert with_hidden("odom base") == [
+        "odom",
+        "└── base",
+        "? links of /robot: asset not found: robot.usd",
+        "? frame of /robot/arm: asset not found: robot.usd",
+    ]
+    assert with_hidden(verbose=True)[0].endswith("robot.usd  <- /g/p (/tf)")
+
+
+def test_roots_that_unknown_frames_may_join_are_not_called_too_many() -> None:
+    assert not any("roots" in line for line in with_hidden("odom base", "arm hand"))
+    assert any("roots" in line for line in text("odom base", "arm hand"))
+
+
+def test_unknown_frames_are_grey_in_dot_and_listed_in_json() -> None:
+    report = TreeReport("x.usda", edges("odom base"), hidden=(LINKS, FRAME))
+    assert '"base" -> "links of /robot: asset not found" [style=dashed, color=gray];' in as_dot(
+        report
+    )
+    found = json.loads(as_json(report))["unknown_frames"]
+    assert [(each["prim"], each["links"], each["asset"]) for each in found] == [
+        ("/robot", True, "robot.usd"),
+        ("/robot/arm", False, "robot.usd"),
+    ]
 
 
 def test_frame_names_cannot_write_to_the_terminal() -> None:

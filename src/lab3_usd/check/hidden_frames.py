@@ -34,8 +34,12 @@ class Hidden(Struct, frozen=True):
         """What cannot be known, in words."""
         return f"{'links' if self.links else 'frame'} of {self.prim}"
 
+    def may_be(self, frame: str) -> bool:
+        """Whether a frame of this name could be among them."""
+        return self.links or _name(self.prim) == frame
+
     def may_give(self, prim: str) -> bool:
-        """Whether a frame with the name of this prim could be among them."""
+        """Whether the frame of this prim could be among them."""
         return is_at_or_below(prim, self.prim) or _name(prim) == _name(self.prim)
 
 

@@ -23,10 +23,15 @@ def command(stage: Path, form: str, *, verbose: bool) -> None:
 
     The transforms are those that Isaac Sim 6.0.1 would send while STAGE plays, from all its
     graphs, on /tf and /tf_static. What tf2 cannot make a tree of is marked with an exclamation
-    mark; `lab3 check` says what to do about it.
+    mark; `lab3 check` says what to do about it. Frames that only an asset could tell which cannot
+    be found stand below the tree, with a question mark.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.check.frames import published_edges, unknown_publishers  # noqa: PLC0415
+    from lab3_usd.check.frames import (  # noqa: PLC0415
+        hidden_frames,
+        published_edges,
+        unknown_publishers,
+    )
     from lab3_usd.report.tree import TreeReport, as_dot, as_json, as_text  # noqa: PLC0415
     from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
     from lab3_usd.stage.reader import read_stage  # noqa: PLC0415
@@ -38,6 +43,7 @@ def command(stage: Path, form: str, *, verbose: bool) -> None:
         published_edges(model, lab),
         unknown_publishers(model, lab),
         {lab.frames.localization_edge[1]: lab.frames.localization_by},
+        hidden_frames(model, lab),
     )
     if form == "text":
         click.echo("\n".join(as_text(found, verbose=verbose)))

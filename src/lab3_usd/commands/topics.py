@@ -25,7 +25,7 @@ def command(stage: Path, form: str) -> None:
     publishes never.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.check.frames import published_edges  # noqa: PLC0415
+    from lab3_usd.check.frames import hidden_frames, published_edges  # noqa: PLC0415
     from lab3_usd.check.topics import endpoints  # noqa: PLC0415
     from lab3_usd.report.topic_table import TopicReport, as_csv, as_json, as_table  # noqa: PLC0415
     from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
@@ -33,7 +33,8 @@ def command(stage: Path, form: str) -> None:
 
     lab = load_lab()
     model = read_stage(stage, lab)
-    found = TopicReport(str(stage), endpoints(model, lab), published_edges(model, lab))
+    edges, hidden = published_edges(model, lab), hidden_frames(model, lab)
+    found = TopicReport(str(stage), endpoints(model, lab), edges, hidden)
     if form == "csv":
         click.echo(as_csv(found), nl=False)
     else:

@@ -9,6 +9,7 @@ from functools import lru_cache
 from msgspec import Struct
 
 from lab3_usd.check.frames import Edge
+from lab3_usd.check.hidden_frames import Hidden
 from lab3_usd.report.drawing.framing import framed
 from lab3_usd.report.drawing.measure import measured
 from lab3_usd.report.drawing.text_width import clip_end
@@ -22,7 +23,10 @@ GRAVE: tuple[State, ...] = ("wrong", "extra")
 
 
 class Branch(Struct, frozen=True):
-    """One edge of the drawn tree: who publishes it, how surely, and how it was judged."""
+    """One edge of the drawn tree: who publishes it, how surely, and how it was judged.
+
+    `unknown` says why nobody can know the child, which is then no frame's name.
+    """
 
     parent: str
     child: str
@@ -30,6 +34,7 @@ class Branch(Struct, frozen=True):
     state: State = "ok"
     elsewhere: bool = False
     sure: bool = True
+    unknown: str = ""
 
 
 def spec_frames_picture(frames: FrameSpec) -> Picture:
@@ -39,17 +44,33 @@ def spec_frames_picture(frames: FrameSpec) -> Picture:
 
 
 def frames_picture(
-    frames: FrameSpec, edges: Sequence[Edge], *, required: bool = True, localized: bool = False
+    frames: FrameSpec,
+    edges: Sequence[Edge],
+    hidden: Sequence[Hidden] = (),
+    *,
+    required: bool = True,
+    localized: bool = False,
 ) -> Picture:
     """Return the tree of a stage, with missing, extra and conflicting edges marked.
 
     Without `required` (before the checkpoint that adds the tree) nothing is missing or extra.
-    `localized` adds what localization publishes.
+    `localized` adds what localization publishes. What is `hidden` is drawn as unknown, and no
+    frame is missing that could be among it.
     """
-    branches = list(_branches(frames, edges, required=required))
+    branches = [
+        branch
+        for branch in _branches(frames, edges, required=required)
+        if branch.state != "missing" or not any(each.may_be(branch.child) for each in hidden)
+    ]
+    branches += [_unknown(each) for each in hidden]
     if localized:
         branches.insert(0, _localization(frames))
     return _picture("TF", _counted(branches), branches, judged=True)
+
+
+def _unknown(hidden: Hidden) -> Branch:
+    why = f"asset not found: {hidden.asset}"
+    return Branch(hidden.parent, hidden.what, (hidden.publisher,), unknown=why)
 
 
 def _localization(frames: FrameSpec) -> Branch:
@@ -115,8 +136,10 @@ def _above(frame: str, parents: Mapping[str, Sequence[str]]) -> set[str]:
 
 def _counted(branches: Sequence[Branch]) -> str:
     states = Counter(branch.state for branch in branches)
-    there = sum(branch.state != "missing" for branch in branches)
+    unknown = sum(bool(branch.unknown) for branch in branches)
+    there = sum(branch.state != "missing" for branch in branches) - unknown
     parts = [f"{there} transform{'s' * (there != 1)}"]
+    parts += [f"{unknown} unknown"] if unknown else []
     parts += [f"{states[state]} {state}" for state in STATES if state != "ok" and states[state]]
     return "  ·  ".join(parts)
 
@@ -145,6 +168,9 @@ def _placed(boxes: tuple[Box, ...], curves: tuple[Curve, ...]) -> Placed:
 
 def _box(name: str, into: Sequence[Branch]) -> Box:
     """Return the box of a frame; `into` are the edges that lead to it."""
+    unknown = next((branch.unknown for branch in into if branch.unknown), "")
+    if unknown:
+        return measured(_unknown_box(name, unknown))
     states = {branch.state for branch in into}
     state: State = "missing" if states == {"missing"} else "ok"
     state = next((one for one in GRAVE if one in states), state)
@@ -161,6 +187,13 @@ def _box(name: str, into: Sequence[Branch]) -> Box:
             note="\n".join(publishers),
         )
     )
+
+
+def _unknown_box(what: str, why: str) -> Box:
+    kind, _, path = what.partition(" /")
+    title = clip_end(f"{kind} {path.rpartition('/')[2]}", MOST_TITLE)
+    reason = why.partition(":")[0]
+    return Box(key=what, title=title, subtitle=reason, family="absent", note=f"{what}: {why}")
 
 
 def _note(branch: Branch) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from lab3_usd.check.finding import StageResult
-from lab3_usd.check.frames import published_edges, unknown_publishers
+from lab3_usd.check.frames import hidden_frames, published_edges, unknown_publishers
 from lab3_usd.check.model import StageModel
 from lab3_usd.check.topics import endpoints
 from lab3_usd.errors import Lab3Error
@@ -32,10 +32,10 @@ def look(result: StageResult, lab: Lab) -> Seen | None:
     if model is None:
         return None
     checkpoint = lab.checkpoints.get(result.checkpoint)
-    edges = published_edges(model, lab)
+    edges, hidden = published_edges(model, lab), hidden_frames(model, lab)
     reserved = {lab.frames.localization_edge[1]: lab.frames.localization_by}
-    tree = TreeReport(result.path, edges, unknown_publishers(model, lab), reserved)
-    topics = TopicReport(result.path, endpoints(model, lab), edges)
+    tree = TreeReport(result.path, edges, unknown_publishers(model, lab), reserved, hidden)
+    topics = TopicReport(result.path, endpoints(model, lab), edges, hidden)
     return Seen(
         pictures=tuple(stage_pictures(lab, checkpoint, model, result.findings)),
         tree=tuple(as_text(tree)),

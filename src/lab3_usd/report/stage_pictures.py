@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.candidates import relocated
 from lab3_usd.check.finding import Finding
-from lab3_usd.check.frames import published_edges
+from lab3_usd.check.frames import hidden_frames, published_edges
 from lab3_usd.check.merging import match_all
 from lab3_usd.check.model import GraphModel, StageModel
 from lab3_usd.check.robot_place import lab_at, robot_homes
@@ -61,8 +61,8 @@ def _part_of(roles: Roles, matched: Mapping[str, Roles]) -> GraphModel | None:
 
 
 def _tree(lab: Lab, checkpoint: Checkpoint | None, stage: StageModel) -> Iterator[Picture]:
-    edges = published_edges(stage, lab)
+    edges, hidden = published_edges(stage, lab), hidden_frames(stage, lab)
     required = checkpoint is not None and checkpoint.frames
     localized = checkpoint is not None and checkpoint.localization
-    if edges or required:
-        yield frames_picture(lab.frames, edges, required=required, localized=localized)
+    if edges or hidden or required:
+        yield frames_picture(lab.frames, edges, hidden, required=required, localized=localized)

@@ -18,7 +18,13 @@ from lab3_usd.report.drawing.svg_ink import Ink, mark, markup, note, number, rec
 from lab3_usd.report.picture_model import STATES, Bezier, Curve, Picture, Sign
 from lab3_usd.report.svg_style import Theme, stylesheet
 
-FAMILIES = {"event": "event", "ros": "ros", "action": "action", "family-data": "data"}
+FAMILIES = {
+    "event": "event",
+    "ros": "ros",
+    "action": "action",
+    "family-data": "data",
+    "absent": "absent",
+}
 
 
 def svg(picture: Picture, ids_prefix: str = "", links: Mapping[str, str] | None = None) -> str:

@@ -11,6 +11,7 @@ from msgspec import Struct
 from msgspec.structs import asdict
 
 from lab3_usd.check.frames import Edge
+from lab3_usd.check.hidden_frames import Hidden
 from lab3_usd.check.qos import PROFILE
 from lab3_usd.check.topics import Endpoint
 from lab3_usd.report.csv_report import safe_cell
@@ -18,16 +19,21 @@ from lab3_usd.report.escape import visible
 
 COLUMNS = ("topic", "type", "direction", "node", "frames", "queue", "qos", "rate")
 NOTHING = "-"
+_MOST_FRAMES = 2
 _REFUSED = "not valid: the node does not work"
 _UNKNOWN = "not known: it comes by a wire"
 
 
 class TopicReport(Struct, frozen=True):
-    """The topics of a stage, and the transforms that tell the frames of its TF publishers."""
+    """The topics of a stage, and the transforms that tell the frames of its TF publishers.
+
+    `hidden` are the frames of theirs that only an asset could tell which cannot be found.
+    """
 
     path: str
     endpoints: tuple[Endpoint, ...]
     edges: tuple[Edge, ...]
+    hidden: tuple[Hidden, ...] = ()
 
     def frames(self, endpoint: Endpoint) -> tuple[str, ...]:
         """Return the frames that an endpoint names, by its settings or its transforms."""
@@ -35,6 +41,11 @@ class TopicReport(Struct, frozen=True):
         return endpoint.frames or tuple(
             dict.fromkeys(name for edge in sent for name in (edge.parent, edge.child))
         )
+
+    def unknown(self, endpoint: Endpoint) -> tuple[str, ...]:
+        """Return what cannot be known of the frames of an endpoint, in words."""
+        sent = (each for each in self.hidden if each.publisher == endpoint.node.path)
+        return tuple(each.what for each in sent)
 
 
 def as_table(report: TopicReport) -> Iterator[str]:
@@ -71,17 +82,18 @@ def cells(endpoint: Endpoint, report: TopicReport) -> Iterator[str]:
     yield visible(endpoint.type or NOTHING)
     yield endpoint.direction
     yield visible(endpoint.node.path)
-    yield visible(_listed(report.frames(endpoint)))
+    yield visible(_listed(report.frames(endpoint), report.unknown(endpoint)))
     yield NOTHING if endpoint.queue is None else str(endpoint.queue)
     yield _qos(endpoint)
     yield visible(endpoint.rate if endpoint.runs else "never")
 
 
-def _listed(frames: Sequence[str]) -> str:
-    most = 2
-    if not frames:
-        return NOTHING
-    return ", ".join(frames) if len(frames) <= most else f"{len(frames)} frames"
+def _listed(frames: Sequence[str], unknown: Sequence[str]) -> str:
+    parts = list(frames) if len(frames) <= _MOST_FRAMES else [f"{len(frames)} frames"]
+    if unknown:
+        many = len(unknown) > 1
+        parts.append(f"{f'{len(unknown)} frames' if many else unknown[0]}: asset not found")
+    return ", ".join(parts) or NOTHING
 
 
 def _qos(endpoint: Endpoint) -> str:
@@ -100,6 +112,7 @@ def _item(endpoint: Endpoint, report: TopicReport) -> dict[str, object]:
         "node_type": endpoint.node.type_name,
         "port": endpoint.port,
         "frames": list(report.frames(endpoint)),
+        "unknown_frames": list(report.unknown(endpoint)),
         "queue": endpoint.queue,
         "qos": None if endpoint.qos is None else asdict(endpoint.qos),
         "rate": endpoint.rate if endpoint.runs else "never",

@@ -9,6 +9,7 @@ from msgspec import Struct, field
 from msgspec.structs import asdict
 
 from lab3_usd.check.frames import Edge
+from lab3_usd.check.hidden_frames import Hidden
 from lab3_usd.check.rings import frames_in_rings
 from lab3_usd.report.dot import quoted
 from lab3_usd.report.escape import visible
@@ -19,13 +20,15 @@ _MARK = "  ! "
 class TreeReport(Struct, frozen=True):
     """What a stage publishes: its transforms, and the nodes whose transforms nobody can tell.
 
-    `reserved` are the frames that only something outside the stage may place, with its name.
+    `reserved` are the frames that only something outside the stage may place, with its name, and
+    `hidden` those that only an asset could tell which cannot be found.
     """
 
     path: str
     edges: tuple[Edge, ...]
     unknown: tuple[str, ...] = ()
     reserved: Mapping[str, str] = field(default_factory=dict)
+    hidden: tuple[Hidden, ...] = ()
 
 
 class Fault(Struct, frozen=True):
@@ -99,19 +102,22 @@ def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:
     """Yield the lines of the tree; `verbose` names the publisher of each transform.
 
     A frame with two parents stands below both, its own children below the first; what tf2 cannot
-    take is marked with `!`.
+    take is marked with `!`, what cannot be known with `?`. Unknown frames may join the roots.
     """
-    if not report.edges and not report.unknown:
+    if not report.edges and not report.unknown and not report.hidden:
         yield "no transforms are published"
     tops = roots(report.edges)
     drawn: set[str] = set()
     for top in tops:
         yield visible(top)
         yield from _branches(top, report, drawn, verbose=verbose)
-    if len(tops) > 1:
+    if len(tops) > 1 and not report.hidden:
         yield f"! {len(tops)} roots, where there must be one: {', '.join(map(visible, tops))}"
     for path in report.unknown:
         yield f"! {visible(path)} publishes frames that the stage does not tell"
+    for hidden in report.hidden:
+        by = f"  <- {visible(hidden.publisher)} ({hidden.topic})" if verbose else ""
+        yield f"? {visible(hidden.what)}: asset not found: {visible(hidden.asset)}{by}"
 
 
 def _branches(top: str, report: TreeReport, drawn: set[str], *, verbose: bool) -> Iterator[str]:
@@ -141,7 +147,10 @@ def _rows(parent: str, lead: str, children: dict[str, list[Edge]]) -> list[tuple
 
 
 def as_dot(report: TreeReport) -> str:
-    """Return the tree for Graphviz: each edge is labelled with its publisher, faults are red."""
+    """Return the tree for Graphviz: each edge is labelled with its publisher, faults are red.
+
+    What cannot be known is grey.
+    """
     wrong = {fault.frame for fault in faults(report)}
     frames = dict.fromkeys(name for edge in report.edges for name in (edge.parent, edge.child))
     lines = ["digraph tf {", "  node [shape=box, fontname=sans];", "  edge [fontname=sans];"]
@@ -152,6 +161,10 @@ def as_dot(report: TreeReport) -> str:
         looks += ["color=red"] if edge.child in wrong else []
         looks += ["style=dashed"] if edge.static else [] if edge.sure else ["style=dotted"]
         lines.append(f"  {quoted(edge.parent)} -> {quoted(edge.child)} [{', '.join(looks)}];")
+    for hidden in report.hidden:
+        name = quoted(f"{hidden.what}: asset not found")
+        lines.append(f"  {name} [style=dashed, color=gray];")
+        lines.append(f"  {quoted(hidden.parent)} -> {name} [style=dashed, color=gray];")
     return "\n".join([*lines, "}"])
 
 
@@ -162,6 +175,7 @@ def as_json(report: TreeReport) -> str:
         "roots": roots(report.edges),
         "transforms": [asdict(edge) for edge in report.edges],
         "unknown_publishers": list(report.unknown),
+        "unknown_frames": [asdict(hidden) for hidden in report.hidden],
         "problems": [asdict(fault) for fault in faults(report)],
     }
     return json.dumps(data, indent=2)

@@ -25,6 +25,7 @@ SMALLEST = 620.0
 
 GRAPH_SIGNS = (Sign("data", "data wire"), Sign("execution", "execution wire"))
 FRAME_SIGNS = (Sign("data", "published by the stage"), Sign("execution", "published elsewhere"))
+UNKNOWN_SIGN = Sign("absent", "unknown: asset not found")
 FAMILY_SIGNS = {
     "event": Sign("event", "event"),
     "ros": Sign("ros", "ROS 2"),
@@ -86,6 +87,8 @@ def _shifted(piece: Bezier, across: float, down: float) -> Bezier:
 def _signs(picture: Picture) -> Iterator[Sign]:
     if picture.kind == "frames":
         yield from FRAME_SIGNS
+        if any(box.family == UNKNOWN_SIGN.kind for box in picture.boxes):
+            yield UNKNOWN_SIGN
     else:
         yield from GRAPH_SIGNS
         families = {box.family for box in picture.boxes}
