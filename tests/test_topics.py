@@ -10,6 +10,7 @@ import models as m
 import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
+from pxr import Usd
 
 from lab3_usd.check.model import Node, PortState, StageModel
 from lab3_usd.check.qos import Qos, decode
@@ -173,6 +174,39 @@ def test_a_helper_without_its_sensor_publishes_nothing(stage: StageModel) -> Non
     assert of(stage, CAMERA).runs
 
 
+@pytest.mark.parametrize(
+    ("role", "graph", "kind", "runs"),
+    [
+        (CAMERA, "ROS_Camera", "camera_info", False),
+        (CAMERA, "ROS_Camera", "Depth", False),
+        (CAMERA, "ROS_Camera", "", False),
+        (CAMERA, "ROS_Camera", "distance_to_camera", False),
+        (CAMERA, "ROS_Camera", "distance_to_image_plane", True),
+        (CAMERA, "ROS_Camera", "depth", True),
+        (CAMERA, "ROS_Camera", "rgb_h264", True),
+        (LIDAR, "ROS_Lidar2D", "scan", False),
+        (LIDAR, "ROS_Lidar2D", "point_cloud", True),
+    ],
+)
+def test_a_helper_of_a_kind_that_is_refused_publishes_nothing(
+    role: str, graph: str, kind: str, *, runs: bool
+) -> None:
+    endpoint = of(changed(role, graph, type=kind), role)
+    assert endpoint.runs is runs
+    assert (endpoint.type is not None) is runs
+
+
+def test_a_helper_that_tells_no_kind_is_not_refused() -> None:
+    assert of(m.stage(), INFO).runs
+
+
+def test_the_second_camera_of_a_refused_kind_competes_with_nobody() -> None:
+    stage = m.stage()
+    helper = m.role(stage, CAMERA, "ROS_Camera")
+    other = m.valued(replace(helper, path=f"{helper.path}_01"), "inputs:type", "camera_info")
+    assert not of(m.with_node(stage, other), f"{CAMERA}_01").runs
+
+
 def test_a_helper_that_the_tick_drives_still_needs_a_render_product() -> None:
     stage = changed("isaac_create_render_product", "ROS_Lidar2D", enabled=False)
     helper = m.role(stage, LIDAR, "ROS_Lidar2D")
@@ -328,6 +362,20 @@ def test_the_json_has_whole_profiles_and_the_frames_of_the_tree(built: Path) -> 
     assert tree["frames"] == ["base_footprint", *m.LINKS[1:], "Camera_1"]
     assert tree["qos"]["durability"] == "volatile"
     assert data["file"] == str(built)
+
+
+def test_frames_that_a_missing_asset_could_tell_are_unknown(tmp_path: Path) -> None:
+    built = build_checkpoint(None, "05", tmp_path / "stage.usda")
+    stage = Usd.Stage.Open(str(built))
+    robot = stage.GetPrimAtPath(m.ROBOT)
+    robot.GetReferences().AddReference("missing.usd")
+    target = stage.GetPrimAtPath(f"{m.ROBOT}/{m.ODOM_TF}/{m.COMPUTE}")
+    target.GetRelationship("inputs:targetPrims").SetTargets([m.ROBOT, f"{m.ROBOT}/arm"])
+    stage.Save()
+    assert "6 frames, 2 frames: asset not found" in text_of("topics", str(built))
+    assert f"? links of {m.ROBOT}: asset not found: missing.usd" in text_of("tf", str(built))
+    *_, tree = json.loads(text_of("topics", str(built), "--format", "json"))["topics"]
+    assert tree["unknown_frames"] == [f"links of {m.ROBOT}", f"frame of {m.ROBOT}/arm"]
 
 
 def test_the_csv_has_a_row_for_each_topic(built: Path) -> None:

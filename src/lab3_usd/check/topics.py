@@ -139,8 +139,8 @@ def _is_at_work(node: Node, port: str, live: Nodes, running: Nodes) -> bool:
     """Whether a node sends or receives a topic, when these nodes run."""
     product = f"inputs:renderProductPath{_suffix(port)}"
     needs = node.type is not None and product in node.type.ports
-    at_work = node.path in running and is_switched_on(node, live)
-    return at_work and (not needs or fed_by_sensor(node, product, running))
+    is_on = is_switched_on(node, live) and not is_refused(node, live)
+    return node.path in running and is_on and (not needs or fed_by_sensor(node, product, running))
 
 
 def namespace_of(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> str:
@@ -176,6 +176,15 @@ def message_type(node: Node, kind: NodeType, port: str, live: Nodes) -> str | No
         parts = [effective(node, name, live) for name in _MESSAGE]
         return "/".join(str(part) for part in parts) if all(parts) else None
     return kind.message.get("") or kind.message.get(str(effective(node, _KIND, live)))
+
+
+def is_refused(node: Node, live: Nodes) -> bool:
+    """Whether the node asks for a kind of message that its type does not have: it sends nothing."""
+    kind = node.type
+    if kind is None or _KIND not in kind.ports or "" in kind.message:
+        return False
+    asked = effective(node, _KIND, live)
+    return isinstance(asked, str) and asked not in kind.message
 
 
 def frame_ports(kind: NodeType, port: str) -> tuple[str, ...]:
