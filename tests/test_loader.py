@@ -27,6 +27,10 @@ Edit = Callable[[Data], None]
 GRAPHS = data_folder("graphs")
 CLOCK, DRIVE, ODOM = "ROS_Clock.yaml", "ROS_Drive.yaml", "ROS_OdomTF.yaml"
 CHECKPOINTS, SCENE, TYPES = "checkpoints.yaml", "scene.yaml", "node_types.yaml"
+CONTEXT = "isaacsim.ros2.bridge.ROS2Context"
+CLOCK_TYPE = "isaacsim.ros2.bridge.ROS2PublishClock"
+ARRAY = "omni.graph.nodes.ConstructArray"
+RAW_TF = "isaacsim.ros2.bridge.ROS2PublishRawTransformTree"
 GRAPH_FILES = sorted(path.name for path in GRAPHS.glob("ROS_*.yaml"))
 
 
@@ -204,6 +208,11 @@ WRONG_NODES = {
         put("nodes", "ros2_context", "at", value=[50]),
         ("ros2_context", "at", "[50]"),
     ),
+    "input set twice": (
+        CLOCK,
+        setting("ros2_publish_clock", "topicName", "/clock"),
+        ("ros2_publish_clock", "inputs:topicName", "twice"),
+    ),
     "role that cannot name a prim": (
         CLOCK,
         put("nodes", "ros2-context", value={}),
@@ -267,6 +276,22 @@ WRONG_CHECKPOINTS = {
     ),
 }
 
+SLIPS_THAT_LOOK_RIGHT = {
+    "text for a truth value": (
+        CHECKPOINTS,
+        put("checkpoints", "05", "adds", "frames", value="no"),
+        ("05", "frames", "'no'"),
+    ),
+    "a mapping among names": (
+        TYPES,
+        put("types", RAW_TF, "tf", "names", value=["parentFrameId", {"a": 2}]),
+        (RAW_TF, "names", "entry 2"),
+    ),
+    "an unknown key of the catalog": (TYPES, put("extra", value={}), ("'extra'",)),
+    "an unknown key of the checkpoints": (CHECKPOINTS, put("extra", value={}), ("'extra'",)),
+    "an unknown key of the frames": (CHECKPOINTS, put("frames", "roots", value=[]), ("'roots'",)),
+}
+
 WRONG_SCENES = {
     "missing part": (drop("camera"), ("camera",)),
     "pose without scale": (drop("lidar", "pose", "scale"), ("lidar", "scale")),
@@ -286,10 +311,6 @@ WRONG_SCENES = {
     "tolerance in words": (put("tolerance", "mass", value="small"), ("tolerance", "mass")),
 }
 
-CONTEXT = "isaacsim.ros2.bridge.ROS2Context"
-CLOCK_TYPE = "isaacsim.ros2.bridge.ROS2PublishClock"
-ARRAY = "omni.graph.nodes.ConstructArray"
-RAW_TF = "isaacsim.ros2.bridge.ROS2PublishRawTransformTree"
 WRONG_TYPES = {
     "default of another type": (
         put("types", CONTEXT, "inputs", "domain_id", value="uchar = -1"),
@@ -305,7 +326,7 @@ WRONG_TYPES = {
     ),
     "unknown key of a port": (
         put("types", CONTEXT, "inputs", "domain_id", value={"type": "uchar", "min": 0}),
-        (CONTEXT, "inputs:domain_id", "min"),
+        (CONTEXT, "inputs: domain_id", "min"),
     ),
     "unknown key of a type": (put("types", CONTEXT, "ui", value="x"), (CONTEXT, "ui")),
     "missing version": (drop("types", CONTEXT, "version"), (CONTEXT, "version")),
@@ -376,6 +397,16 @@ def test_a_graph_file_that_describes_another_graph_is_refused(folder: Path) -> N
     shutil.copyfile(folder / CLOCK, folder / DRIVE)
     line = refusal(folder)
     for part in (DRIVE, "ROS_Clock", "ROS_Drive"):
+        assert part in line
+
+
+@pytest.mark.parametrize("case", SLIPS_THAT_LOOK_RIGHT)
+def test_a_slip_that_looks_right_is_refused(case: str, folder: Path) -> None:
+    file, edit, named = SLIPS_THAT_LOOK_RIGHT[case]
+    edited(folder / file, edit)
+    line = refusal(folder)
+    assert line.startswith(f"{file}: ")
+    for part in named:
         assert part in line
 
 

@@ -27,7 +27,7 @@ def changed(folder: Path, old: str, new: str) -> RosSpec:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("topics:\n  # type", "subjects:\n  # type", "'topics' is missing"),
+        ("topics:\n  # type", "subjects:\n  # type", "'subjects' is not known"),
         ("kind: packages", "kind: parcels", "parcels"),
         ("seconds: 10", "seconds: soon", "seconds"),
         ("linear_speed: 0.22", "linear_speed: fast", "linear_speed"),

@@ -28,7 +28,10 @@ SLIPS: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "no folder of stages": (drop("folders", "stages"), "folders: 'stages' is missing"),
     "an unknown folder": (put("folders", "photos", "p"), "folders: 'photos' is not known"),
     "endings no list": (put("stages", "endings", ".usda"), "stages: 'endings' is '.usda'"),
-    "a number of texts": (put("deliverables", "logs", {"title": 3}), "logs: 'title' is 3"),
+    "a number of texts": (
+        lambda data: data["deliverables"]["logs"].update(title=3),
+        "logs: 'title' is 3",
+    ),
     "a count as text": (
         lambda data: data["deliverables"]["images"].update(at_least="11"),
         "images: 'at_least' is '11'",
@@ -38,7 +41,10 @@ SLIPS: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         put("checklist", "ROS2", [{"text": "x", "topics": []}]),
         "checklist: ROS2: 'topics' is not known",
     ),
-    "a group no list": (put("starter", "together", ["physics:axis"]), "starter: 'together'"),
+    "a group no list": (
+        put("starter", "together", ["physics:axis"]),
+        "starter: together: 'entry 1'",
+    ),
     "an unknown part": (lambda data: data.update(extra={}), "'extra' is not known"),
 }
 

@@ -9,12 +9,17 @@ from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.load_catalog import FILE as CATALOG_FILE
 from lab3_usd.spec.load_catalog import parse_catalog
 from lab3_usd.spec.load_checkpoints import FILE as CHECKPOINT_FILE
-from lab3_usd.spec.load_checkpoints import parse_checkpoints, parse_frames, parse_policy
+from lab3_usd.spec.load_checkpoints import (
+    graph_names,
+    parse_checkpoints,
+    parse_frames,
+    parse_policy,
+)
 from lab3_usd.spec.load_graph import parse_graph
 from lab3_usd.spec.load_ros import load_ros
 from lab3_usd.spec.scene_spec import SCENE_FILE, check_scene
 from lab3_usd.spec.spec import GraphSpec, Lab
-from lab3_usd.spec.yaml_file import need, read_yaml
+from lab3_usd.spec.yaml_file import read_yaml
 
 
 def assemble(folder: Path) -> Lab:
@@ -25,7 +30,7 @@ def assemble(folder: Path) -> Lab:
     """
     catalog = parse_catalog(read_yaml(folder / CATALOG_FILE))
     rules = read_yaml(folder / CHECKPOINT_FILE)
-    graphs = _load_graphs(folder, _graph_names(rules), catalog)
+    graphs = _load_graphs(folder, graph_names(rules), catalog)
     scene = read_yaml(folder / SCENE_FILE)
     check_scene(scene)
     return Lab(
@@ -38,17 +43,6 @@ def assemble(folder: Path) -> Lab:
         scene=scene,
         topics=load_ros(folder).topics,
     )
-
-
-def _graph_names(rules: dict[str, object]) -> list[str]:
-    """Name the graphs in the order in which the checkpoints add them."""
-    checkpoints = need(rules, "checkpoints", dict, CHECKPOINT_FILE)
-    names: list[str] = []
-    for spec in checkpoints.values():
-        adds = spec.get("adds") if isinstance(spec, dict) else None
-        graphs = adds.get("graphs") if isinstance(adds, dict) else None
-        names.extend(graphs if isinstance(graphs, list) else [])
-    return names
 
 
 def _load_graphs(folder: Path, names: list[str], catalog: Catalog) -> dict[str, GraphSpec]:

@@ -144,7 +144,7 @@ class GraphAttribute(Struct, frozen=True):
     handout: str | None = None
 
 
-class Evaluation(Struct, frozen=True):
+class Evaluation(Struct, frozen=True, forbid_unknown_fields=True):
     """Which graphs Isaac Sim evaluates while it plays, and which of their nodes compute.
 
     `mode`, `stage` and `evaluator` are attributes of a graph prim, the lists hold values of theirs.

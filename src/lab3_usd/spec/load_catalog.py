@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
+
+from msgspec import Struct
 
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.catalog import (
@@ -20,21 +22,86 @@ from lab3_usd.spec.catalog import (
     TfPorts,
     Value,
 )
+from lab3_usd.spec.records import record
 from lab3_usd.spec.values import known_type, typed
-from lab3_usd.spec.yaml_file import expect, known_keys, need, parts, texts
 
 FILE = "node_types.yaml"
-_TYPE_KEYS = (
-    *("version", "name", "handout", "prim", "inputs", "outputs", "dynamic"),
-    *("role", "topics", "services", "message", "frames", "tf"),
-)
 _RELATIONSHIP = "rel"
-_ATTRIBUTE_KEYS = ("type", "value", "accepted", "required", "unwritten", "handout")
-_EVALUATION_NAMES = ("mode", "reference", "stage", "evaluator")
-_EVALUATION_LISTS = ("by_reference", "on_demand", "all_nodes")
-_PORT_KEYS = ("type", "default", "allowed", "of", "output_only", "deprecated")
-_DYNAMIC_KEYS = ("prefix", "count", "metadata")
-_ROLES = ("publisher", "subscriber", "helper", "service")
+
+
+class _PortEntry(Struct, forbid_unknown_fields=True):
+    """A port in its long form; most are written `TYPE = DEFAULT`."""
+
+    type: str
+    default: Any = None
+    allowed: tuple[str, ...] = ()
+    of: tuple[str, ...] = ()
+    output_only: bool = False
+    deprecated: bool = False
+
+
+class _DynamicEntry(Struct, forbid_unknown_fields=True):
+    prefix: str
+    count: str
+    metadata: str
+    type: str = ""
+
+
+class _TfEntry(Struct, forbid_unknown_fields=True):
+    names: tuple[str, ...] = ()
+    arrays: tuple[str, ...] = ()
+    prims: tuple[str, ...] = ()
+    gives: tuple[str, ...] = ()
+    static: str | None = None
+
+
+class _TypeEntry(Struct, forbid_unknown_fields=True):
+    version: int
+    name: str
+    prim: str
+    handout: str = ""
+    inputs: dict[str, str | _PortEntry] = {}
+    outputs: dict[str, str | _PortEntry] = {}
+    dynamic: _DynamicEntry | None = None
+    role: Literal["", "publisher", "subscriber", "helper", "service"] = ""
+    topics: tuple[str, ...] = ()
+    services: tuple[str, ...] = ()
+    message: str | dict[str, str] = {}
+    frames: tuple[str, ...] = ()
+    tf: _TfEntry | None = None
+
+
+class _AttributeEntry(Struct, forbid_unknown_fields=True):
+    type: str
+    value: Any
+    accepted: tuple[Any, ...] | None = None
+    required: bool = False
+    unwritten: Any = None
+    handout: str | None = None
+
+
+class _GraphEntry(Struct, forbid_unknown_fields=True):
+    type: str
+    node_type: str
+    gui_api: str
+    attributes: dict[str, _AttributeEntry]
+    evaluation: Evaluation
+    ignored_below: tuple[str, ...]
+
+
+class _EventEntry(Struct, forbid_unknown_fields=True):
+    stage: str = ""
+
+
+class _CatalogFile(Struct, forbid_unknown_fields=True):
+    usd_types: dict[str, str]
+    prefixes: dict[str, str]
+    renamed: dict[str, str]
+    lookalikes: dict[str, str]
+    events: dict[str, _EventEntry]
+    scripts: tuple[str, ...]
+    graph: _GraphEntry
+    types: dict[str, _TypeEntry]
 
 
 def parse_catalog(data: Mapping[str, Any]) -> Catalog:
@@ -43,189 +110,128 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
     Raises:
         SpecError: names the file, the type and the port that are wrong.
     """
-    usd_types = parts(data, "usd_types", str, FILE)
-    types = need(data, "types", dict, FILE)
+    said = record(data, _CatalogFile, FILE)
+    form = said.graph
     return Catalog(
-        types={name: _node_type(name, spec, usd_types) for name, spec in types.items()},
-        graph=_graph_form(need(data, "graph", dict, FILE)),
-        prefixes=parts(data, "prefixes", str, FILE),
-        renamed=parts(data, "renamed", str, FILE),
-        lookalikes=parts(data, "lookalikes", str, FILE),
-        events={
-            name: _stage(name, spec) for name, spec in parts(data, "events", dict, FILE).items()
-        },
-        scripts=texts(data, "scripts", FILE),
+        types={name: _node_type(name, each, said.usd_types) for name, each in said.types.items()},
+        graph=GraphForm(
+            type=form.type,
+            node_type=form.node_type,
+            gui_api=form.gui_api,
+            attributes=tuple(_graph_attribute(*each) for each in form.attributes.items()),
+            evaluation=form.evaluation,
+            ignored_below=form.ignored_below,
+        ),
+        prefixes=said.prefixes,
+        renamed=said.renamed,
+        lookalikes=said.lookalikes,
+        events={name: event.stage for name, event in said.events.items()},
+        scripts=said.scripts,
     )
 
 
-def _stage(name: str, spec: Mapping[str, Any]) -> str:
-    where = f"{FILE}: events: {name}"
-    known_keys(spec, ("stage",), where)
-    return str(expect(spec.get("stage", ""), str, f"{where}: 'stage'"))
-
-
-def _graph_form(data: Mapping[str, Any]) -> GraphForm:
-    where = f"{FILE}: graph"
-    attributes = parts(data, "attributes", dict, where)
-    return GraphForm(
-        type=need(data, "type", str, where),
-        node_type=need(data, "node_type", str, where),
-        gui_api=need(data, "gui_api", str, where),
-        attributes=tuple(_graph_attribute(name, spec) for name, spec in attributes.items()),
-        evaluation=_evaluation(need(data, "evaluation", dict, where), f"{where}: evaluation"),
-        ignored_below=texts(data, "ignored_below", where),
-    )
-
-
-def _evaluation(data: Mapping[str, Any], where: str) -> Evaluation:
-    known_keys(data, (*_EVALUATION_NAMES, *_EVALUATION_LISTS), where)
-    names = (need(data, key, str, where) for key in _EVALUATION_NAMES)
-    lists = (texts(data, key, where) for key in _EVALUATION_LISTS)
-    return Evaluation(*names, *lists)
-
-
-def _graph_attribute(name: str, spec: Mapping[str, Any]) -> GraphAttribute:
+def _graph_attribute(name: str, entry: _AttributeEntry) -> GraphAttribute:
     where = f"{FILE}: graph: {name}"
-    known_keys(spec, _ATTRIBUTE_KEYS, where)
-    usd_type = need(spec, "type", str, where)
-    accepted = expect(spec.get("accepted", [spec.get("value")]), list, f"{where}: 'accepted'")
-    unwritten = spec.get("unwritten")
+    accepted = (entry.value,) if entry.accepted is None else entry.accepted
+    unwritten = entry.unwritten
     return GraphAttribute(
         name=name,
-        usd_type=usd_type,
-        value=typed(spec.get("value"), usd_type, where),
-        accepted=tuple(typed(value, usd_type, where) for value in accepted),
-        required=expect(spec.get("required", False), bool, f"{where}: 'required'"),
-        unwritten=None if unwritten is None else typed(unwritten, usd_type, where),
-        handout=spec.get("handout"),
+        usd_type=entry.type,
+        value=typed(entry.value, entry.type, where),
+        accepted=tuple(typed(value, entry.type, where) for value in accepted),
+        required=entry.required,
+        unwritten=None if unwritten is None else typed(unwritten, entry.type, where),
+        handout=entry.handout,
     )
 
 
-def _node_type(name: str, spec: Any, usd_types: Mapping[str, str]) -> NodeType:  # noqa: ANN401
+def _node_type(name: str, entry: _TypeEntry, usd_types: Mapping[str, str]) -> NodeType:
     where = f"{FILE}: {name}"
-    expect(spec, dict, where)
-    known_keys(spec, _TYPE_KEYS, where)
-    ports = _ports(spec, usd_types, where)
-    ui_name = need(spec, "name", str, where)
-    role = spec.get("role", "")
-    if role and role not in _ROLES:
-        message = f"{where}: role '{role}' is not one of {', '.join(_ROLES)}"
-        raise SpecError(message)
-    node_type = NodeType(
+    ports = {
+        prefix + short: _port(prefix + short, said, usd_types, where)
+        for prefix, side in ((INPUT, entry.inputs), (OUTPUT, entry.outputs))
+        for short, said in side.items()
+    }
+    return NodeType(
         type=name,
-        version=need(spec, "version", int, where),
-        ui_name=ui_name,
-        handout_name=spec.get("handout", ui_name),
-        prim_name=need(spec, "prim", str, where),
+        version=entry.version,
+        ui_name=entry.name,
+        handout_name=entry.handout or entry.name,
+        prim_name=entry.prim,
         ports=ports,
-        dynamic=_dynamic(spec["dynamic"], ports, where) if "dynamic" in spec else None,
-        role=role,
-        topics=_inputs_named(spec, "topics", ports, where),
-        services=_inputs_named(spec, "services", ports, where),
-        frames=_inputs_named(spec, "frames", ports, where),
-        message=_message(spec, where),
-        tf=_tf_ports(expect(spec["tf"], dict, f"{where}: 'tf'"), where) if "tf" in spec else None,
+        dynamic=_dynamic(entry.dynamic, ports, where),
+        role=entry.role,
+        topics=_named(entry.topics, INPUT, ports, f"{where}: topics"),
+        services=_named(entry.services, INPUT, ports, f"{where}: services"),
+        frames=_named(entry.frames, INPUT, ports, f"{where}: frames"),
+        message={"": entry.message} if isinstance(entry.message, str) else entry.message,
+        tf=_tf_ports(entry.tf, ports, f"{where}: tf"),
     )
-    _check_tf(node_type, where)
-    return node_type
 
 
-def _dynamic(spec: Any, ports: Mapping[str, Port], where: str) -> Dynamic:  # noqa: ANN401
-    place = f"{where}: dynamic"
-    known_keys(expect(spec, dict, place), ("prefix", "count", "type", "metadata"), place)
-    prefix, count, metadata = (need(spec, key, str, place) for key in _DYNAMIC_KEYS)
-    for name in (f"{INPUT}{prefix}0", INPUT + count):
-        if name not in ports:
-            message = f"{place}: there is no port '{name}'"
-            raise SpecError(message)
-    return Dynamic(prefix, count, metadata)
-
-
-def _ports(spec: Mapping[str, Any], usd_types: Mapping[str, str], where: str) -> dict[str, Port]:
-    ports = {}
-    for side, prefix in (("inputs", INPUT), ("outputs", OUTPUT)):
-        for short, text in expect(spec.get(side, {}), dict, f"{where}: {side}").items():
-            port = _port(prefix + short, text, usd_types, where)
-            ports[port.name] = port
-    return ports
-
-
-def _port(name: str, spec: Any, usd_types: Mapping[str, str], where: str) -> Port:  # noqa: ANN401
+def _port(name: str, said: str | _PortEntry, usd_types: Mapping[str, str], where: str) -> Port:
     place = f"{where}: {name}"
-    if isinstance(spec, str):
-        spec = _short_form(spec, place)
-    expect(spec, dict, place)
-    known_keys(spec, _PORT_KEYS, place)
-    ogn_type = need(spec, "type", str, place)
-    usd_type = usd_types.get(ogn_type, ogn_type)
+    entry = _short_form(said, place) if isinstance(said, str) else said
+    usd_type = usd_types.get(entry.type, entry.type)
     if usd_type != _RELATIONSHIP and not known_type(usd_type):
-        message = f"{place}: '{ogn_type}' is no type of a port"
+        message = f"{place}: '{entry.type}' is no type of a port"
         raise SpecError(message)
     # The default need not be an allowed token: Isaac Sim's own QoS profile node breaks that.
     return Port(
         name=name,
-        ogn_type=ogn_type,
+        ogn_type=entry.type,
         usd_type=usd_type,
-        default=_default(spec, usd_type, place),
-        allowed=texts(spec, "allowed", place, optional=True),
-        accepts=texts(spec, "of", place, optional=True),
-        output_only=expect(spec.get("output_only", False), bool, f"{place}: 'output_only'"),
-        deprecated=expect(spec.get("deprecated", False), bool, f"{place}: 'deprecated'"),
+        default=_default(entry, usd_type, place),
+        allowed=entry.allowed,
+        accepts=entry.of,
+        output_only=entry.output_only,
+        deprecated=entry.deprecated,
     )
 
 
-def _default(spec: Mapping[str, Any], usd_type: str, place: str) -> Value | None:
-    return typed(spec["default"], usd_type, f"{place}: default") if "default" in spec else None
+def _default(entry: _PortEntry, usd_type: str, place: str) -> Value | None:
+    return None if entry.default is None else typed(entry.default, usd_type, f"{place}: default")
 
 
-def _short_form(text: str, place: str) -> dict[str, Any]:
+def _short_form(text: str, place: str) -> _PortEntry:
     """Read `TYPE = JSON`."""
     ogn_type, equals, default = text.partition(" = ")
     if not equals:
-        return {"type": ogn_type}
+        return _PortEntry(ogn_type)
     try:
-        return {"type": ogn_type, "default": json.loads(default)}
+        return _PortEntry(ogn_type, json.loads(default))
     except ValueError as error:
         message = f"{place}: default '{default}' is not JSON"
         raise SpecError(message) from error
 
 
-def _inputs_named(
-    spec: Mapping[str, Any], key: str, ports: Mapping[str, Port], where: str
+def _named(
+    names: Iterable[str], prefix: str, ports: Mapping[str, Port], where: str
 ) -> tuple[str, ...]:
-    names = tuple(INPUT + short for short in texts(spec, key, where, optional=True))
-    for name in names:
+    """Return the full names of ports, which the type must have."""
+    found = tuple(prefix + short for short in names)
+    for name in found:
         if name not in ports:
-            message = f"{where}: {key} names the port '{name}', which the type does not have"
+            message = f"{where} names the port '{name}', which the type does not have"
             raise SpecError(message)
-    return names
+    return found
 
 
-def _message(spec: Mapping[str, Any], where: str) -> Mapping[str, str]:
-    if isinstance(spec.get("message"), str):
-        return {"": spec["message"]}
-    return parts(spec, "message", str, where, optional=True)
+def _dynamic(entry: _DynamicEntry | None, ports: Mapping[str, Port], where: str) -> Dynamic | None:
+    if entry is None:
+        return None
+    _named((f"{entry.prefix}0", entry.count), INPUT, ports, f"{where}: dynamic")
+    return Dynamic(entry.prefix, entry.count, entry.metadata)
 
 
-def _tf_ports(spec: Mapping[str, Any], where: str) -> TfPorts:
-    place = f"{where}: tf"
-    known_keys(spec, ("names", "arrays", "prims", "gives", "static"), place)
-    static = need(spec, "static", str, place) if "static" in spec else None
+def _tf_ports(entry: _TfEntry | None, ports: Mapping[str, Port], where: str) -> TfPorts | None:
+    if entry is None:
+        return None
+    static = () if entry.static is None else (entry.static,)
     return TfPorts(
-        names=tuple(INPUT + short for short in texts(spec, "names", place, optional=True)),
-        arrays=tuple(INPUT + short for short in texts(spec, "arrays", place, optional=True)),
-        prims=tuple(INPUT + short for short in texts(spec, "prims", place, optional=True)),
-        gives=tuple(OUTPUT + short for short in texts(spec, "gives", place, optional=True)),
-        static=None if static is None else INPUT + static,
+        names=_named(entry.names, INPUT, ports, where),
+        arrays=_named(entry.arrays, INPUT, ports, where),
+        prims=_named(entry.prims, INPUT, ports, where),
+        gives=_named(entry.gives, OUTPUT, ports, where),
+        static=next(iter(_named(static, INPUT, ports, where)), None),
     )
-
-
-def _check_tf(node_type: NodeType, where: str) -> None:
-    tf = node_type.tf
-    if tf is None:
-        return
-    static = () if tf.static is None else (tf.static,)
-    for name in (*tf.names, *tf.arrays, *tf.prims, *tf.gives, *static):
-        if name not in node_type.ports:
-            message = f"{where}: tf names the port '{name}', which the type does not have"
-            raise SpecError(message)

@@ -3,21 +3,56 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.catalog import INPUT, Catalog, NodeType, Port
 from lab3_usd.spec.compatible import compatible
+from lab3_usd.spec.records import record
 from lab3_usd.spec.spec import GraphSpec, NodeSpec, PortRef, Setting, Target, Wire
 from lab3_usd.spec.values import typed
-from lab3_usd.spec.yaml_file import expect, known_keys, need, parts, texts
 
-_GRAPH_KEYS = ("graph", "path", "handout", "nodes", "wires", "optional_wires", "forbidden_wires")
-_NODE_KEYS = ("type", "at", "handout", "set", "targets", "keep", "ports", "frames_from")
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
 _ROLE = re.compile(r"^[A-Za-z_]\w*$")
 _PATH = re.compile(r"^(/[A-Za-z_]\w*)+$")
+_BySection = dict[str, tuple[str, ...]]
+
+
+class _NodeEntry(Struct, forbid_unknown_fields=True):
+    """A node as the file describes it; inputs by the section of the handout that names them."""
+
+    type: str
+    at: tuple[float, float]
+    handout: str
+    set: dict[str, dict[str, Any]] = {}
+    targets: dict[str, dict[str, tuple[str, ...]]] = {}
+    keep: _BySection = {}
+    ports: tuple[str, ...] = ()
+    frames_from: tuple[str, ...] = ()
+
+    def named_ports(self) -> Iterator[str]:
+        """Yield every input that the entry names, whatever for."""
+        for by_section in (self.set, self.targets, self.keep):
+            for names in by_section.values():
+                yield from names
+        yield from self.ports
+        yield from self.frames_from
+
+
+class _GraphFile(Struct, forbid_unknown_fields=True):
+    """What the file of a graph holds; wires by the section of the handout that asks for them."""
+
+    graph: str
+    path: str
+    handout: str
+    nodes: dict[str, _NodeEntry]
+    wires: _BySection
+    optional_wires: _BySection = {}
+    forbidden_wires: _BySection = {}
 
 
 def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSpec:
@@ -26,23 +61,21 @@ def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSp
     Raises:
         SpecError: names the file, the graph, the role and the port that are wrong.
     """
-    known_keys(data, _GRAPH_KEYS, file)
-    name = need(data, "graph", str, file)
-    where = f"{file}: {name}"
+    said = record(data, _GraphFile, file)
+    where = f"{file}: {said.graph}"
     nodes = {
-        _role(role, where): _node(role, expect(spec, dict, f"{where}: {role}"), catalog, where)
-        for role, spec in need(data, "nodes", dict, where).items()
+        _role(role, where): _node(role, entry, catalog, where) for role, entry in said.nodes.items()
     }
-    wires = _wires(need(data, "wires", dict, where), nodes, where)
+    wires = _wires(said.wires, nodes, where)
     _check_sources(wires, where)
     return GraphSpec(
-        name=name,
-        path=_path(need(data, "path", str, where), f"{where}: path"),
-        handout=need(data, "handout", str, where),
+        name=said.graph,
+        path=_path(said.path, f"{where}: path"),
+        handout=said.handout,
         nodes=nodes,
         wires=wires,
-        optional_wires=_wires(data.get("optional_wires", {}), nodes, where),
-        forbidden_wires=_wires(data.get("forbidden_wires", {}), nodes, where),
+        optional_wires=_wires(said.optional_wires, nodes, where),
+        forbidden_wires=_wires(said.forbidden_wires, nodes, where),
     )
 
 
@@ -63,80 +96,67 @@ def _check_sources(wires: tuple[Wire, ...], where: str) -> None:
         fed[wire.target] = wire
 
 
-def _path(path: Any, where: str) -> str:  # noqa: ANN401
-    if not isinstance(path, str) or not _PATH.match(path):
+def _path(path: str, where: str) -> str:
+    if not _PATH.match(path):
         message = f"{where}: {path!r} is not the absolute path of a prim"
         raise SpecError(message)
     return path
 
 
-def _node(role: str, spec: Mapping[str, Any], catalog: Catalog, graph: str) -> NodeSpec:
+def _node(role: str, entry: _NodeEntry, catalog: Catalog, graph: str) -> NodeSpec:
     where = f"{graph}: {role}"
-    known_keys(spec, _NODE_KEYS, where)
-    type_name = need(spec, "type", str, where)
-    node_type = catalog.types.get(type_name)
+    node_type = catalog.types.get(entry.type)
     if node_type is None:
-        message = f"{where}: type '{type_name}' is not in the catalog"
+        message = f"{where}: type '{entry.type}' is not in the catalog"
         raise SpecError(message)
-    ports = {short: node_type.input(short) for short in _named_ports(spec, where)}
-    for short, port in ports.items():
-        if port is None:
-            message = f"{where}: {type_name} has no input '{short}'"
+    ports = {short: _input(node_type, short, where) for short in entry.named_ports()}
+    _check_uses(entry, ports, node_type, where)
+    settings = tuple(_settings(entry, ports, where))
+    targets = tuple(_targets(entry, ports, where))
+    ports_set = [*(each.port for each in settings), *(each.port for each in targets)]
+    for port, count in Counter(ports_set).items():
+        if count > 1:
+            message = f"{where}: {port} is set twice"
             raise SpecError(message)
-    known = {short: port for short, port in ports.items() if port is not None}
-    _check_uses(spec, known, node_type, where)
     return NodeSpec(
         role=role,
         type=node_type,
-        at=_position(need(spec, "at", list, where), where),
-        handout=need(spec, "handout", str, where),
-        settings=tuple(_settings(spec, known, where)),
-        targets=tuple(_targets(spec, known, where)),
+        at=entry.at,
+        handout=entry.handout,
+        settings=settings,
+        targets=targets,
         keep=tuple(
-            (INPUT + short, section)
-            for section in parts(spec, "keep", list, where, optional=True)
-            for short in spec["keep"][section]
+            (INPUT + short, section) for section, names in entry.keep.items() for short in names
         ),
-        grown=tuple(INPUT + short for short in texts(spec, "ports", where, optional=True)),
-        frames_from=tuple(
-            INPUT + short for short in texts(spec, "frames_from", where, optional=True)
-        ),
+        grown=tuple(INPUT + short for short in entry.ports),
+        frames_from=tuple(INPUT + short for short in entry.frames_from),
     )
 
 
-def _position(at: list[Any], where: str) -> tuple[float, float]:
-    pair = typed(at, "float2", f"{where}: 'at'")
-    assert isinstance(pair, tuple)  # noqa: S101 - a float2 is a pair
-    return float(str(pair[0])), float(str(pair[1]))
-
-
-def _named_ports(spec: Mapping[str, Any], where: str) -> Iterator[str]:
-    """Yield every input that a node's entry names, whatever for."""
-    for key in ("set", "targets"):
-        for values in parts(spec, key, dict, where, optional=True).values():
-            yield from values
-    for section in parts(spec, "keep", list, where, optional=True):
-        yield from texts(spec["keep"], section, f"{where}: 'keep'")
-    yield from texts(spec, "ports", where, optional=True)
-    yield from texts(spec, "frames_from", where, optional=True)
+def _input(node_type: NodeType, short: str, where: str) -> Port:
+    port = node_type.input(short)
+    if port is None:
+        message = f"{where}: {node_type.type} has no input '{short}'"
+        raise SpecError(message)
+    return port
 
 
 def _check_uses(
-    spec: Mapping[str, Any], ports: Mapping[str, Port], node_type: NodeType, where: str
+    entry: _NodeEntry, ports: Mapping[str, Port], node_type: NodeType, where: str
 ) -> None:
     """Refuse an added port that every node has, and frames from anything but prims."""
-    for short in texts(spec, "ports", where, optional=True):
+    for short in entry.ports:
         if ports[short].name in node_type.ports:
             message = f"{where}: {ports[short].name}: is on every node, it cannot be added"
             raise SpecError(message)
-    for short in texts(spec, "frames_from", where, optional=True):
+    for short in entry.frames_from:
         if not ports[short].is_target:
             message = f"{where}: {ports[short].name}: is no relationship, it gives no frames"
             raise SpecError(message)
 
 
-def _settings(spec: Mapping[str, Any], ports: Mapping[str, Port], where: str) -> Iterator[Setting]:
-    for section, values in spec.get("set", {}).items():
+def _settings(entry: _NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Setting]:
+    for section, values in entry.set.items():
         for short, value in values.items():
             port = ports[short]
             place = f"{where}: {port.name}"
@@ -150,29 +170,26 @@ def _settings(spec: Mapping[str, Any], ports: Mapping[str, Port], where: str) ->
             yield Setting(port.name, checked, section)
 
 
-def _targets(spec: Mapping[str, Any], ports: Mapping[str, Port], where: str) -> Iterator[Target]:
-    for section, values in spec.get("targets", {}).items():
+def _targets(entry: _NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Target]:
+    for section, values in entry.targets.items():
         for short, prims in values.items():
             port = ports[short]
             if not port.is_target:
                 message = f"{where}: {port.name}: is {port.ogn_type}, not a relationship"
                 raise SpecError(message)
-            paths = expect(prims, list, f"{where}: {port.name}")
-            checked = tuple(_path(path, f"{where}: {port.name}") for path in paths)
+            checked = tuple(_path(path, f"{where}: {port.name}") for path in prims)
             yield Target(port.name, checked, section)
 
 
-def _wires(data: Mapping[str, Any], nodes: Mapping[str, NodeSpec], where: str) -> tuple[Wire, ...]:
+def _wires(lines: _BySection, nodes: Mapping[str, NodeSpec], where: str) -> tuple[Wire, ...]:
     return tuple(
-        _wire(text, section, nodes, where)
-        for section, texts in expect(data, dict, f"{where}: wires").items()
-        for text in expect(texts, list, f"{where}: wires: {section}")
+        _wire(text, section, nodes, where) for section, texts in lines.items() for text in texts
     )
 
 
 def _wire(text: str, section: str, nodes: Mapping[str, NodeSpec], graph: str) -> Wire:
     where = f"{graph}: wire '{text}'"
-    match = _WIRE.match(str(text))
+    match = _WIRE.match(text)
     if match is None:
         message = f"{where}: is not written 'role.port -> role.port'"
         raise SpecError(message)

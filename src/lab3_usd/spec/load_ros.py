@@ -2,21 +2,50 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.spec import ros_spec as ros
+from lab3_usd.spec.records import record
 from lab3_usd.spec.scene_spec import SCENE_FILE
-from lab3_usd.spec.yaml_file import expect, known_keys, need, read_yaml
+from lab3_usd.spec.yaml_file import read_yaml
 
 FILE = "ros.yaml"
-_FIRST = "00"  # what names no checkpoint holds from the first on
-_Plain = TypeVar("_Plain")
+_ByName = dict[str, dict[str, Any]]
+
+
+class _Lifecycle(Struct, forbid_unknown_fields=True):
+    state: str
+    nodes: dict[str, ros.Place]
+
+
+class _ForbiddenNodes(Struct, forbid_unknown_fields=True):
+    endings: tuple[str, ...]
+    handout: str
+
+
+class _FrameEntry(Struct, forbid_unknown_fields=True):
+    node: str
+    name: str
+    frame: str
+
+
+class _RosFile(Struct, forbid_unknown_fields=True):
+    system: ros.SystemSpec
+    topics: _ByName
+    lifecycle: _Lifecycle
+    nodes: dict[str, ros.Place]
+    forbidden_nodes: _ForbiddenNodes
+    goal: ros.GoalSpec
+    evidence: _ByName
+    commands: tuple[dict[str, Any], ...]
+    navigation: dict[str, Any]
 
 
 def load_ros(folder: Path | None = None) -> ros.RosSpec:
@@ -34,112 +63,49 @@ def map_facts(scene: Mapping[str, Any]) -> ros.MapFacts:
     Raises:
         SpecError: a fact is missing or of another kind.
     """
-    where = f"{SCENE_FILE}: map"
-    spec = need(scene, "map", dict, SCENE_FILE)
-    origin = need(spec, "origin", list, where)
-    if len(origin) != 3:  # noqa: PLR2004 - x, y and yaw
-        message = f"{where}: 'origin' is {origin!r}, expected x, y and yaw"
-        raise SpecError(message)
-    numbers = tuple(float(expect(n, (int, float), f"{where}: 'origin'")) for n in origin)
-    return _plain(ros.MapFacts, {**spec, "origin": numbers}, where)
+    return record(scene["map"], ros.MapFacts, f"{SCENE_FILE}: map")
 
 
 @lru_cache(maxsize=4)
 def _load(folder: Path) -> ros.RosSpec:
-    data = read_yaml(folder / FILE)
-    lifecycle = need(data, "lifecycle", dict, FILE)
-    forbidden = need(data, "forbidden_nodes", dict, FILE)
+    said = record(read_yaml(folder / FILE), _RosFile, FILE)
     kinds = {
-        name: _plain(
-            ros.EvidenceKind,
-            {"narrowed_by": [], **kind, "name": name},
-            f"{FILE}: evidence: {name}",
-        )
-        for name, kind in _mappings(data, "evidence")
+        name: record({"name": name, **kind}, ros.EvidenceKind, f"{FILE}: evidence: {name}")
+        for name, kind in said.evidence.items()
     }
     return ros.RosSpec(
-        system=_plain(ros.SystemSpec, need(data, "system", dict, FILE), f"{FILE}: system"),
-        topics={name: _topic(name, spec) for name, spec in _mappings(data, "topics")},
-        lifecycle_state=need(lifecycle, "state", str, f"{FILE}: lifecycle"),
-        lifecycle=_places(need(lifecycle, "nodes", dict, f"{FILE}: lifecycle"), "lifecycle"),
-        nodes=_places(need(data, "nodes", dict, FILE), "nodes"),
-        forbidden_endings=tuple(need(forbidden, "endings", list, f"{FILE}: forbidden_nodes")),
-        forbidden_handout=need(forbidden, "handout", str, f"{FILE}: forbidden_nodes"),
-        goal=_goal(need(data, "goal", dict, FILE)),
+        system=said.system,
+        topics={
+            name: record({"name": name, **topic}, ros.TopicSpec, f"{FILE}: topics: {name}")
+            for name, topic in said.topics.items()
+        },
+        lifecycle_state=said.lifecycle.state,
+        lifecycle=said.lifecycle.nodes,
+        nodes=said.nodes,
+        forbidden_endings=said.forbidden_nodes.endings,
+        forbidden_handout=said.forbidden_nodes.handout,
+        goal=said.goal,
         kinds=kinds,
-        commands=tuple(_command(spec, kinds) for spec in need(data, "commands", list, FILE)),
-        navigation=_navigation(need(data, "navigation", dict, FILE)),
+        commands=tuple(
+            _command(command, kinds, f"{FILE}: command {number}")
+            for number, command in enumerate(said.commands, start=1)
+        ),
+        navigation=_navigation(said.navigation),
     )
 
 
-def _mappings(data: Mapping[str, Any], key: str) -> list[tuple[str, dict[str, Any]]]:
-    section = need(data, key, dict, FILE)
-    return [(name, expect(spec, dict, f"{FILE}: {key}: {name}")) for name, spec in section.items()]
-
-
-_KINDS: dict[str, type | tuple[type, ...]] = {
-    "str": str,
-    "int": int,
-    "float": (int, float),
-    "bool": bool,
-    "tuple": (list, tuple),
-    "Mapping": dict,
-}
-
-
-def _plain(kind: type[_Plain], data: Mapping[str, Any], where: str) -> _Plain:
-    """Make a record of `data`: lists become tuples, plain fields are checked by their type."""
-    expected = {name: str(annotation) for name, annotation in kind.__annotations__.items()}
-    known_keys(data, tuple(expected), where)
-    values: dict[str, Any] = {}
-    for name, annotation in expected.items():
-        if name not in data and "None" in annotation:
-            continue
-        wanted = _KINDS.get(re.split(r"\W", annotation)[0], object)
-        value = need(data, name, wanted, where)
-        values[name] = tuple(value) if isinstance(value, list) else value
-    return kind(**values)
-
-
-def _since(spec: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Rename `from`, which Python keeps for itself."""
-    rest = {key: value for key, value in spec.items() if key != "from"}
-    return {**rest, "since": expect(spec.get("from", _FIRST), str, f"{where}: 'from'")}
-
-
-def _topic(name: str, spec: Mapping[str, Any]) -> ros.TopicSpec:
-    where = f"{FILE}: topics: {name}"
-    data = {"optional": False, "subscribed": False, **_since(spec, where), "name": name}
-    return _plain(ros.TopicSpec, data, where)
-
-
-def _places(nodes: Mapping[str, Any], where: str) -> dict[str, ros.Place]:
-    return {
-        name: _plain(ros.Place, _since(spec, name), f"{FILE}: {where}: {name}")
-        for name, spec in nodes.items()
-    }
-
-
-def _goal(spec: Mapping[str, Any]) -> ros.GoalSpec:
-    return _plain(ros.GoalSpec, _since(spec, f"{FILE}: goal"), f"{FILE}: goal")
-
-
-def _command(spec: Any, kinds: Mapping[str, ros.EvidenceKind]) -> ros.Command:  # noqa: ANN401
-    where = f"{FILE}: commands"
-    name = need(expect(spec, dict, where), "kind", str, where)
-    if name not in kinds:
-        message = f"{where}: there is no kind '{name}'; known are {', '.join(kinds)}"
+def _command(
+    entry: Mapping[str, Any], kinds: Mapping[str, ros.EvidenceKind], where: str
+) -> ros.Command:
+    name = entry.get("kind")
+    if not isinstance(name, str) or name not in kinds:
+        message = f"{where}: there is no kind {name!r}; known are {', '.join(kinds)}"
         raise SpecError(message)
-    data = {"of": "", "to": "", "extra": False, **_since(spec, where), "kind": kinds[name]}
-    return _plain(ros.Command, data, f"{where}: {name}")
+    return record({**entry, "kind": kinds[name]}, ros.Command, f"{where} ({name})")
 
 
-def _navigation(spec: Mapping[str, Any]) -> ros.NavigationSpec:
+def _navigation(data: Mapping[str, Any]) -> ros.NavigationSpec:
     where = f"{FILE}: navigation"
-    names = need(spec, "parameters", dict, where)
-    frames = tuple(
-        tuple(need(frame, key, str, f"{where}: frames") for key in ("node", "name", "frame"))
-        for frame in need(spec, "frames", list, where)
-    )
-    data = {**spec, "parameters": _plain(ros.ParameterNames, names, f"{where}: parameters")}
-    return _plain(ros.NavigationSpec, {**data, "frames": frames}, where)
+    frames = record(data.get("frames"), tuple[_FrameEntry, ...], f"{where}: 'frames'")
+    triples = [[each.node, each.name, each.frame] for each in frames]
+    return record({**data, "frames": triples}, ros.NavigationSpec, where)

@@ -6,8 +6,11 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
+_FROM = {"since": "from"}  # which Python keeps for itself
+_FIRST = "00"  # what names no checkpoint holds from the first on
 
-class MapFacts(Struct, frozen=True):
+
+class MapFacts(Struct, frozen=True, forbid_unknown_fields=True):
     """The map that the handout asks for; lengths in metres, the size in cells."""
 
     yaml: str
@@ -33,7 +36,7 @@ class MapFacts(Struct, frozen=True):
         return self.origin[1]
 
 
-class TopicSpec(Struct, frozen=True):
+class TopicSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
     """A topic of the running system; None where the handout asks for nothing.
 
     `rate` is the section that asks for a rate above zero, `fields` what one message must say,
@@ -44,7 +47,7 @@ class TopicSpec(Struct, frozen=True):
     name: str
     type: str
     handout: str
-    since: str
+    since: str = _FIRST
     durability: str | None = None
     rate: str | None = None
     publishers: int | None = None
@@ -55,14 +58,14 @@ class TopicSpec(Struct, frozen=True):
     subscribed: bool = False
 
 
-class Place(Struct, frozen=True):
+class Place(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
     """Where the handout asks for something, and from which checkpoint on."""
 
-    since: str
     handout: str
+    since: str = _FIRST
 
 
-class EvidenceKind(Struct, frozen=True):
+class EvidenceKind(Struct, frozen=True, forbid_unknown_fields=True):
     """One kind of diagnostic command: its words, the name of its output, its limit in seconds.
 
     Options of `narrowed_by` make it print something else than is read here.
@@ -75,12 +78,12 @@ class EvidenceKind(Struct, frozen=True):
     narrowed_by: tuple[str, ...] = ()
 
 
-class Command(Struct, frozen=True):
+class Command(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
     """One diagnostic command; `extra` ones are recorded although the handout does not ask."""
 
     kind: EvidenceKind
-    since: str
     handout: str
+    since: str = _FIRST
     of: str = ""
     to: str = ""
     extra: bool = False
@@ -101,14 +104,13 @@ class Command(Struct, frozen=True):
         return f"{self.of} {self.to}".strip()
 
 
-class GoalSpec(Struct, frozen=True):
+class GoalSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
     """How a navigation goal shows: its topics, and what its status numbers and log lines mean.
 
     `names` are the names of the status numbers from 0 on.
     """
 
     handout: str
-    since: str
     status: str
     pose: str
     robot: str
@@ -116,13 +118,14 @@ class GoalSpec(Struct, frozen=True):
     succeeded: int
     names: tuple[str, ...]
     log: Mapping[str, str]
+    since: str = _FIRST
 
     def name(self, status: int) -> str:
         """Name a status number; a number that has no name stands for itself."""
         return self.names[status] if 0 <= status < len(self.names) else str(status)
 
 
-class ParameterNames(Struct, frozen=True):
+class ParameterNames(Struct, frozen=True, forbid_unknown_fields=True):
     """The names by which Nav2 calls the parameters that are judged."""
 
     sim_time: str
@@ -138,7 +141,7 @@ class ParameterNames(Struct, frozen=True):
     laser: str
 
 
-class NavigationSpec(Struct, frozen=True):
+class NavigationSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """What Nav2 is told; metres, metres and radians per second, and per second squared.
 
     `frames` are (node, parameter, frame), `behaviors` plugins by name, `rviz` topics by display.
@@ -168,7 +171,7 @@ class NavigationSpec(Struct, frozen=True):
         return (self.planner, *self.behaviors.values())
 
 
-class SystemSpec(Struct, frozen=True):
+class SystemSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """The software of 4.1 and where it lies; `packages` maps ROS packages to their usual names.
 
     `topics` are those that every ROS 2 system has.

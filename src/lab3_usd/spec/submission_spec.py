@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from msgspec import Struct
 
 
-class FolderNames(Struct, frozen=True):
+class FolderNames(Struct, frozen=True, forbid_unknown_fields=True):
     """The folders of a submission by what lies in them (4.3); `shown` holds saved output."""
 
     handout: str
@@ -17,7 +17,7 @@ class FolderNames(Struct, frozen=True):
     shown: tuple[str, ...]
 
 
-class StageFiles(Struct, frozen=True):
+class StageFiles(Struct, frozen=True, forbid_unknown_fields=True):
     """How stage files are named.
 
     `endings` are the handout's, the first preferred; `openable` ones USD opens as well; `slips`
@@ -32,7 +32,7 @@ class StageFiles(Struct, frozen=True):
     starter: str
 
 
-class Deliverable(Struct, frozen=True):
+class Deliverable(Struct, frozen=True, forbid_unknown_fields=True):
     """Something to hand in beside the stages.
 
     A file counts by its ending; where `names` and `links` are given, also by its name when it
@@ -50,7 +50,7 @@ class Deliverable(Struct, frozen=True):
     folder: str = ""
 
 
-class StarterRules(Struct, frozen=True):
+class StarterRules(Struct, frozen=True, forbid_unknown_fields=True):
     """Which properties of the starter are compared, and what a change of them is.
 
     Patterns have `*`. `never` ones are not compared, `physics` and `shapes` of collisions are
@@ -75,7 +75,7 @@ class StarterRules(Struct, frozen=True):
     together: tuple[tuple[str, ...], ...]
 
 
-class ChecklistSpec(Struct, frozen=True):
+class ChecklistSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """One line of the handout's checklists, and what decides it.
 
     `requirements` are patterns of requirement ids and `rules` rule ids, both of the last stage;
