@@ -32,7 +32,7 @@ from lab3_usd.check.requirements import (
 )
 from lab3_usd.check.robot_place import lab_at, lost_graphs, robot_homes
 from lab3_usd.check.sensor_place import sensor_homes
-from lab3_usd.check.subject import GraphSubject, StageSubject
+from lab3_usd.check.subject import GraphSubject, Outcome, StageSubject
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.spec import Checkpoint, Lab
@@ -119,18 +119,20 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     )
     for found in rules_of("stage", *STAGE_FAMILIES):
         run.rule(found, whole)
-    findings = _one_story_each(run.findings)
+    run.findings[:] = _one_story_each(run.findings)
     requirements = [item for subject in subjects for item in graph_requirements(subject)]
-    requirements += scene_requirements(whole, findings, lab)
+    requirements += scene_requirements(whole, run.findings, lab)
     requirements += frame_requirements(whole)
-    return Judgement(findings, tuple(requirements), tuple(run.crashes))
+    outcome = Outcome(whole, tuple(requirements), tuple(run.findings))
+    for found in rules_of("outcome", *STAGE_FAMILIES):
+        run.rule(found, outcome)
+    return Judgement(tuple(run.findings), outcome.requirements, tuple(run.crashes))
 
 
-def _one_story_each(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+def _one_story_each(told: list[Finding]) -> list[Finding]:
     """Leave out that a node is not asked for where an error says what harm it does."""
-    told = list(findings)
     harmful = {each.prim for each in told if each.severity == "error"}
-    return tuple(each for each in told if each.rule != EXTRA_NODE or each.prim not in harmful)
+    return [each for each in told if each.rule != EXTRA_NODE or each.prim not in harmful]
 
 
 class _Run(Struct, frozen=True):

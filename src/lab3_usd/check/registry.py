@@ -12,9 +12,12 @@ from msgspec import Struct
 
 from lab3_usd.check.finding import Problem, Severity
 
-# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, the
-# stage beside its starter, the map files, the saved output of the running system, the folder.
-Scope = Literal["graph", "stage", "starter", "maps", "navigation", "evidence", "submission", "file"]
+# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, what
+# came out of judging it, the stage beside its starter, the map files, the saved output of the
+# running system, the folder.
+Scope = Literal[
+    "graph", "stage", "outcome", "starter", "maps", "navigation", "evidence", "submission", "file"
+]
 Check = TypeVar("Check", bound=Callable[..., Iterator[Problem]])
 
 FAMILIES = {

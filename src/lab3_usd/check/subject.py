@@ -11,6 +11,7 @@ from lab3_usd.check.model import GraphModel, Node, StageModel
 from lab3_usd.spec.spec import Checkpoint, GraphSpec, Lab
 
 if TYPE_CHECKING:
+    from lab3_usd.check.finding import Finding, Requirement
     from lab3_usd.check.wire_fault import WireFault
 
 
@@ -67,3 +68,11 @@ class StageSubject(Struct, frozen=True, eq=False):
     blamed: frozenset[str] = frozenset()
     homes: Mapping[str, str] = field(default_factory=dict)
     lost: Mapping[str, str] = field(default_factory=dict)
+
+
+class Outcome(Struct, frozen=True, eq=False):
+    """What came out of judging a stage: what was asked of it, and everything that was found."""
+
+    subject: StageSubject
+    requirements: tuple[Requirement, ...]
+    findings: tuple[Finding, ...]

@@ -15,7 +15,12 @@ from lab3_usd.check.link_tree import LINK_API, ROBOT_API
 from lab3_usd.check.model import Node
 from lab3_usd.check.physics import BODY_API
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules import frame_ids, frame_tree, odom_parent  # noqa: F401 - their rules
+from lab3_usd.check.rules import (  # noqa: F401 - their rules
+    frame_ids,
+    frame_tree,
+    lost_frames,
+    odom_parent,
+)
 from lab3_usd.check.running import doubt
 from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.tf_view import (

@@ -1,0 +1,82 @@
+"""Which unmet requirements no finding explains: a score that nobody can follow is no score."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from lab3_usd.check.candidates import relocated
+from lab3_usd.check.finding import Finding, Requirement
+from lab3_usd.check.merging import match_all
+from lab3_usd.check.model import StageModel
+from lab3_usd.check.robot_place import lab_at, robot_homes
+from lab3_usd.check.sensor_place import sensor_homes
+from lab3_usd.check.subject import Roles
+from lab3_usd.spec.spec import Lab
+
+
+def unexplained(
+    lab: Lab,
+    stage: StageModel,
+    requirements: Iterable[Requirement],
+    findings: Iterable[Finding],
+) -> list[str]:
+    """Return the ids of the unmet requirements that no finding speaks of."""
+    told = list(findings)
+    placed = lab_at(lab, robot_homes(lab, stage))
+    homes = sensor_homes(placed, stage)
+    specs = {name: relocated(spec, homes) for name, spec in placed.graphs.items()}
+    roles = match_all(specs, stage)
+    return [
+        each.id
+        for each in requirements
+        if not each.met and not any(_speaks(found, each, roles) for found in told)
+    ]
+
+
+def _speaks(found: Finding, asked: Requirement, roles: Mapping[str, Roles]) -> bool:
+    if asked.kind == "scene":
+        return found.severity == "error"  # met unless an error concerns it
+    if asked.kind == "frame":
+        return _speaks_of_frame(found, asked.id.rpartition("/")[2])
+    if _names_graph(found, asked.group):
+        return True
+    ends = list(_ends(asked))
+    own = roles[asked.group]
+    if any(_says_gone(found, role, own) for role, _ in ends):
+        return True
+    return asked.kind != "node" and any(_names(found, role, port, own) for role, port in ends)
+
+
+def _names_graph(found: Finding, name: str) -> bool:
+    if found.rule == "G01":
+        return f"graph {name} is missing" in found.message
+    return name in found.message.partition("; missing with it: ")[2].split(", ")
+
+
+def _ends(asked: Requirement) -> Iterator[tuple[str, str]]:
+    """Yield the roles and ports that a requirement of a graph is about."""
+    ends = asked.title.split(" -> ") if asked.kind == "wire" else [asked.id.rpartition("/")[2]]
+    for end in ends:
+        role, _, port = end.partition(".")
+        yield role, port
+
+
+def _says_gone(found: Finding, role: str, roles: Roles) -> bool:
+    if found.rule == "N01":
+        return roles.graph is not None and (
+            found.prim == roles.graph.path and f"({role})" in found.message
+        )
+    other = roles.retyped.get(role)
+    return found.rule == "N03" and other is not None and found.prim == other.path
+
+
+def _names(found: Finding, role: str, port: str, roles: Roles) -> bool:
+    node = roles.node_of[role]
+    if node is None:
+        return False
+    site = f"{node.path}.inputs:{port}"
+    return site == f"{found.prim}.{found.property}" or site in found.related
+
+
+def _speaks_of_frame(found: Finding, frame: str) -> bool:
+    return frame in f"{found.message} {found.expected}"
