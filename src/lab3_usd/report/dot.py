@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.report.escape import visible
+from lab3_usd.report.cutting import shown
 from lab3_usd.report.picture_model import Box, Curve, Picture, Row, State
 
 COLOURS: dict[State, str] = {
@@ -86,12 +86,12 @@ def _looks(curve: Curve) -> Iterator[str]:
 
 def quoted(text: str) -> str:
     """Return any text as a quoted string, in which nothing is an escape."""
-    return '"' + visible(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return '"' + shown(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def celled(text: str) -> str:
     """Return a text for the cell of a record, in which the signs of records are escaped."""
-    flat = visible(text).replace("\\", "\\\\")
+    flat = shown(text).replace("\\", "\\\\")
     for sign in '"{}|<>':
         flat = flat.replace(sign, f"\\{sign}")
     return flat

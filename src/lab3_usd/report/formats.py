@@ -11,6 +11,7 @@ from msgspec import Struct
 from lab3_usd.check.finding import Report
 from lab3_usd.check.registry import Rule
 from lab3_usd.errors import UsageError
+from lab3_usd.report.cutting import cut_report
 from lab3_usd.report.html_sheet import Sheet
 
 Verbosity = Literal["quiet", "normal", "verbose"]
@@ -83,9 +84,11 @@ def render(
 ) -> str:
     """Return the report in one format, ending with a line feed unless it is empty.
 
+    Its texts are cut to a length that somebody reads (see `cutting`).
+
     Raises:
         UsageError: there is no such format, or it cannot do what `options` asks.
     """
     module = importlib.import_module(f"lab3_usd.report.{format_named(name).module}")
-    text: str = module.render(report, rules, options or Options())
+    text: str = module.render(cut_report(report), rules, options or Options())
     return text

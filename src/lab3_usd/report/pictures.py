@@ -19,7 +19,6 @@ from lab3_usd.report.drawing.rows import Plan
 from lab3_usd.report.drawing.saved_places import saved
 from lab3_usd.report.drawing.text_width import clip_end
 from lab3_usd.report.drawing.wires import judged_wires, spec_wires
-from lab3_usd.report.escape import visible
 from lab3_usd.report.layout import Placed, layered
 from lab3_usd.report.picture_model import STATES, Box, Curve, End, Picture, Remark, State
 from lab3_usd.spec.spec import GraphSpec
@@ -68,10 +67,10 @@ def graph_picture(
     placed = _placed(tuple(boxes), tuple(curves))
     name, path = _name(spec, graph)
     remarks = tuple(_remarks(path, found))[:MOST_REMARKS]
-    subtitle = _counted(visible(path), boxes, curves)
+    subtitle = _counted(clip_end(path, MOST_LETTERS), boxes, curves)
     return framed(
         Picture(
-            visible(name),
+            clip_end(name, MOST_LETTERS),
             subtitle,
             *placed,
             path=path,

@@ -15,7 +15,7 @@ from lab3_usd.check.hidden_frames import Hidden
 from lab3_usd.check.qos import PROFILE
 from lab3_usd.check.topics import Endpoint
 from lab3_usd.report.csv_report import safe_cell
-from lab3_usd.report.escape import visible
+from lab3_usd.report.cutting import cut_all, shown
 
 COLUMNS = ("topic", "type", "direction", "node", "frames", "queue", "qos", "rate")
 NOTHING = "-"
@@ -73,19 +73,19 @@ def as_csv(report: TopicReport) -> str:
 def as_json(report: TopicReport) -> str:
     """Return every topic with its settings and its whole QoS profile, as one JSON object."""
     data = {"file": report.path, "topics": [_item(e, report) for e in report.endpoints]}
-    return json.dumps(data, indent=2)
+    return json.dumps(cut_all(data), indent=2)
 
 
 def cells(endpoint: Endpoint, report: TopicReport) -> Iterator[str]:
     """Yield what each of `COLUMNS` says of an endpoint."""
-    yield visible(endpoint.topic or f"{endpoint.written!r} (no valid name)")
-    yield visible(endpoint.type or NOTHING)
+    yield shown(endpoint.topic or f"{endpoint.written!r} (no valid name)")
+    yield shown(endpoint.type or NOTHING)
     yield endpoint.direction
-    yield visible(endpoint.node.path)
-    yield visible(_listed(report.frames(endpoint), report.unknown(endpoint)))
+    yield shown(endpoint.node.path)
+    yield shown(_listed(report.frames(endpoint), report.unknown(endpoint)))
     yield NOTHING if endpoint.queue is None else str(endpoint.queue)
     yield _qos(endpoint)
-    yield visible(endpoint.rate if endpoint.runs else "never")
+    yield shown(endpoint.rate if endpoint.runs else "never")
 
 
 def _listed(frames: Sequence[str], unknown: Sequence[str]) -> str:

@@ -11,8 +11,8 @@ from msgspec.structs import asdict
 from lab3_usd.check.frames import Edge
 from lab3_usd.check.hidden_frames import Hidden
 from lab3_usd.check.rings import frames_in_rings
+from lab3_usd.report.cutting import cut_all, shown
 from lab3_usd.report.dot import quoted
-from lab3_usd.report.escape import visible
 
 _MARK = "  ! "
 
@@ -109,15 +109,15 @@ def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:
     tops = roots(report.edges)
     drawn: set[str] = set()
     for top in tops:
-        yield visible(top)
+        yield shown(top)
         yield from _branches(top, report, drawn, verbose=verbose)
     if len(tops) > 1 and not report.hidden:
-        yield f"! {len(tops)} roots, where there must be one: {', '.join(map(visible, tops))}"
+        yield f"! {len(tops)} roots, where there must be one: {', '.join(map(shown, tops))}"
     for path in report.unknown:
-        yield f"! {visible(path)} publishes frames that the stage does not tell"
+        yield f"! {shown(path)} publishes frames that the stage does not tell"
     for hidden in report.hidden:
-        by = f"  <- {visible(hidden.publisher)} ({hidden.topic})" if verbose else ""
-        yield f"? {visible(hidden.what)}: asset not found: {visible(hidden.asset)}{by}"
+        by = f"  <- {shown(hidden.publisher)} ({hidden.topic})" if verbose else ""
+        yield f"? {shown(hidden.what)}: asset not found: {shown(hidden.asset)}{by}"
 
 
 def _branches(top: str, report: TreeReport, drawn: set[str], *, verbose: bool) -> Iterator[str]:
@@ -130,11 +130,11 @@ def _branches(top: str, report: TreeReport, drawn: set[str], *, verbose: bool) -
     ahead = _rows(top, "", children)
     while ahead:
         edge, lead, is_last = ahead.pop()
-        line = lead + ("└── " if is_last else "├── ") + visible(edge.child)
+        line = lead + ("└── " if is_last else "├── ") + shown(edge.child)
         line += "  (static)" if edge.static else ""
         line += "" if edge.sure else "  (perhaps)"
-        line += f"  <- {visible(edge.publisher)} ({edge.topic})" if verbose else ""
-        yield line + "".join(_MARK + visible(mark) for mark in marks.get(edge.child, ()))
+        line += f"  <- {shown(edge.publisher)} ({edge.topic})" if verbose else ""
+        yield line + "".join(_MARK + shown(mark) for mark in marks.get(edge.child, ()))
         if edge.child not in drawn:
             drawn.add(edge.child)
             ahead += _rows(edge.child, lead + ("    " if is_last else "│   "), children)
@@ -178,4 +178,4 @@ def as_json(report: TreeReport) -> str:
         "unknown_frames": [asdict(hidden) for hidden in report.hidden],
         "problems": [asdict(fault) for fault in faults(report)],
     }
-    return json.dumps(data, indent=2)
+    return json.dumps(cut_all(data), indent=2)
