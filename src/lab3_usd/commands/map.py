@@ -113,9 +113,7 @@ def _cut(stage: Path, scene: Mapping[str, Any], height: float | None) -> StageSl
         message = f"warning: not on the map is what {cut.missing} unresolved asset paths would hold"
         click.echo(message, err=True)
     for path in cut.not_cut:
-        click.echo(
-            f"warning: not on the map is {path}, a shape of a type that cannot be cut", err=True
-        )
+        click.echo(f"warning: not on the map is {path}, a shape that cannot be cut", err=True)
     if not cut.segments:
         message = (
             f"{stage}: has nothing that collides at a height of {cut.height:g} m, give --height"

@@ -15,7 +15,7 @@ from lab3_usd.spec.spec import Checkpoint, Lab
 from lab3_usd.stage.author import author_graph
 from lab3_usd.stage.fitness import reasons_against
 from lab3_usd.stage.inputs import inputs_of
-from lab3_usd.stage.opening import open_stage
+from lab3_usd.stage.opening import open_stage, quiet
 from lab3_usd.stage.rebase import copy_for
 from lab3_usd.stage.sensors import author_sensor
 from lab3_usd.stage.starter import starter_layer
@@ -70,6 +70,7 @@ def plan_files(lab: Lab, folder: Path, numbers: Sequence[str], form: str) -> dic
     }
 
 
+@quiet()
 def build_files(
     lab: Lab, starter: Path | None, plan: dict[Path, Checkpoint], options: BuildOptions
 ) -> list[Path]:

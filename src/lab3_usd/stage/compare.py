@@ -18,10 +18,11 @@ from lab3_usd.stage.compare_gone import Pair, gone_changes, is_there
 from lab3_usd.stage.compare_prims import Known, known
 from lab3_usd.stage.compare_terms import Terms, classifier
 from lab3_usd.stage.missing import find_unresolved
-from lab3_usd.stage.opening import open_stage, remembered
+from lab3_usd.stage.opening import open_stage, quiet, remembered
 from lab3_usd.stage.own_text import own_texts, texts_of
 
 
+@quiet()
 def compare_starter(
     starter: Path | Usd.Stage, stage: Path | Usd.Stage, lab: Lab, checkpoint: str
 ) -> StarterSubject:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 
-from pxr import Usd, UsdUtils
+from pxr import Tf, Usd, UsdUtils
 
 from lab3_usd.errors import StageError
 from lab3_usd.stage.fence_layers import (
@@ -21,7 +21,7 @@ from lab3_usd.stage.fence_layers import (
     shown_name,
 )
 from lab3_usd.stage.missing import find_unresolved
-from lab3_usd.stage.opening import check_file, memory, opener, quiet
+from lab3_usd.stage.opening import check_file, in_plain_words, memory, opener, quiet
 
 _LARGEST_TWIN = 8 << 20
 
@@ -38,8 +38,12 @@ def fenced(fence: Fence) -> Iterator[None]:
 
 
 def files_of(stage_path: Path) -> frozenset[str]:
-    """Return every file that a trusted stage consists of: the assets of a supplied starter."""
-    with quiet():
+    """Return every file that a trusted stage consists of: the assets of a supplied starter.
+
+    Raises:
+        StageError: the stage, or a file that it refers to, cannot be read.
+    """
+    with quiet(), in_plain_words(f"{stage_path}, or a file that it uses", Tf.ErrorException):
         layers, assets, _ = UsdUtils.ComputeAllDependencies(str(stage_path))
     paths = [layer.realPath for layer in layers] + [str(asset) for asset in assets]
     return frozenset(os.path.realpath(path) for path in [*paths, str(stage_path)] if path)

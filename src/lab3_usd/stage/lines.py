@@ -11,6 +11,7 @@ from typing import Any
 from msgspec import Struct
 from pxr import Sdf, Usd
 
+from lab3_usd.stage.opening import quiet
 from lab3_usd.stage.usda_scan import scan_text
 
 # The fields in which a property's opinion stands; a spec without them only declares it.
@@ -31,6 +32,7 @@ class Place(Struct, frozen=True):
     column: int | None
 
 
+@quiet()
 def locate(stage: Usd.Stage, given: str, sites: Iterable[Site]) -> dict[Site, Place]:
     """Return the place of each site: a prim path, and the name of a property or None.
 

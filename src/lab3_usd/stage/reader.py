@@ -15,7 +15,7 @@ from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import Lab
 from lab3_usd.stage.colliders import RIGID_BODY, find_colliders
 from lab3_usd.stage.missing import find_unresolved, is_in_scene
-from lab3_usd.stage.opening import in_plain_words, open_stage, remembered
+from lab3_usd.stage.opening import in_plain_words, open_stage, quiet, remembered
 from lab3_usd.stage.places import Places
 from lab3_usd.stage.plain import plain
 from lab3_usd.stage.ports import DamagedError, property_names, read_ports
@@ -42,6 +42,7 @@ def read_stage(path: Path | str, lab: Lab) -> StageModel:
     return read_model(open_stage(Path(path)), lab, str(path))
 
 
+@quiet()
 def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
     """Read an open stage; `path` is the name it goes by.
 

@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
-from pxr import Gf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Tf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.errors import UsageError
 from lab3_usd.stage.geometry import Faces, faces_of, is_endless
+from lab3_usd.stage.opening import in_plain_words, quiet
 
 Point = tuple[float, float]
 Segment = tuple[Point, Point]
@@ -18,8 +19,9 @@ Segment = tuple[Point, Point]
 class StageSlice(Struct, frozen=True):
     """A cut through a stage, in metres of a world whose Z points up.
 
-    `robot` is where the robot stands, None in a stage without it. `not_cut` names shapes of a
-    type that cannot be cut, `missing` counts the assets that could not be found.
+    `robot` is where the robot stands, None in a stage without it. `not_cut` names shapes that
+    cannot be cut, because of their type or of what is written there. `missing` counts the assets
+    that could not be found.
     """
 
     height: float
@@ -37,6 +39,7 @@ class CutAt(Struct, frozen=True):
     height: float | None = None
 
 
+@quiet()
 def slice_stage(stage: Usd.Stage, cut: CutAt) -> StageSlice:
     """Cut the collision geometry of a stage.
 
@@ -44,6 +47,7 @@ def slice_stage(stage: Usd.Stage, cut: CutAt) -> StageSlice:
     so is the robot, which does not see itself.
 
     Raises:
+        StageError: what is written of the robot or the link gives no place.
         UsageError: no height is given and the stage has no link to take it from.
     """
     to_metres = _to_metres(stage)
@@ -54,12 +58,11 @@ def slice_stage(stage: Usd.Stage, cut: CutAt) -> StageSlice:
     not_cut: list[str] = []
     for prim in _colliders(stage, cut.robot):
         for shape in _shapes(prim):
-            faces = faces_of(shape)
-            if faces is None:
+            found = _shape_at(shape, cache)
+            if found is None:
                 not_cut.append(str(shape.GetPath()))
                 continue
-            matrix = cache.GetLocalToWorldTransform(shape) * to_metres
-            segments.extend(_cut_faces(faces, matrix, height))
+            segments.extend(_cut_faces(found[0], found[1] * to_metres, height))
     return StageSlice(
         height=height,
         robot=_position(robot, to_metres)[:2] if robot else None,
@@ -67,6 +70,15 @@ def slice_stage(stage: Usd.Stage, cut: CutAt) -> StageSlice:
         not_cut=tuple(not_cut),
         missing=len(stage.GetCompositionErrors()),
     )
+
+
+def _shape_at(shape: Usd.Prim, cache: UsdGeom.XformCache) -> tuple[Faces, Gf.Matrix4d] | None:
+    """Return a shape and where it stands; None where what is written there tells neither."""
+    try:
+        faces = faces_of(shape)
+        return None if faces is None else (faces, cache.GetLocalToWorldTransform(shape))
+    except (Tf.ErrorException, TypeError, ValueError):
+        return None
 
 
 def _to_metres(stage: Usd.Stage) -> Gf.Matrix4d:
@@ -78,7 +90,8 @@ def _to_metres(stage: Usd.Stage) -> Gf.Matrix4d:
 
 
 def _position(prim: Usd.Prim, to_metres: Gf.Matrix4d) -> tuple[float, float, float]:
-    world = UsdGeom.XformCache().GetLocalToWorldTransform(prim) * to_metres
+    with in_plain_words(str(prim.GetPath()), Tf.ErrorException):
+        world = UsdGeom.XformCache().GetLocalToWorldTransform(prim) * to_metres
     x, y, z = world.ExtractTranslation()
     return (x, y, z)
 

@@ -18,12 +18,14 @@ from lab3_usd.spec.starter_spec import (
     PrimSpec,
     load_starter_spec,
 )
+from lab3_usd.stage.opening import quiet
 
 _SUFFIX = ".usda"
 # Sines of the same angle differ in the last bits between machines; twelve digits do not.
 _DIGITS = 12
 
 
+@quiet()
 def build_starter(target: Path | str, *, force: bool = False) -> None:
     """Write the bundled starter scene to `target` as text USD.
 

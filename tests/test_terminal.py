@@ -1,0 +1,182 @@
+"""Nothing that usd-core says by itself reaches the terminal, whatever a stage holds."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import nullcontext
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from lab3_usd import check_stage
+from lab3_usd.cli import lab3
+from lab3_usd.errors import Lab3Error
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.stage import opening
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.reader import read_stage
+from lab3_usd.stage.starter import build_starter
+
+NAME = "Lab3_05_odometry_tf.usda"
+# What usd-core begins its own lines with.
+RAW = ("Warning: in ", "Error in ", "Coding Error", "Runtime Error", "Status: in ", "/pxr/")
+BESIDE = {
+    "sub.usda": '#usda 1.0\n(subLayers = [@./gone.usda@])\ndef Xform "A" {}\n',
+    "torn.usda": '#usda 1.0\ndef Xform "A" { torn\n',
+    "ring.usda": '#usda 1.0\n(defaultPrim = "A")\ndef Xform "A" (references = @./knot.usda@) {}\n',
+    "knot.usda": '#usda 1.0\n(defaultPrim = "A")\ndef Xform "A" (references = @./ring.usda@) {}\n',
+}
+ODD = """
+def Xform "Server" (references = @https://assets.example/x.usd@) {}
+def Xform "Gone" (payload = @./gone.usd@</No>) {}
+def Xform "Sub" (references = @./sub.usda@</Nope>) {}
+def Xform "Torn" (references = @./torn.usda@) {}
+def Xform "Ring" (references = @./ring.usda@) {}
+def Xform "Nowhere" (references = </Nowhere/else>) {}
+def Xform "Itself" (
+    inherits = </Itself/x>
+    specializes = </Itself>
+)
+{
+    def "x" {}
+}
+def NoSuchType "Unknown" (
+    prepend apiSchemas = ["NoSuchAPI", "PhysicsCollisionAPI", "PhysicsDriveAPI:angular"]
+)
+{
+    rel material:binding = </Nowhere>
+}
+def Mesh "Mesh" (prepend apiSchemas = ["PhysicsCollisionAPI", "MaterialBindingAPI"])
+{
+    point3f[] points = [(0, 0, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    float3[] extent = [(1, 1, 1)]
+    float xformOp:translate = 3
+    uniform token[] xformOpOrder = [
+        "xformOp:translate", "xformOp:translate", "!invert!xformOp:nope", "bogus"
+    ]
+}
+def Cube "Flat" (prepend apiSchemas = ["PhysicsCollisionAPI"])
+{
+    token size = "big"
+    double3 xformOp:scale = (0, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:scale", "xformOp:nope"]
+}
+def Cube "Copy" (
+    instanceable = true
+    prepend references = </Flat>
+)
+{
+    int[] xformOpOrder = [1]
+}
+def Xform "Clips" (
+    variants = { string v = "nope" }
+    prepend variantSets = "v"
+    clips = {
+        dictionary default = {
+            asset manifestAssetPath = @./no_clip.usda@
+            asset[] assetPaths = [@./no_clip.usda@]
+            string primPath = "/A"
+            double2[] active = [(0, 0)]
+            double2[] times = [(0, 0)]
+        }
+    }
+)
+{
+    double3 xformOp:translate.timeSamples = { 1: (0, 0, 0) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    variantSet "v" = { "a" {} }
+}
+def PhysicsRevoluteJoint "Joint"
+{
+    rel physics:body0 = [</X>, </Y>]
+    uniform token physics:axis = "Q"
+    quatf physics:localRot0 = (0, 0, 0, 0)
+}
+def Xform "Values"
+{
+    asset inputs:a = @./tex_<UDIM>.png@
+    custom double x.connect = </Nope.y>
+    token visibility = "bogus"
+    matrix4d xformOp:transform = ((0, 0, 0, 0), (0, 0, 0, 0), (0, 0, 0, 0), (0, 0, 0, 0))
+    uniform token[] xformOpOrder = ["!invert!xformOp:transform", "xformOp:transform"]
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A submission with an odd stage and an odd starter."""
+    top = tmp_path_factory.mktemp("odd")
+    work = top / "student" / "work"
+    work.mkdir(parents=True)
+    build_checkpoint(None, "05", work / NAME)
+    build_starter(work / "starter.usda")
+    for name in (NAME, "starter.usda"):
+        with (work / name).open("a") as file:
+            file.write(ODD)
+    for name, text in BESIDE.items():
+        (work / name).write_text(text)
+    shutil.copytree(work, top / "starter")
+    build_starter(top / "plain.usda")
+    return top
+
+
+COMMANDS = {
+    "check": ["check", f"student/work/{NAME}"],
+    "check as JSON": ["check", f"student/work/{NAME}", "--format", "json"],
+    "check as HTML": ["check", f"student/work/{NAME}", "--format", "html"],
+    "check the folder": ["check", "student"],
+    "check with a starter": [
+        *("check", f"student/work/{NAME}"),
+        *("--starter", "starter/starter.usda"),
+    ],
+    "check with maps": [
+        *("check", f"student/work/{NAME}", "--checkpoint", "07"),
+        *("--maps", "student"),
+    ],
+    "tf": ["tf", f"student/work/{NAME}"],
+    "topics": ["topics", f"student/work/{NAME}"],
+    "draw": ["draw", f"student/work/{NAME}", "-o", "pictures"],
+    "map": ["map", f"student/work/{NAME}", "-o", "map"],
+    "build": ["build", "student/work/starter.usda", "--out", "built"],
+    "grade": ["grade", "student", "--starter", "plain.usda", "-o", "book"],
+    "grade with an odd starter": [
+        *("grade", "student", "--starter", "starter/starter.usda"),
+        *("-o", "odd book"),
+    ],
+}
+
+
+@pytest.mark.parametrize("arguments", COMMANDS.values(), ids=COMMANDS)
+def test_no_command_lets_usd_core_speak(
+    arguments: list[str],
+    folder: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(folder)
+    result = CliRunner().invoke(lab3, arguments)
+    assert isinstance(result.exception, SystemExit | Lab3Error | None)
+    said = "".join((result.output, str(result.exception), *capfd.readouterr()))
+    assert [raw for raw in RAW if raw in said] == []
+
+
+def test_the_library_does_not_let_usd_core_speak(
+    folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    check_stage(folder / "student" / "work" / NAME, "05")
+    assert "".join(capfd.readouterr()) == ""
+
+
+def test_what_usd_core_says_of_the_odd_stage_is_held_back(
+    folder: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without the means to hold it back, this stage makes usd-core speak."""
+    copy = folder / "again.usda"
+    shutil.copy(folder / "student" / "work" / NAME, copy)
+    monkeypatch.setattr(opening, "quiet", nullcontext)
+    read_stage(copy, load_lab())
+    assert "Warning: in " in capfd.readouterr().err
