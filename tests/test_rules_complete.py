@@ -9,8 +9,11 @@ else one that lacks what a note is about: starter and maps.
 from __future__ import annotations
 
 import ast
+import json
 import re
 import shutil
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -20,7 +23,8 @@ from breaking import correct_stage, judged
 from scene_sabotage import scene_sabotage
 from submissions import STARTER, checked, said, write_submission
 
-from lab3_usd.check.registry import FAMILIES, Rule, all_rules
+from lab3_usd.check import checker
+from lab3_usd.check.registry import FAMILIES, Rule, all_rules, rules_of
 
 TESTS = Path(__file__).resolve().parent
 CASES = TESTS / "cases"
@@ -115,3 +119,33 @@ def test_a_correct_submission_leaves_a_rule_silent(
     rule: Rule, said_of_correct_ones: list[set[str]]
 ) -> None:
     assert any(rule.id not in spoken for spoken in said_of_correct_ones)
+
+
+ALONE = """
+import json, sys
+from lab3_usd.check.registry import rules_of
+family, *scopes = sys.argv[1:]
+print(json.dumps([[each.id for each in rules_of(scope, family)] for scope in scopes]))
+"""
+
+
+@pytest.mark.parametrize("family", ["C", "L", "N", "S", "T"])
+def test_a_family_asked_for_alone_is_whole_and_alone(family: str) -> None:
+    scopes = sorted({rule.scope for rule in RULES})
+    asked = [sys.executable, "-c", ALONE, family, *scopes]
+    done = subprocess.run(asked, capture_output=True, text=True, check=True)
+    of_family = [rule for rule in RULES if rule.id[0] == family]
+    wanted = [[rule.id for rule in of_family if rule.scope == scope] for scope in scopes]
+    assert json.loads(done.stdout) == wanted
+
+
+def test_a_stage_is_judged_by_every_rule_of_its_scopes() -> None:
+    for scope, families in (("graph", checker.GRAPH_FAMILIES), ("stage", checker.STAGE_FAMILIES)):
+        wanted = [rule.id for rule in RULES if rule.scope == scope]
+        assert [rule.id for rule in rules_of(scope, *families)] == wanted
+
+
+def test_rules_of_several_families_stand_in_order() -> None:
+    found = [rule.id for rule in rules_of("stage", "T", "C")]
+    assert found == sorted(found)
+    assert {each[0] for each in found} == {"C", "T"}

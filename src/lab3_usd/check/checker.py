@@ -39,7 +39,7 @@ from lab3_usd.spec.spec import Checkpoint, Lab
 
 _NUMBER = re.compile(r"^Lab3_(\d\d)(?!\d)")
 GRAPH_FAMILIES = ("G", "N", "P", "R", "W")
-STAGE_FAMILIES = ("F", "S", "L", "C", "T", "Q")
+STAGE_FAMILIES = ("F", "S", "L", "C", "T", "Q", "G", "N", "P")  # which have rules of both scopes
 UNREADABLE = "F01"
 EXTRA_NODE = "N02"
 

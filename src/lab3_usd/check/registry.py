@@ -96,15 +96,19 @@ def all_rules() -> dict[str, Rule]:
 
 
 def rules_of(scope: Scope, *families: str) -> list[Rule]:
-    """Return the rules of one scope in order of id, importing only the families named."""
+    """Return the rules of one scope and of the families named, in order of id.
+
+    Only those families are imported.
+    """
     for family in families:
         importlib.import_module(f"lab3_usd.check.rules.{FAMILIES[family]}")
-    return list(_in_order(scope))
+    return list(_in_order(scope, families))
 
 
 @cache
-def _in_order(scope: Scope) -> tuple[Rule, ...]:
-    return tuple(found for _, found in sorted(_RULES.items()) if found.scope == scope)
+def _in_order(scope: Scope, families: tuple[str, ...]) -> tuple[Rule, ...]:
+    rules = (found for _, found in sorted(_RULES.items()) if found.scope == scope)
+    return tuple(found for found in rules if found.id[0] in families)
 
 
 def run_rule(found: Rule, subject: Any) -> list[Problem]:  # noqa: ANN401 - the scope decides
