@@ -101,7 +101,7 @@ def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
 def script_node(subject: StageSubject) -> Iterator[Problem]:
     """The stage holds a node that runs code out of the file.
 
-    Why: whoever opens the stage and presses Play runs that code. The lab needs none.
+    Why: whoever opens the stage and presses Play may run that code. The lab needs none.
 
     Fix: delete the node.
 

@@ -134,9 +134,9 @@ def _listed(names: Sequence[str]) -> str:
 def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
     """A graph is not evaluated as an Action Graph in the simulation pipeline.
 
-    Why: a push graph ignores execution wires; an on-demand graph is not evaluated by the app's
-    update, so that On Playback Tick never fires; an instanced one is evaluated only for prims that
-    refer to it. Isaac Sim says nothing.
+    Why: a push graph may compute every node at each update, whether a signal reaches it or not; an
+    on-demand graph is not evaluated by the app's update, so that On Playback Tick never fires; an
+    instanced one is evaluated only for prims that refer to it. Isaac Sim may say nothing.
 
     Fix: select the graph prim and set the value named here in the Property panel, or make the
     graph anew with New Action Graph.

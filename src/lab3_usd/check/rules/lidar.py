@@ -174,8 +174,8 @@ def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
 def second_lidar(subject: StageSubject) -> Iterator[Problem]:
     """The stage holds another lidar beside the one that the handout asks for.
 
-    Why: a leftover renders as well and costs frames, and its graph or frame may get mixed up with
-    the right one's; D4 forbids it.
+    Why: one that a graph uses renders as well and costs frames, and its graph or frame may get
+    mixed up with the right one's; D4 forbids it.
 
     Fix: delete or deactivate the prim named here.
 

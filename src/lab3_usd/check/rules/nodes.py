@@ -50,8 +50,8 @@ def absent_nodes(
 def missing_node(subject: GraphSubject) -> Iterator[Problem]:
     """A node that the handout asks for is not in the graph, or is deactivated.
 
-    Why: what it computes, publishes or triggers is missing; everything wired to it stands still.
-    Its wires are not reported one by one.
+    Why: what it computes, publishes or triggers is missing; what is wired to it does not run, or
+    works on its defaults. Its wires are not reported one by one.
 
     Fix: in the Action Graph editor, search for the node by the title given here, add it, and make
     the wires of the handout's table. A deactivated prim: right-click it in the Stage panel and
@@ -94,8 +94,9 @@ def _way_back(subject: GraphSubject, spec: NodeSpec, there: Absent | None) -> st
 def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
     """A node of another type stands where the handout asks for this one.
 
-    Why: it does something else: On Physics Step runs with the physics, On Tick also while the
-    simulation stands still, Make Array (`MakeArray`) is a removed node that only looks alike.
+    Why: it does something else: On Physics Step never fires in a graph that the app's update
+    evaluates, On Tick may fire at another pace or while the simulation stands still, Make Array
+    (`MakeArray`) is a removed node that only looks alike.
 
     Fix: delete the node, add the one named here from the node list, and wire it as before.
 

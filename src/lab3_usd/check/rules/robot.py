@@ -45,7 +45,7 @@ def _links(subject: StageSubject) -> Iterator[tuple[Prim, Mapping[str, Any]]]:
 def link_mass(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot does not have the mass that the handout lists.
 
-    Why: the drive was tuned for these masses: a heavier base slips or crawls, a lighter one tips.
+    Why: the drive was tuned for these masses: a heavier base may slip or crawl, a lighter one tip.
 
     Fix: select the link, find Mass in the Property panel under Physics and type the value named
     here; do not recreate the robot's physics.

@@ -169,7 +169,7 @@ def wrong_default(subject: GraphSubject) -> Iterator[Problem]:
 def wrong_value_type(subject: GraphSubject) -> Iterator[Problem]:
     """An input is declared with a type that its node type does not have.
 
-    Why: Isaac Sim cannot read the value and uses its default instead.
+    Why: Isaac Sim may not be able to read the value, and use its default instead.
 
     Fix: delete the node and add it again from the node list, then set its fields.
 

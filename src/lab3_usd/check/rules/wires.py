@@ -47,8 +47,9 @@ def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
     """A required input is not wired.
 
     Why: without its execution wire a node never computes; without data it works on zeros: a
-    publisher without time stamps everything 0, one without a context joins another domain. Isaac
-    Sim says nothing.
+    publisher without time stamps everything 0. One without a context is in the domain that the
+    environment names in `ROS_DOMAIN_ID`, else in 0, whatever the graph's context says. Isaac Sim
+    says nothing.
 
     Fix: open the graph in Window > Graph Editors > Action Graph, drag from the source port to the
     input named here, and look that a wire stays attached.
@@ -90,9 +91,10 @@ def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
 def dead_source(subject: GraphSubject) -> Iterator[Problem]:
     """An input is wired from a node or port that does not exist.
 
-    Why: Isaac Sim drops such a wire when it loads the stage, so that the input is not wired at
-    all. Deleting or renaming a node outside the editor leaves these behind, and so does a port
-    that the type does not have: a Constant Token gives its value from `inputs:value`.
+    Why: nothing can come over such a wire, and Isaac Sim may drop it when it loads the stage: the
+    input is as good as not wired. Deleting or renaming a node outside the editor leaves these
+    behind, and so does a port that the type does not have: a Constant Token gives its value from
+    `inputs:value`.
 
     Fix: delete the wire and drag a new one from the port named here; a leftover beside a good
     wire can be left or removed with Disconnect.
@@ -109,8 +111,8 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
 def second_source(subject: GraphSubject) -> Iterator[Problem]:
     """A required input has a second source beside the right one.
 
-    Why: a data input takes one of its sources, which one is not defined; an execution input runs
-    the node once for each.
+    Why: a data input takes one of its sources, and no public source says which; an execution input
+    may run the node once for each.
 
     Fix: select the wire from the source named here in the Action Graph editor and delete it.
 
@@ -168,7 +170,8 @@ def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
     """A required input is wired from a node of another graph.
 
     Why: each Action Graph is evaluated by itself; a context or time stamp from another graph may
-    be read before it is made, and the node falls back to the default domain or to time 0.
+    be read before it is made, or be that of the frame before. The node may then use the domain of
+    the environment, or stamp 0.
 
     Fix: wire it from the node of that type in the same graph.
 
@@ -186,8 +189,8 @@ def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
 def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
     """Execution wires run in a circle.
 
-    Why: a node that triggers itself is not evaluated in any order that makes sense; Isaac Sim
-    refuses the evaluation or loops.
+    Why: a node that triggers itself has no order in which it could be evaluated. What Isaac Sim
+    does then is not public: it may skip the nodes, or not come to an end.
 
     Fix: delete the execution wire named here.
 
@@ -203,7 +206,8 @@ def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
 def incompatible_wire(subject: GraphSubject) -> Iterator[Problem]:
     """A wire joins two ports whose types do not go together.
 
-    Why: Isaac Sim drops a wire between a signal and data, or between data of different shape.
+    Why: nothing useful comes over a wire between a signal and data, or between data of different
+    shape, and Isaac Sim may drop it when it loads the stage.
 
     Fix: delete the wire.
 
@@ -220,7 +224,7 @@ def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
     """A wire that the handout forbids is there.
 
     Why: a subscriber's execOut fires only when a message comes, so that a controller driven by it
-    does not run every frame.
+    runs at the rate of the messages and not every frame.
 
     Fix: delete the wire, and trigger the node from the tick of On Playback Tick.
 
@@ -237,8 +241,8 @@ def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
 def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
     """A wire from something that no longer exists was left behind.
 
-    Why: Isaac Sim drops it when it loads the stage; it does no harm, but it shows that a node
-    was deleted or renamed after it had been wired.
+    Why: nothing comes over it, and Isaac Sim may drop it when it loads the stage; it does no harm,
+    but it shows that a node was deleted or renamed after it had been wired.
 
     Fix: right-click the input and choose Disconnect, or leave it.
 

@@ -55,7 +55,7 @@ def _silent_ground(subject: StageSubject) -> Prim | None:
 def light(subject: StageSubject) -> Iterator[Problem]:
     """The scene has no light.
 
-    Why: the camera publishes black images.
+    Why: the camera may publish black images.
 
     Fix: activate the light of the supplied file, or choose Create > Light > Dome Light.
 
