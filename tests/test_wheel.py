@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from lab3_usd.spec.compiled import FILE
+
 # One worker makes the archives and the environment, the others need not make them again.
 pytestmark = pytest.mark.xdist_group("wheel")
 
@@ -95,7 +97,7 @@ def test_wheel_carries_the_package_and_every_data_file(wheel: Path, repository: 
         for folder in DATA
         for name in files_below(repository / folder)
     }
-    assert names_in(wheel) == package | data
+    assert names_in(wheel) == package | data | {f"lab3_usd/_data/graphs/{FILE}"}
 
 
 @pytest.mark.parametrize(
@@ -129,6 +131,11 @@ def test_source_archive_carries_what_runs_its_tests(sdist: Path) -> None:
 def test_the_installed_package_is_the_wheels(elsewhere: Path) -> None:
     where = run("env/bin/python", "-c", "import lab3_usd; print(lab3_usd.__file__)", cwd=elsewhere)
     assert Path(where.strip()).is_relative_to(elsewhere)
+
+
+def test_the_installed_package_reads_no_yaml_at_start(elsewhere: Path) -> None:
+    code = "import sys; from lab3_usd import load_lab; load_lab(); print('yaml' in sys.modules)"
+    assert run("env/bin/python", "-B", "-c", code, cwd=elsewhere).strip() == "False"
 
 
 def test_the_installed_command_builds_nine_checkpoints(elsewhere: Path) -> None:

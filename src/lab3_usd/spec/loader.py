@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from lab3_usd.data import data_folder
-from lab3_usd.spec.cache import remembered
+from lab3_usd.spec.compiled import compiled_or_loaded
 from lab3_usd.spec.spec import Lab
 
 
@@ -21,8 +21,7 @@ def load_lab(folder: Path | None = None) -> Lab:
 
 @lru_cache(maxsize=1)
 def _bundled(folder: Path) -> Lab:
-    # The YAML files are read anew only when one has changed, as Python does with its own.
-    return remembered(folder, _load)
+    return compiled_or_loaded(folder, _load)
 
 
 @lru_cache(maxsize=4)

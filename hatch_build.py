@@ -1,0 +1,33 @@
+"""Compiles the lab into the wheel, so that no start reads YAML (see `lab3_usd.spec.compiled`)."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+
+class CompileLab(BuildHookInterface):  # type: ignore[type-arg]  # hatchling leaves it open
+    """Adds the compiled lab to a wheel; an editable install compiles it when it first needs it."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Make the file and name it to the wheel."""
+        if version != "standard":
+            return
+        root = Path(self.root)
+        sys.path.insert(0, str(root / "src"))
+        from lab3_usd.spec.assemble import assemble  # noqa: PLC0415 - known only now
+        from lab3_usd.spec.compiled import FILE, compile_lab  # noqa: PLC0415
+
+        self.folder = tempfile.TemporaryDirectory()
+        compiled = Path(self.folder.name) / FILE
+        compiled.write_bytes(compile_lab(root / "graphs", assemble(root / "graphs")))
+        build_data["force_include"][str(compiled)] = f"lab3_usd/_data/graphs/{FILE}"
+
+    def finalize(self, *_: Any) -> None:  # noqa: ANN401 - hatchling's signature
+        """Remove the file that was packed."""
+        if hasattr(self, "folder"):
+            self.folder.cleanup()

@@ -1,0 +1,104 @@
+"""The loaded lab is kept beside its files, and never believed when they have changed."""
+
+from __future__ import annotations
+
+import pickle
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from lab3_usd.data import data_folder
+from lab3_usd.spec.assemble import assemble
+from lab3_usd.spec.compiled import FILE, compile_lab, compiled_or_loaded
+from lab3_usd.spec.spec import Lab
+
+
+@pytest.fixture(autouse=True)
+def _bytecode(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compile as an ordinary start of Python does."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A copy of the lab's files without anything compiled."""
+    copy = tmp_path / "graphs"
+    shutil.copytree(data_folder("graphs"), copy, ignore=shutil.ignore_patterns("__pycache__"))
+    return copy
+
+
+def compiled_in(folder: Path) -> Path:
+    return folder / "__pycache__" / FILE
+
+
+def refuse(folder: Path) -> Lab:
+    """Stand in for loading where the compiled lab must do."""
+    raise AssertionError(folder)
+
+
+def test_a_second_start_reads_no_yaml(folder: Path) -> None:
+    first = compiled_or_loaded(folder, assemble)
+    again = compiled_or_loaded(folder, refuse)
+    assert again.graphs == first.graphs
+    assert again.checkpoints == first.checkpoints
+    assert again.catalog == first.catalog
+    assert again.folder == folder
+
+
+def test_a_compiled_lab_beside_the_files_is_read_where_nothing_can_be_written(
+    folder: Path,
+) -> None:
+    (folder / FILE).write_bytes(compile_lab(folder, assemble(folder)))
+    (folder / "__pycache__").write_text("a file where the folder would be")
+    assert compiled_or_loaded(folder, refuse).folder == folder
+
+
+def test_a_compiled_lab_holds_wherever_its_folder_goes(folder: Path, tmp_path: Path) -> None:
+    compiled_or_loaded(folder, assemble)
+    moved = folder.rename(tmp_path / "moved")
+    assert compiled_or_loaded(moved, refuse).folder == moved
+
+
+def test_a_changed_file_is_read_anew(folder: Path) -> None:
+    compiled_or_loaded(folder, assemble)
+    changed = folder / "ROS_Clock.yaml"
+    changed.write_text(changed.read_text().replace("at: [50, 250]", "at: [51, 250]"))
+    lab = compiled_or_loaded(folder, assemble)
+    assert lab.graphs["ROS_Clock"].nodes["ros2_context"].at == (51.0, 250.0)
+
+
+@pytest.mark.parametrize("damage", [b"", b"not a pickle", b"\x80\x05cos\nno\n."])
+def test_a_damaged_file_is_made_anew(folder: Path, damage: bytes) -> None:
+    compiled_or_loaded(folder, assemble)
+    whole = compiled_in(folder).read_bytes()
+    compiled_in(folder).write_bytes(whole[:4] + damage)
+    assert compiled_or_loaded(folder, assemble).checkpoints
+    assert compiled_in(folder).stat().st_size > len(damage) + 4
+
+
+def test_a_file_of_something_else_is_not_believed(folder: Path) -> None:
+    compiled_or_loaded(folder, assemble)
+    checksum = compiled_in(folder).read_bytes()[:4]
+    compiled_in(folder).write_bytes(checksum + pickle.dumps("no lab"))
+    assert isinstance(compiled_or_loaded(folder, assemble), Lab)
+
+
+def test_whoever_reads_the_files_may_read_it(folder: Path) -> None:
+    compiled_or_loaded(folder, assemble)
+    (folder / "new").touch()
+    assert compiled_in(folder).stat().st_mode == (folder / "new").stat().st_mode
+
+
+def test_nothing_is_written_where_python_writes_nothing(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    compiled_or_loaded(folder, assemble)
+    assert not (folder / "__pycache__").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_loaded_all_the_same(folder: Path) -> None:
+    (folder / "__pycache__").write_text("a file where the folder would be")
+    assert compiled_or_loaded(folder, assemble).checkpoints
