@@ -26,8 +26,6 @@ from lab3_usd.check.judged import join, run_family
 from lab3_usd.check.submitted import SubmissionSubject
 from lab3_usd.check.unchanged import Starter, against_starter
 from lab3_usd.lab.submission import folder_named, list_submission
-from lab3_usd.spec.load_ros import load_ros
-from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.loader import load_lab
 
 __all__ = [
@@ -61,7 +59,7 @@ class FolderResult(Struct, frozen=True):
 def is_submission(folder: Path) -> bool:
     """Whether a folder is a submission: it has the folder of stages, or several of the stages."""
     lab = load_lab()
-    if folder_named(folder, load_submission().folders.stages):
+    if folder_named(folder, lab.submission.folders.stages):
         return True
     try:
         numbered = [each for each in folder.iterdir() if checkpoint_of(each.name, lab)]
@@ -76,8 +74,9 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     Raises:
         StageError: the starter that was given cannot be opened.
     """
-    lab, spec = load_lab(), load_submission()
-    given = Given(folder, list_submission(folder, lab, spec), lab, load_ros(), spec)
+    lab = load_lab()
+    spec = lab.submission
+    given = Given(folder, list_submission(folder, lab, spec), lab, lab.ros, spec)
     starters = find_starters(folder, given.listing, settings.starter, lab)
     results = dict(_results(given, starters))
     evidence = read_shown(given)

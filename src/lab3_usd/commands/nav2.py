@@ -24,10 +24,10 @@ def command(folder: Path, *, force: bool) -> None:
     The files have not been run in ROS. Files that exist are kept.
     """
     from lab3_usd.lab.nav2 import nav2_files, write_nav2  # noqa: PLC0415 - only this command
-    from lab3_usd.spec.load_ros import load_ros  # noqa: PLC0415
     from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
 
-    written, kept = write_nav2(folder, nav2_files(load_lab(), load_ros()), force=force)
+    lab = load_lab()
+    written, kept = write_nav2(folder, nav2_files(lab, lab.ros), force=force)
     for path in written:
         click.echo(path)
     for path in kept:

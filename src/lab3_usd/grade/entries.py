@@ -14,7 +14,6 @@ from lab3_usd.grade.archives import OTHER_ENDINGS, is_archive
 from lab3_usd.grade.intake import LEFTOVERS
 from lab3_usd.grade.platforms import file_owners, is_platform_name
 from lab3_usd.grade.staging import Source
-from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.loader import load_lab
 
 _STAGE = (".usd", ".usda", ".usdc", ".usdz", ".uda")
@@ -68,7 +67,8 @@ def is_part(entry: Entry) -> bool:
 
 def looks_like_submission(entries: Iterable[Entry]) -> bool:
     """Whether a folder with these entries is itself a submission (see `check.folder`)."""
-    lab, stages = load_lab(), load_submission().folders.stages.lower()
+    lab = load_lab()
+    stages = lab.submission.folders.stages.lower()
     known = list(entries)
     numbered = [name for name, _ in known if checkpoint_of(name, lab)]
     return len(numbered) > 1 or any(each and name.lower() == stages for name, each in known)

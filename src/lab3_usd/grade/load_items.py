@@ -10,7 +10,7 @@ from lab3_usd.check.finding import Requirement
 from lab3_usd.errors import SpecError
 from lab3_usd.grade.load_values import one_of, positive
 from lab3_usd.grade.rubric import COLUMNS, VISIBILITIES, Item
-from lab3_usd.spec.load_submission import load_submission
+from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.yaml_file import expect, known_keys, need, texts
 
 _ITEM_KEYS = (
@@ -94,7 +94,7 @@ def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
 
 
 def _check_line(item: Item, place: str) -> None:
-    lines = [line.text for line in load_submission().checklist]
+    lines = [line.text for line in load_lab().submission.checklist]
     if item.checklist not in lines:
         message = f"{place}: no checklist of the handout has the line '{item.checklist}'"
         raise SpecError(message)

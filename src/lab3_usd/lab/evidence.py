@@ -11,7 +11,7 @@ from lab3_usd.check.subjects_lab import Evidence, GoalRun, Lookup, Shown
 from lab3_usd.lab import evidence_outputs as outputs
 from lab3_usd.lab.evidence_blocks import Block, split_blocks
 from lab3_usd.lab.evidence_message import parse_messages
-from lab3_usd.spec.load_ros import load_ros
+from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.ros_spec import GoalSpec, RosSpec
 
 MANIFEST = "manifest.tsv"
@@ -53,7 +53,7 @@ def read_evidence(*folders: Path, root: Path | None = None, ros: RosSpec | None 
     files that cannot be read and texts that nobody understands show nothing. Where the collecting
     script saved an output, its file speaks for that command alone, and its silence says something.
     """
-    spec = ros if ros is not None else load_ros()
+    spec = ros if ros is not None else load_lab().ros
     base = root if root is not None else folders[0]
     found: _Found = {kind: {} for kind in (*_PARSERS, "goals")}
     paths = _files(folders)

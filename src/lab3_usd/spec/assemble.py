@@ -17,6 +17,7 @@ from lab3_usd.spec.load_checkpoints import (
 )
 from lab3_usd.spec.load_graph import parse_graph
 from lab3_usd.spec.load_ros import load_ros
+from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.scene_spec import SCENE_FILE, check_scene
 from lab3_usd.spec.spec import GraphSpec, Lab
 from lab3_usd.spec.yaml_file import read_yaml
@@ -40,8 +41,9 @@ def assemble(folder: Path) -> Lab:
         checkpoints=parse_checkpoints(rules, graphs),
         policy=parse_policy(rules),
         frames=parse_frames(rules),
+        ros=load_ros(folder),
+        submission=load_submission(folder),
         scene=scene,
-        topics=load_ros(folder).topics,
     )
 
 

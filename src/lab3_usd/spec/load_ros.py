@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -54,20 +53,7 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
     Raises:
         SpecError: the file is missing or wrong; the line names the part and the key.
     """
-    return _load(folder if folder is not None else data_folder("graphs"))
-
-
-def map_facts(scene: Mapping[str, Any]) -> ros.MapFacts:
-    """Return the facts of the map out of a scene file that has been read.
-
-    Raises:
-        SpecError: a fact is missing or of another kind.
-    """
-    return record(scene["map"], ros.MapFacts, f"{SCENE_FILE}: map")
-
-
-@lru_cache(maxsize=4)
-def _load(folder: Path) -> ros.RosSpec:
+    folder = folder if folder is not None else data_folder("graphs")
     said = record(read_yaml(folder / FILE), _RosFile, FILE)
     kinds = {
         name: record({"name": name, **kind}, ros.EvidenceKind, f"{FILE}: evidence: {name}")
@@ -92,6 +78,15 @@ def _load(folder: Path) -> ros.RosSpec:
         ),
         navigation=_navigation(said.navigation),
     )
+
+
+def map_facts(scene: Mapping[str, Any]) -> ros.MapFacts:
+    """Return the facts of the map out of a scene file that has been read.
+
+    Raises:
+        SpecError: a fact is missing or of another kind.
+    """
+    return record(scene["map"], ros.MapFacts, f"{SCENE_FILE}: map")
 
 
 def _command(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -37,11 +36,7 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
     Raises:
         SpecError: the file is missing or wrong; the line names the part and the key.
     """
-    return _load(folder if folder is not None else data_folder("graphs"))
-
-
-@lru_cache(maxsize=4)
-def _load(folder: Path) -> SubmissionSpec:
+    folder = folder if folder is not None else data_folder("graphs")
     said = record(read_yaml(folder / FILE), _SubmissionFile, FILE)
     return SubmissionSpec(
         folders=said.folders,

@@ -9,7 +9,8 @@ from typing import Any
 from msgspec import Struct, field
 
 from lab3_usd.spec.catalog import Catalog, NodeType, Value
-from lab3_usd.spec.ros_spec import TopicSpec
+from lab3_usd.spec.ros_spec import RosSpec, TopicSpec
+from lab3_usd.spec.submission_spec import SubmissionSpec
 
 
 class Setting(Struct, frozen=True):
@@ -137,8 +138,8 @@ class FrameSpec(Struct, frozen=True):
 class Lab(Struct, frozen=True, eq=False):
     """Everything that `graphs/` says, loaded once.
 
-    `scene` is the scene file as plain, checked data; `topics` are the topics of the running
-    system by name, with their message types and QoS.
+    `scene` is the scene file as plain, checked data; `ros` what the running system must show,
+    `submission` what is handed in.
     """
 
     folder: Path
@@ -147,5 +148,11 @@ class Lab(Struct, frozen=True, eq=False):
     checkpoints: Mapping[str, Checkpoint]
     policy: Policy
     frames: FrameSpec
+    ros: RosSpec
+    submission: SubmissionSpec
     scene: Mapping[str, Any] = field(default_factory=dict)
-    topics: Mapping[str, TopicSpec] = field(default_factory=dict)
+
+    @property
+    def topics(self) -> Mapping[str, TopicSpec]:
+        """The topics of the running system by name, with their message types and QoS."""
+        return self.ros.topics

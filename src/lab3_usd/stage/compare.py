@@ -11,7 +11,6 @@ from pxr import Sdf, Usd, UsdGeom
 
 from lab3_usd.check.changes import Change, StarterSubject
 from lab3_usd.check.model import Unresolved
-from lab3_usd.spec.load_submission import load_submission
 from lab3_usd.spec.spec import Lab
 from lab3_usd.spec.submission_spec import StarterRules
 from lab3_usd.stage.compare_gone import Pair, gone_changes, is_there
@@ -35,7 +34,7 @@ def compare_starter(
     Raises:
         StageError: one of the files cannot be opened.
     """
-    rules = load_submission(lab.folder).starter
+    rules = lab.submission.starter
     before = open_stage(starter) if isinstance(starter, Path) else starter
     after = open_stage(stage) if isinstance(stage, Path) else stage
     terms = _terms(rules, lab, after, bodies_rest=checkpoint == next(iter(lab.checkpoints)))
