@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.check.finding import Problem
-from lab3_usd.check.model import Absent, Node, PortState, StageModel, Unresolved
+from lab3_usd.check.model import Absent, Node, PortState, Prim, StageModel, Unresolved
 from lab3_usd.check.registry import rules_of, run_rule
 from lab3_usd.check.requirements import frame_requirements
 from lab3_usd.spec.catalog import Value
@@ -426,6 +426,45 @@ def test_an_articulation_root_above_the_parent_prim_gives_it_as_well_a_warning()
     assert problems(stage)["T09"][0].severity == "warning"
     assert all(item.met for item in frame_requirements(m.subject(stage)))
     assert sites(rooted(m.stage())) == []
+
+
+def test_an_articulation_root_alone_above_the_parent_prim_is_one_finding() -> None:
+    stage = rooted(targets(m.ROBOT))
+    assert sites(stage) == [("T09", COMPUTE, TARGETS)]
+    (problem,) = problems(stage)["T09"]
+    assert "'Camera_1'" in problem.message
+    assert str(problem.expected).split(", ") == list(FRAME_ROLES.values())
+
+
+def test_a_link_of_a_missing_robot_that_is_parent_and_target_is_its_own_parent() -> None:
+    assert sites(bare(targets(*FRAME_ROLES.values(), m.BASE))) == [("T09", COMPUTE, TARGETS)]
+
+
+def further(parent: str, *prims: str) -> StageModel:
+    """The complete stage and a further node that computes and sends frames."""
+    home = m.graph_of(m.lab().graphs[m.ODOM_TF], "/Graph/tf")
+    kept = {m.COMPUTE, m.PUBLISH, "on_playback_tick"}
+    nodes = {node.name: node for node in home.nodes if node.name in kept}
+    compute = m.aimed(m.aimed(nodes[m.COMPUTE], PARENT, parent), TARGETS, *prims)
+    return m.stage(m.graph("/Graph/tf", *{**nodes, m.COMPUTE: compute}.values()))
+
+
+def test_a_robot_that_is_parent_and_target_of_its_own_links_is_no_frame_of_its_own() -> None:
+    assert "T09" not in {rule_id for rule_id, _, _ in sites(further(m.ROBOT, m.ROBOT))}
+    assert "T09" in {rule_id for rule_id, _, _ in sites(further("/World", "/World"))}
+
+
+def test_two_target_prims_that_keep_one_name_are_found() -> None:
+    """Isaac Sim finds no other name for a prim right below one at the root."""
+    stage = targets("/World/base_scan", *FRAME_ROLES.values())
+    prims = {**stage.prims, "/World/base_scan": Prim("/World/base_scan", "Xform", ())}
+    (problem,) = problems(replace(stage, prims=prims))["T04"]
+    assert (problem.prim, problem.severity) == (COMPUTE, None)
+    assert "/World/base_scan" in str(problem.actual)
+
+
+def test_a_prim_that_is_named_twice_gives_the_same_transform() -> None:
+    assert sites(targets(m.ROBOT, *FRAME_ROLES.values())) == []
 
 
 def test_a_prim_that_is_named_like_the_parent_frame_is_found() -> None:

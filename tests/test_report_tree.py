@@ -78,6 +78,7 @@ def test_a_ring_is_drawn_once_and_marked() -> None:
         (("a b", "x b"), [("b", "two parents")]),
         (("a b /g/p", "a b /g/q"), [("b", "published twice")]),
         (("a a",), [("a", "own parent")]),
+        (("o a", "a a"), [("a", "own parent")]),
         (("a b", "b c", "c b", "c d"), [("b", "two parents"), ("b", "ring"), ("c", "ring")]),
     ],
 )

@@ -178,9 +178,18 @@ def self_pairs(node: Node, view: TfView) -> list[Pair]:
     return [pair for pair in pairs if pair.parent == pair.child]
 
 
-def lists_its_parent(node: Node) -> bool:
-    """Whether the parent prim of a computing node is one of its targets: a frame below itself."""
-    return computes(node) and parent_prim(node) in listed_targets(node)
+def lists_its_parent(node: Node, view: TfView) -> bool:
+    """Whether the parent prim of a computing node is one of its targets: a frame below itself.
+
+    That holds for a link in an asset that is missing, too. Only a robot root is never a frame of
+    its own where it stands for its links.
+    """
+    parent = parent_prim(node)
+    if not computes(node) or parent not in listed_targets(node):
+        return False
+    if view.subject.stage.prim(parent) is None:
+        return is_unknown(parent, view.subject.stage)
+    return any(pair.target == parent == pair.prim for pair in self_pairs(node, view))
 
 
 def lacks_the_camera_only(maker: Maker, view: TfView) -> bool:
@@ -209,3 +218,9 @@ def waived_frames(view: TfView) -> set[str]:
             if lacks_the_camera_only(maker, view):
                 waived.update(missing_frames(maker, view))
     return waived - set(view.children)
+
+
+def frames_in_words(frames: list[str]) -> str:
+    """Return the names of frames as a part of a sentence."""
+    names = ", ".join(f"'{frame}'" for frame in frames)
+    return f"the frame {names}" if len(frames) == 1 else f"the frames {names}"

@@ -44,7 +44,7 @@ def faults(report: TreeReport) -> list[Fault]:
     found = []
     ring = set(frames_in_rings(report.edges))
     for frame, above in _by_child(report.edges).items():
-        names = list(dict.fromkeys(edge.parent for edge in above))
+        names = list(dict.fromkeys(edge.parent for edge in above if edge.parent != frame))
         if frame in report.reserved:
             found.append(Fault(frame, "reserved", f"only {report.reserved[frame]} may place it"))
         if len(names) > 1:
@@ -53,7 +53,7 @@ def faults(report: TreeReport) -> list[Fault]:
             times = len({edge.publisher for edge in above if edge.parent == name})
             if times > 1:
                 found.append(Fault(frame, "published twice", f"{times} publishers below {name}"))
-        if frame in names:
+        if any(edge.parent == frame for edge in above):
             found.append(Fault(frame, "own parent", "its own parent"))
         elif frame in ring:
             found.append(Fault(frame, "ring", "part of a ring"))

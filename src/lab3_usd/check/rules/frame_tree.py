@@ -82,12 +82,13 @@ def _has_parents(edges: list[Edge]) -> bool:
 
 @rule("T04", "transform-published-twice", scope="stage")
 def transform_published_twice(subject: StageSubject) -> Iterator[Problem]:
-    """Two publishers send the same transform.
+    """The same transform is sent twice: by two publishers, or by one for two prims of one name.
 
     Why: tf2 mixes the two streams; where their times differ it warns of old data without end, and
     the frame jitters between two poses.
 
-    Fix: delete one of the publishers, most often a copy of the whole graph.
+    Fix: delete one of the publishers, most often a copy of the whole graph. Of two target prims
+    that have one frame name, take one out.
 
     Example: `ROS_OdomTF` was copied to `/World`, and both publish `odom -> base_footprint`.
     """
@@ -112,6 +113,21 @@ def transform_published_twice(subject: StageSubject) -> Iterator[Problem]:
             related=_others([edge for _, edges in found for edge in edges], found[0][0]),
             severity=None if any(_has_publishers(sure(e)) for _, e in found) else "warning",
         )
+    for edges in _same_transforms(view).values():
+        if not _has_publishers(edges) and len({edge.prim for edge in edges}) > 1:
+            yield _of_two_prims(edges, subject)
+
+
+def _of_two_prims(edges: list[Edge], subject: StageSubject) -> Problem:
+    prims = " and ".join(dict.fromkeys(str(edge.prim) for edge in edges))
+    return Problem(
+        edges[0].cause,
+        f"gives the frame '{edges[0].child}' to {prims}",
+        expected="one prim for each frame",
+        actual=prims,
+        handout=subject.lab.frames.handout,
+        severity=None if edges[0].sure else "warning",
+    )
 
 
 def _has_publishers(edges: list[Edge]) -> bool:
