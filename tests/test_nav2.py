@@ -100,12 +100,19 @@ def test_speeds_are_those_of_the_differential_controller() -> None:
     assert parameters("velocity_smoother")["min_velocity"] == [-0.22, 0.0, -1.0]
 
 
+def test_paths_are_checked_at_points_closer_than_the_robot_is_wide() -> None:
+    follow = parameters("controller_server")["FollowPath"]
+    radius = parameters("local_costmap/local_costmap")["robot_radius"]
+    assert follow["linear_granularity"] <= radius / 2
+    assert follow["angular_granularity"] == pytest.approx(0.025)
+
+
 @pytest.mark.parametrize("name", ["local_costmap", "global_costmap"])
 def test_costmaps_hear_the_scan_and_know_the_robot(name: str) -> None:
     costmap = parameters(f"{name}/{name}")
     layer = costmap["obstacle_layer"]
     assert layer[layer["observation_sources"]]["topic"] == "/scan"
-    assert costmap["robot_radius"] == pytest.approx(0.105)
+    assert costmap["robot_radius"] == pytest.approx(0.1)
     assert costmap["robot_base_frame"] == "base_footprint"
 
 

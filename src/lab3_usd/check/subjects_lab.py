@@ -59,6 +59,37 @@ class Parameter(Struct, frozen=True):
         """The last part of the name."""
         return self.name.rpartition(".")[2]
 
+    @property
+    def site(self) -> str:
+        """The node and the whole name."""
+        return f"{self.node}.{self.name}"
+
+    @property
+    def kind(self) -> str:
+        """What ROS 2 takes the value for; empty where nobody can know."""
+        if not isinstance(self.value, list):
+            return kind_of(self.value)
+        kinds = {kind_of(each) for each in self.value}
+        return f"{kinds.pop()}_array" if len(kinds) == 1 and "" not in kinds else ""
+
+
+_KINDS = ((bool, "bool"), (int, "integer"), (float, "double"), (str, "string"))
+
+
+def kind_of(value: object) -> str:
+    """Name the type of a single value as ROS 2 does; empty where nobody can know."""
+    if isinstance(value, str) and "$(" in value:  # put in by the launch
+        return ""
+    return next((name for kind, name in _KINDS if isinstance(value, kind)), "")
+
+
+class Refusal(Struct, frozen=True):
+    """What the parameter parser of ROS 2 refuses: the name it stands at, and why."""
+
+    name: str
+    why: str
+    line: int
+
 
 class NavigationSubject(Struct, frozen=True):
     """A parameter file of Nav2 as handed in; `fault` says why it could not be read."""
@@ -67,6 +98,7 @@ class NavigationSubject(Struct, frozen=True):
     frames: FrameSpec
     file: str
     parameters: tuple[Parameter, ...] = ()
+    refusals: tuple[Refusal, ...] = ()
     fault: str | None = None
 
 

@@ -12,7 +12,7 @@ from lab3_usd.spec.submission_spec import Deliverable, FolderNames, SubmissionSp
 
 _ADDRESS = re.compile(r"https?://[^\s<>\"')\]]+", re.IGNORECASE)
 _MOST_BYTES = 1_000_000
-_PARAMETERS = b"ros__parameters"
+_PARAMETERS = re.compile(rb"ros_+parameters?[ \t]*:")  # with a slip too
 
 
 def find_deliverables(
@@ -72,6 +72,6 @@ def find_parameter_files(root: Path, usable: Sequence[Entry], folders: FolderNam
     for entry in usable:
         top = entry.path.partition("/")[0].lower() if entry.folder else ""
         is_yaml = entry.name.lower().endswith((".yaml", ".yml")) and top not in folders.shown
-        if is_yaml and _PARAMETERS in _bytes(root / entry.path):
+        if is_yaml and _PARAMETERS.search(_bytes(root / entry.path)):
             found.append(entry.path)
     return found

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from lab3_usd.check.subjects_lab import NavigationSubject, Parameter
+from lab3_usd.check.subjects_lab import NavigationSubject, Parameter, Refusal, kind_of
 from lab3_usd.lab.plain_yaml import PlainLoader
 from lab3_usd.spec.ros_spec import RosSpec
 from lab3_usd.spec.spec import FrameSpec
 
 _PARAMETERS = "ros__parameters"
+_EXPONENT = re.compile(r"[-+]?\d+\.?\d*[eE][-+]?\d+")
+_ALIKE = re.compile(r"ros_*param(eter)?s?", re.IGNORECASE)
 
 
 def read_params(
@@ -28,28 +31,48 @@ def read_params(
         file = path.relative_to(base).as_posix()
     except ValueError:
         file = path.as_posix()
+    names = ros.navigation.parameters.rewritten
     try:
-        parameters = tuple(_parameters(path.read_bytes()))
+        found = tuple(_found(path.read_bytes(), names))
     except OSError as error:
         return NavigationSubject(ros, frames, file, fault=f"cannot be read ({error.strerror})")
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
         mark = getattr(error, "problem_mark", None)
         place = f", see line {mark.line + 1}" if mark is not None else ""
         return NavigationSubject(ros, frames, file, fault=f"is not YAML{place}")
-    fault = None if parameters else f"has no '{_PARAMETERS}'"
-    return NavigationSubject(ros, frames, file, parameters, fault)
+    parameters = tuple(each for each in found if isinstance(each, Parameter))
+    refusals = tuple(each for each in found if isinstance(each, Refusal))
+    fault = None if found else f"has no '{_PARAMETERS}'"
+    return NavigationSubject(ros, frames, file, parameters, refusals, fault)
 
 
-def _parameters(data: bytes) -> Iterator[Parameter]:
+def _found(data: bytes, rewritten: Sequence[str]) -> Iterator[Parameter | Refusal]:
     loader = PlainLoader(data)
     try:
         root = loader.get_single_node()
         repeated = _repeated(root)
         if repeated is not None:
             raise yaml.MarkedYAMLError(problem_mark=repeated.start_mark)
-        yield from _nodes(loader, root, ())
+        for each in _nodes(loader, root, ()):
+            why = _why_refused(each, rewritten) if isinstance(each, Parameter) else None
+            yield each
+            if why is not None and isinstance(each, Parameter):
+                yield Refusal(each.site, f"'{each.name}' {why}", each.line)
     finally:
         loader.dispose()
+
+
+def _why_refused(parameter: Parameter, rewritten: Sequence[str]) -> str | None:
+    """Say why the parser of ROS 2 refuses a value (rcl_yaml_param_parser/src/parse.c)."""
+    value = parameter.value
+    if value is None:
+        return None if parameter.last in rewritten else "has no value"
+    if not isinstance(value, list):
+        return None
+    if any(isinstance(each, list) for each in value):
+        return "is a list of lists"
+    kinds = list(dict.fromkeys(kind_of(each) or "nothing" for each in value))
+    return f"mixes {' and '.join(kinds)} in one list" if len(kinds) > 1 else None
 
 
 def _repeated(root: Any) -> Any:  # noqa: ANN401
@@ -67,13 +90,25 @@ def _repeated(root: Any) -> Any:  # noqa: ANN401
     return None
 
 
-def _nodes(loader: Any, node: Any, names: tuple[str, ...]) -> Iterator[Parameter]:  # noqa: ANN401
+def _nodes(
+    loader: Any,  # noqa: ANN401
+    node: Any,  # noqa: ANN401
+    names: tuple[str, ...],
+) -> Iterator[Parameter | Refusal]:
     """Find the parameters of every node; `names` are the namespaces and the node above them."""
     for key, value in _pairs(node):
-        if key == _PARAMETERS:
+        place, line = ".".join((*names, key)), value.start_mark.line + 1
+        inside = isinstance(value, yaml.MappingNode)
+        if key == _PARAMETERS or (inside and _ALIKE.fullmatch(key)):
+            if key != _PARAMETERS:
+                yield Refusal(place, f"'{key}' is no '{_PARAMETERS}'", line - 1)
+            elif not (inside and names):
+                yield Refusal(place, f"'{key}' needs a node above and values below it", line)
             yield from _values(loader, value, ".".join(names), ())
-        else:
+        elif inside:
             yield from _nodes(loader, value, (*names, key.strip("/")))
+        else:
+            yield Refusal(place, f"'{key}' stands outside '{_PARAMETERS}'", line)
 
 
 def _values(loader: Any, node: Any, owner: str, names: tuple[str, ...]) -> Iterator[Parameter]:  # noqa: ANN401
@@ -82,8 +117,15 @@ def _values(loader: Any, node: Any, owner: str, names: tuple[str, ...]) -> Itera
         if isinstance(value, yaml.MappingNode):
             yield from _values(loader, value, owner, name)
         else:
-            plain = loader.construct_object(value, deep=True)
+            plain = _as_number(loader.construct_object(value, deep=True))
             yield Parameter(owner, ".".join(name), plain, value.start_mark.line + 1)
+
+
+def _as_number(value: object) -> object:
+    """Return the number that a text is for ROS 2 and not for YAML 1.1: `5e-2` without a point."""
+    if isinstance(value, list):
+        return [_as_number(each) for each in value]
+    return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value
 
 
 def _pairs(node: Any) -> list[tuple[str, Any]]:  # noqa: ANN401

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 
@@ -137,7 +137,8 @@ class ParameterNames(Struct, frozen=True, forbid_unknown_fields=True):
     angular: tuple[str, ...]
     speeds: tuple[str, ...]
     stamped: str
-    plugin: str
+    plugin: tuple[str, ...]
+    rewritten: tuple[str, ...]
     laser: str
 
 
@@ -145,6 +146,8 @@ class NavigationSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """What Nav2 is told; metres, metres and radians per second, and per second squared.
 
     `frames` are (node, parameter, frame), `behaviors` plugins by name, `rviz` topics by display.
+    `timed` are the nodes whose clock their own parameters decide, `types` the parameters' last
+    names by what they are declared as, `plugins` all that the distribution has.
     """
 
     handout: str
@@ -161,14 +164,12 @@ class NavigationSpec(Struct, frozen=True, forbid_unknown_fields=True):
     lidar_size: float
     parameters: ParameterNames
     frames: tuple[tuple[str, str, str], ...]
+    timed: tuple[str, ...]
+    types: Mapping[str, Sequence[str]]
+    plugins: tuple[str, ...]
     planner: str
     behaviors: Mapping[str, str]
     rviz: Mapping[str, str]
-
-    @property
-    def plugins(self) -> tuple[str, ...]:
-        """The plugins that other releases call by another name."""
-        return (self.planner, *self.behaviors.values())
 
 
 class SystemSpec(Struct, frozen=True, forbid_unknown_fields=True):

@@ -8,7 +8,11 @@ from collections.abc import Iterator
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.in_short import in_short
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rules import parameter_values
+from lab3_usd.check.rules.parameter_values import parameter_problem
 from lab3_usd.check.subjects_lab import NavigationSubject, Parameter
+
+__all__ = ["parameter_values"]
 
 
 @rule("V01", "parameters-unreadable", scope="navigation")
@@ -28,29 +32,36 @@ def parameters_unreadable(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V02", "not-simulation-time", scope="navigation")
 def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
-    """A node of localization or navigation does not use the simulation time.
+    """A node of localization or navigation cannot be told to use the simulation time.
 
-    Why: its clock is decades ahead of Isaac Sim's: every transform and scan is too old for it,
-    and Nav2 reports timing errors without end (8.16). Where the value is absent, Humble's launch
-    files have nothing to replace by `use_sim_time:=true`: a warning.
+    Why: Humble's launch files put the `use_sim_time:=true` of the launch where the key stands, and
+    add it nowhere. A node without it keeps a clock that is decades ahead of Isaac Sim's: every
+    transform and scan is too old for it, and Nav2 reports timing errors without end (8.16). A key
+    that says something else than true is replaced: a note.
 
-    Fix: write `use_sim_time: true` under the `ros__parameters` of the node.
+    Fix: write `use_sim_time: true` under the `ros__parameters` of the node, and start both launch
+    files with `use_sim_time:=true`.
 
-    Example: `amcl` with `use_sim_time: false`.
+    Example: `amcl` without `use_sim_time`.
     """
     name = subject.ros.navigation.parameters.sim_time
     said = {p.node: p for p in subject.parameters if p.name == name}
-    for parameter in said.values():
-        if parameter.value is not True:
-            message = f"{name} is {in_short(parameter.value)}, expected true"
-            yield _problem(subject, parameter, message, expected="true", handout="8.16")
-    managed = {node.strip("/") for node in subject.ros.lifecycle}
+    other = [parameter for parameter in said.values() if parameter.value is not True]
+    if other:
+        actual = in_short(other[0].value)
+        kind = "the text " if isinstance(other[0].value, str) else ""
+        more = f" in {len(other)} nodes" if len(other) > 1 else ""
+        message = (
+            f"line {other[0].line}: {name} is {kind}{actual}{more}; "
+            "right only where the launch replaces it by use_sim_time:=true"
+        )
+        yield Problem(subject.file, message, other[0].site, "true", actual, "8.16", severity="note")
+    if said.keys() & {"*", "**"}:
+        return
     for node in dict.fromkeys(p.node for p in subject.parameters):
-        if _last(node) in managed and node not in said and "**" not in said:
-            message = f"{name} is absent, expected true"
-            yield Problem(
-                subject.file, message, f"{node}.{name}", "true", handout="8.16", severity="warning"
-            )
+        if _last(node) in subject.ros.navigation.timed and node not in said:
+            message = f"{name} is absent, expected true; the launch cannot add it"
+            yield Problem(subject.file, message, f"{node}.{name}", "true", handout="8.16")
 
 
 @rule("V03", "wrong-base-frame", scope="navigation")
@@ -70,7 +81,7 @@ def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
                 continue
             message = f"{parameter.name} is {in_short(parameter.value)}, no frame of the robot"
             expected = subject.frames.deeper_under
-            yield _problem(subject, parameter, message, expected=expected, handout="8.12")
+            yield parameter_problem(subject, parameter, message, expected=expected, handout="8.12")
 
 
 @rule("V04", "wrong-frame", scope="navigation")
@@ -90,7 +101,7 @@ def wrong_frame(subject: NavigationSubject) -> Iterator[Problem]:
             if _last(parameter.node) != node or parameter.name != name or parameter.value == frame:
                 continue
             message = f"{name} is {in_short(parameter.value)}, expected {frame}"
-            yield _problem(subject, parameter, message, expected=frame, handout="H6")
+            yield parameter_problem(subject, parameter, message, expected=frame, handout="H6")
 
 
 @rule("V05", "wrong-scan-topic", scope="navigation")
@@ -110,7 +121,9 @@ def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
             continue
         said = ", which the handout forbids" if topic == navigation.wrong_scan_topic else ""
         message = f"{parameter.name} is {in_short(parameter.value)}{said}"
-        yield _problem(subject, parameter, message, expected=navigation.scan_topic, handout="I3")
+        yield parameter_problem(
+            subject, parameter, message, expected=navigation.scan_topic, handout="I3"
+        )
 
 
 @rule("V06", "wrong-map-topic", scope="navigation")
@@ -127,7 +140,9 @@ def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
     for parameter in _named(subject, navigation.parameters.map):
         if _topic(parameter.value) not in {navigation.map_topic, "/"}:
             message = f"{parameter.name} is {in_short(parameter.value)}"
-            yield _problem(subject, parameter, message, expected=navigation.map_topic, handout="H4")
+            yield parameter_problem(
+                subject, parameter, message, expected=navigation.map_topic, handout="H4"
+            )
 
 
 @rule("V07", "other-speed", scope="navigation", severity="note")
@@ -150,12 +165,12 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
     wanted = [navigation.linear_speed, 0.0, navigation.angular_speed]
     for parameter in subject.parameters:
         limit = limits.get(parameter.last)
-        if limit is not None and not _close(parameter.value, limit):
+        if limit is not None and parameter.kind != "string" and not _close(parameter.value, limit):
             message = f"{parameter.name} is {in_short(parameter.value)}, the graph allows {limit}"
-            yield _problem(subject, parameter, message, expected=str(limit), handout="C8")
-        elif parameter.last in names.speeds and not _close_all(parameter.value, wanted):
+            yield parameter_problem(subject, parameter, message, expected=str(limit), handout="C8")
+        elif parameter.last in names.speeds and _other_list(parameter.value, wanted):
             message = f"{parameter.name} is {in_short(parameter.value)}, the graph allows {wanted}"
-            yield _problem(subject, parameter, message, expected=str(wanted), handout="C8")
+            yield parameter_problem(subject, parameter, message, expected=str(wanted), handout="C8")
 
 
 @rule("V08", "stamped-velocity", scope="navigation", severity="warning")
@@ -173,40 +188,7 @@ def stamped_velocity(subject: NavigationSubject) -> Iterator[Problem]:
     for parameter in subject.parameters:
         if parameter.last == name and parameter.value is True:
             message = f"{name} is true, expected plain Twist commands"
-            yield _problem(subject, parameter, message, expected="false", handout="C5")
-
-
-@rule("V09", "plugin-of-another-release", scope="navigation")
-def plugin_of_another_release(subject: NavigationSubject) -> Iterator[Problem]:
-    """A plugin is named as in a later release than Humble.
-
-    Why: Humble looks these plugins up by a name with a slash; the node cannot load the plugin, and
-    the lifecycle manager brings nothing up.
-
-    Fix: write the name with a slash.
-
-    Example: `nav2_navfn_planner::NavfnPlanner` instead of `nav2_navfn_planner/NavfnPlanner`.
-    """
-    navigation = subject.ros.navigation
-    ours = {name.replace("/", "::"): name for name in navigation.plugins}
-    for parameter in subject.parameters:
-        value = str(parameter.value)
-        if parameter.last == navigation.parameters.plugin and value in ours:
-            message = f"{parameter.name} is {value}, here it is called {ours[value]}"
-            yield _problem(subject, parameter, message, expected=ours[value], handout="4.1")
-
-
-def _problem(
-    subject: NavigationSubject, parameter: Parameter, message: str, *, expected: str, handout: str
-) -> Problem:
-    return Problem(
-        subject.file,
-        f"line {parameter.line}: {message}",
-        f"{parameter.node}.{parameter.name}",
-        expected,
-        in_short(parameter.value),
-        handout,
-    )
+            yield parameter_problem(subject, parameter, message, expected="false", handout="C5")
 
 
 def _named(subject: NavigationSubject, names: tuple[str, ...]) -> list[Parameter]:
@@ -241,7 +223,7 @@ def _close(value: object, limit: float) -> bool:
     return isinstance(value, (int, float)) and math.isclose(value, limit, rel_tol=1e-6)
 
 
-def _close_all(value: object, wanted: list[float]) -> bool:
-    if not isinstance(value, list) or len(value) != len(wanted):
+def _other_list(value: object, wanted: list[float]) -> bool:
+    if not isinstance(value, list):
         return False
-    return all(_close(each, limit) for each, limit in zip(value, wanted, strict=True))
+    return len(value) != len(wanted) or not all(map(_close, value, wanted))
