@@ -186,9 +186,7 @@ MAPS = [
 ]
 
 PARAMETERS = [
-    case(
-        "wall time", rewrite(PARAMS, "use_sim_time: true", "use_sim_time: false"), f"V02 {PARAMS}"
-    ),
+    case("wall time", rewrite(PARAMS, "    use_sim_time: true\n", ""), f"V02 {PARAMS}"),
     case(
         "fixed scan",
         rewrite(PARAMS, "scan_topic: /scan", "scan_topic: /scan_fixed"),

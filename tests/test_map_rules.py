@@ -64,6 +64,15 @@ def changed(old: str, new: str) -> str:
         "# my map\n\n" + GOOD.replace("\n", "   # as in 4.2\n") + "# author: ana\n",
         "\n".join(reversed(GOOD.splitlines())),
         "cost_lethal_threshold: 100\n" + GOOD,
+        changed("trinary", "Trinary"),
+        changed("trinary", "TRINARY"),
+        GOOD.replace(": ", ":\t"),
+        GOOD.replace("\n", "\t\n"),
+        changed("[-6.2, -3.32, 0]", "[-6.2,\t-3.32,\t0]"),
+        changed("negate: 0", "negate: false"),
+        changed("negate: 0", "negate: 'no'"),
+        changed("negate: 0", "negate: '0'"),
+        changed("[-6.2, -3.32, 0]", "['-6.2', '-3.32', '0']"),
     ],
 )
 def test_a_correct_map_has_no_problem(tmp_path: Path, text: str) -> None:
@@ -92,6 +101,15 @@ FAULTS = [
     ("M06", changed("0.25", "0.196"), "free_thresh"),
     ("M06", changed("resolution: 0.05\n", ""), "resolution"),
     ("M06", changed("0.05", "five"), "resolution"),
+    ("M06", changed("negate: 0", "negate: 0.0"), "negate"),
+    ("M06", changed("negate: 0", "negate: '0.0'"), "negate"),
+    ("M06", changed("negate: 0", "negate:"), "negate"),
+    ("M06", changed("trinary", "tri"), "mode"),
+    ("M06", changed("trinary", "[trinary]"), "mode"),
+    ("M06", changed("0.05", "true"), "resolution"),
+    ("M01", "\t" + GOOD, None),
+    ("M07", changed(", 0]", ", false]"), "origin"),
+    ("M07", changed("[-6.2, -3.32, 0]", "[-6.2, -3.32, 0, 0]"), "origin"),
     ("M07", changed("-6.2", "0.0"), "origin"),
     ("M07", changed(", 0]", ", 1.57]"), "origin"),
     ("M07", changed("[-6.2, -3.32, 0]", "[-6.2, -3.32]"), "origin"),
@@ -108,6 +126,97 @@ def test_a_fault_in_the_file_gives_its_finding_and_no_other(
     (problem,) = found[rule_id]
     assert (problem.prim, problem.property) == (f"maps/{FACTS.yaml}", site)
     assert problem.handout
+
+
+REFUSED = "map_server cannot load it"
+
+
+@pytest.mark.parametrize(
+    ("text", "refused"),
+    [
+        (changed("negate: 0", "negate: 0.0"), True),
+        (changed("negate: 0", "negate: 1"), False),
+        (changed("negate: 0", "negate: true"), False),
+        (changed("trinary", "scale"), False),
+        (changed("trinary", "tri"), True),
+        (changed("0.05", "0.5"), False),
+        (changed("0.05", "'0.5'"), False),
+        (changed("0.05", "five"), True),
+        (changed("resolution: 0.05\n", ""), True),
+        (changed("-6.2", "0"), False),
+        (changed("-6.2", "west"), True),
+        (changed("[-6.2, -3.32, 0]", "0"), True),
+        (changed("[-6.2, -3.32, 0]", "[-6.2, -3.32]"), True),
+    ],
+)
+def test_what_map_server_refuses_is_said_and_nothing_else(
+    tmp_path: Path, text: str, *, refused: bool
+) -> None:
+    """As nav2_map_server's map_io.cpp of Humble did with each of these files."""
+    ((problem,),) = problems(given(tmp_path, text)).values()
+    assert (REFUSED in problem.message) is refused
+
+
+def png(width: int = 177, height: int = 162, *, end: bytes = b"IEND") -> bytes:
+    sizes = width.to_bytes(4, "big") + height.to_bytes(4, "big") + b"\x08\0\0\0\0"
+    chunks = ((b"IHDR", sizes), (b"IDAT", b"cells"), (end, b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        len(data).to_bytes(4, "big") + name + data + b"\0\0\0\0" for name, data in chunks
+    )
+
+
+CELLS = 177 * 162
+
+
+@pytest.mark.parametrize(
+    ("data", "name"),
+    [
+        (png(), "PNG"),
+        (b"P6\n177 162\n255\n" + b"\xfe" * (3 * CELLS), "PPM"),
+        (b"P6\n177 162\n65535\n" + b"\xfe" * (6 * CELLS), "PPM"),
+        (b"P3\n# mine\n177 162\n255\n" + b"254 " * (3 * CELLS), "PPM"),
+        (b"P4\n177 162\n" + b"\0" * (23 * 162), "PBM"),
+        (b"P1\n177 162\n" + b"0" * CELLS, "PBM"),
+    ],
+)
+def test_another_image_under_the_name_of_a_pgm_is_a_warning(
+    tmp_path: Path, data: bytes, name: str
+) -> None:
+    found = problems(given(tmp_path, data=data))
+    assert list(found) == ["M05"]
+    (problem,) = found["M05"]
+    assert problem.severity == "warning"
+    assert name in problem.message
+    assert REFUSED not in problem.message
+
+
+def test_another_image_has_a_size_too(tmp_path: Path) -> None:
+    assert set(problems(given(tmp_path, data=png(384, 384)))) == {"M05", "M08"}
+
+
+def test_an_image_whose_ending_tells_what_it_is_is_only_another_one(tmp_path: Path) -> None:
+    (tmp_path / FACTS.yaml).write_text(changed("turtlebot3_map.pgm", "turtlebot3_map.png"))
+    (tmp_path / "turtlebot3_map.png").write_bytes(png())
+    assert list(problems(map_subject(tmp_path / FACTS.yaml, FACTS))) == ["M03"]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        png(end=b"tEXt"),
+        png()[:-20],
+        b"P6\n177 162\n255\n" + b"\xfe" * (2 * CELLS),
+        b"P6\n0 162\n255\n",
+        b"P3\n177 162\n255\n" + b"254 " * CELLS,
+        b"P4\n177 162\n",
+        b"P1\n177 162\n0 1",
+        b"no image at all",
+    ],
+)
+def test_an_image_that_is_not_whole_is_an_error(tmp_path: Path, data: bytes) -> None:
+    (problem,) = problems(given(tmp_path, data=data))["M05"]
+    assert problem.severity is None
+    assert REFUSED in problem.message
 
 
 def test_a_missing_file_is_found(tmp_path: Path) -> None:

@@ -30,7 +30,8 @@ class MapSubject(Struct, frozen=True):
 
     Paths are relative to the submission; `size` is (width, height) in cells. An absolute
     image path is looked for by its name beside the YAML; `image_file` is empty when it is not
-    there, and when the path leads out of the submission.
+    there, and when the path leads out of the submission. `image_format` is empty for a PGM, and
+    where the file's ending tells it.
     """
 
     facts: MapFacts
@@ -42,6 +43,7 @@ class MapSubject(Struct, frozen=True):
     image_absolute: bool = False
     image_exists: bool = False
     image_fault: str | None = None
+    image_format: str = ""
     size: tuple[int, int] | None = None
     agreements: tuple[Agreement, ...] = ()
 

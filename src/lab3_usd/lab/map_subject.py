@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import yaml
+from msgspec import Struct
 
 from lab3_usd.check.subjects_lab import Agreement, MapSubject
+from lab3_usd.lab.map_image import other_image
 from lab3_usd.lab.maps import MapError, read_pgm
 from lab3_usd.lab.plain_yaml import load_plain
 from lab3_usd.spec.ros_spec import MapFacts
+
+_TABS = re.compile(rb"(?<=[^\s])\t+")  # not those that a line begins with
 
 
 def find_map(folder: Path, facts: MapFacts) -> Path:
@@ -43,7 +48,7 @@ def map_subject(
     image_path = yaml_path.parent / (PureWindowsPath(image).name if absolute else image)
     inside = _is_inside(image_path, base)
     exists = inside and image_path.is_file()
-    size, image_fault = _size(image_path) if exists else (None, None)
+    shown = _image(image_path) if exists else _Image()
     return MapSubject(
         facts,
         given=True,
@@ -52,8 +57,9 @@ def map_subject(
         image_file=_relative(image_path, base) if exists or (inside and not absolute) else "",
         image_absolute=absolute,
         image_exists=exists,
-        image_fault=image_fault,
-        size=size,
+        image_fault=shown.fault,
+        image_format=shown.format,
+        size=shown.size,
         agreements=tuple(agreements),
     )
 
@@ -75,9 +81,19 @@ def _is_inside(path: Path, base: Path) -> bool:
     return path.resolve().is_relative_to(base.resolve())
 
 
+def _load(data: bytes) -> object:
+    """Read a YAML as map_server's yaml-cpp does, which takes a tab for a blank between words."""
+    try:
+        return load_plain(data)
+    except yaml.YAMLError:
+        if b"\t" not in data:
+            raise
+        return load_plain(_TABS.sub(b" ", data))
+
+
 def _read(path: Path) -> tuple[dict[str, object] | None, str | None]:
     try:
-        data = load_plain(path.read_bytes())
+        data = _load(path.read_bytes())
     except OSError as error:
         return None, f"cannot be read ({error.strerror})"
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
@@ -88,12 +104,29 @@ def _read(path: Path) -> tuple[dict[str, object] | None, str | None]:
     return {str(key): value for key, value in data.items()}, None
 
 
-def _size(path: Path) -> tuple[tuple[int, int] | None, str | None]:
+class _Image(Struct, frozen=True):
+    """What an image file shows."""
+
+    size: tuple[int, int] | None = None
+    fault: str | None = None
+    format: str = ""
+
+
+def _image(path: Path) -> _Image:
     try:
         grid = read_pgm(path)
     except (MapError, OSError, ValueError) as error:
-        return None, str(error).replace(str(path), "").lstrip(": ")
-    return (grid.width, grid.height), None
+        fault = str(error).replace(str(path), "").lstrip(": ")
+    else:
+        return _Image((grid.width, grid.height))
+    try:
+        other = other_image(path.read_bytes())
+    except OSError:
+        other = None
+    if other is None:
+        return _Image(fault=f"{fault}; map_server cannot load it")
+    told = path.suffix.lower() in other.endings
+    return _Image((other.width, other.height), format="" if told else other.name)
 
 
 def _relative(path: Path, base: Path) -> str:

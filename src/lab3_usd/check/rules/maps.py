@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import PurePosixPath, PureWindowsPath
 from posixpath import normpath
 
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.in_short import in_short
+from lab3_usd.check.map_values import READ, REFUSED, number, same
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subjects_lab import MapSubject
 
-_PLAIN_VALUES = ("mode", "resolution", "negate", "occupied_thresh", "free_thresh")
 _DEFAULTS = {"mode": "trinary"}  # what map_server takes where the file says nothing
 
 
@@ -101,7 +100,8 @@ def map_image_missing(subject: MapSubject) -> Iterator[Problem]:
 def map_image_unreadable(subject: MapSubject) -> Iterator[Problem]:
     """The image of the map is not a readable PGM file.
 
-    Why: map_server cannot load it, or loads half of it.
+    Why: map_server refuses an image that is damaged or shortened, and there is no `/map`. It goes
+    by what a file holds: a PNG or a PPM under the name of a PGM is loaded, and a warning.
 
     Fix: copy the supplied `turtlebot3_map.pgm` again; a PNG that was renamed stays a PNG.
 
@@ -109,6 +109,12 @@ def map_image_unreadable(subject: MapSubject) -> Iterator[Problem]:
     """
     if subject.image_fault is not None:
         yield Problem(subject.image_file, f"map image {subject.image_fault}", handout="4.2")
+    elif subject.image_format:
+        ending = PurePosixPath(subject.image_file).suffix
+        message = (
+            f"map image is a {subject.image_format} that ends in '{ending}'; map_server loads it"
+        )
+        yield Problem(subject.image_file, message, handout="4.2", severity="warning")
 
 
 @rule("M06", "map-value", scope="maps")
@@ -124,16 +130,18 @@ def map_value(subject: MapSubject) -> Iterator[Problem]:
     """
     if subject.values is None:
         return
-    for name in _PLAIN_VALUES:
+    for name, read in READ.items():
         expected = getattr(subject.facts, name)
         actual = subject.values.get(name, _DEFAULTS.get(name))
-        if name not in subject.values and actual is None:
-            message = f"'{name}' is missing, expected {expected}"
-            yield Problem(subject.file, message, name, str(expected), handout="4.2")
-        elif not _same(actual, expected):
-            said = in_short(actual)
-            message = f"'{name}' is {said}, expected {expected}"
-            yield Problem(subject.file, message, name, str(expected), said, "4.2")
+        value = read(actual)
+        if same(value, expected):
+            continue
+        given = name in subject.values or actual is not None
+        said = f"is {in_short(actual)}" if given else "is missing"
+        message = f"'{name}' {said}, expected {expected}"
+        message += f"; {REFUSED}" if value is None else ""
+        actual_said = in_short(actual) if given else None
+        yield Problem(subject.file, message, name, str(expected), actual_said, "4.2")
 
 
 @rule("M07", "map-origin", scope="maps")
@@ -151,11 +159,12 @@ def map_origin(subject: MapSubject) -> Iterator[Problem]:
         return
     expected = subject.facts.origin
     actual = subject.values.get("origin")
-    is_triple = isinstance(actual, list) and len(actual) == len(expected)
-    if is_triple and all(map(_same, actual or (), expected)):  # type: ignore[call-overload]
+    values = [number(each) for each in actual] if isinstance(actual, list) else []
+    if len(values) == len(expected) and all(map(same, values, expected)):
         return
     said = in_short(actual)
     message = f"'origin' is {said}, expected {_numbers(expected)}"
+    message += f"; {REFUSED}" if len(values) != len(expected) or None in values else ""
     yield Problem(subject.file, message, "origin", _numbers(expected), said, "8.14")
 
 
@@ -217,21 +226,6 @@ def map_not_given(subject: MapSubject) -> Iterator[Problem]:
 
 def _quoted(value: object) -> str:
     return "''" if value == "" else in_short(value)
-
-
-def _same(actual: object, expected: object) -> bool:
-    actual = _number(actual)
-    if isinstance(actual, (int, float)) and isinstance(expected, (int, float)):
-        return math.isclose(actual, expected, rel_tol=1e-6, abs_tol=1e-9)
-    return actual == expected
-
-
-def _number(value: object) -> object:
-    """Return the number that a text is: YAML 1.1 takes `5e-2`, without a point, for text."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
 
 
 def _numbers(values: Sequence[float]) -> str:
