@@ -30,10 +30,11 @@ from lab3_usd.check.requirements import (
     scene_requirements,
     score,
 )
-from lab3_usd.check.robot_place import lab_at, lost_graphs, robot_homes
+from lab3_usd.check.robot_place import is_root_articulated, lab_at, lost_graphs, robot_homes
 from lab3_usd.check.sensor_place import sensor_homes
 from lab3_usd.check.subject import GraphSubject, Outcome, StageSubject
 from lab3_usd.errors import StageError, UsageError
+from lab3_usd.spec.articulated import lab_of_root
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.spec import Checkpoint, Lab
 
@@ -102,6 +103,8 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     live = {node.path: node for node in stage.nodes()}
     homes = robot_homes(lab, stage)
     placed = lab_at(lab, homes)
+    if is_root_articulated(placed, stage):
+        placed = lab_of_root(placed)
     robot = homes.get(lab.scene["robot"]["path"], "")
     subjects = [*_graph_subjects(placed, checkpoint, stage, live, robot)]
     run = _Run([], [])

@@ -38,6 +38,12 @@ def collides(prim: Prim) -> bool:
     return prim.present and has_api and not is_switched_off(prim, COLLISION_ENABLED)
 
 
+def is_articulated(prim: Prim) -> bool:
+    """Whether the prim is a live root of an articulation."""
+    is_on = not is_switched_off(prim, ARTICULATION_ENABLED)
+    return prim.present and ARTICULATION_API in prim.apis and is_on
+
+
 def is_joint(prim: Prim) -> bool:
     """Whether the prim is a joint of any kind."""
     return prim.type.endswith(_JOINT_END)

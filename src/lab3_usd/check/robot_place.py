@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from lab3_usd.check.absence import hides_below, is_at_or_below, is_hidden
 from lab3_usd.check.candidates import moved, relocated
 from lab3_usd.check.model import Prim, StageModel
-from lab3_usd.check.physics import BODY_API
+from lab3_usd.check.physics import BODY_API, is_articulated
 from lab3_usd.check.sensor_place import is_named
 from lab3_usd.check.subject import Roles
 from lab3_usd.spec.spec import GraphSpec, Lab
@@ -121,6 +121,14 @@ def _topmost_missing(stage: StageModel, path: str) -> str:
             missing = path
         path = path.rpartition("/")[0]
     return missing
+
+
+def is_root_articulated(lab: Lab, stage: StageModel) -> bool:
+    """Whether the robot root carries the articulation, and the handout's prim does not."""
+    robot = lab.scene["robot"]
+    root, base = stage.prim(robot["path"]), stage.prim(robot["articulation"]["target"])
+    is_on_base = base is not None and is_articulated(base)
+    return root is not None and is_articulated(root) and not is_on_base
 
 
 def lab_at(lab: Lab, homes: Mapping[str, str]) -> Lab:

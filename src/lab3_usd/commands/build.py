@@ -93,7 +93,12 @@ def _numbers(known: list[str], through: str | None, only: str | None) -> list[st
 def _warn(starter: Path) -> None:
     """Say what is merely unlike the handout in a starter that was built on all the same."""
     from lab3_usd.check.checker import check_stage  # noqa: PLC0415 - only for a given starter
+    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.stage.fitness import remarks  # noqa: PLC0415
+    from lab3_usd.stage.opening import open_stage  # noqa: PLC0415
 
+    for prim, message in remarks(load_lab(), open_stage(starter)):
+        click.echo(f"warning: {prim}: {message}", err=True)
     for finding in check_stage(starter, "00").findings:
         if finding.severity != "note":
             click.echo(f"warning: {finding.prim}: {finding.message}", err=True)

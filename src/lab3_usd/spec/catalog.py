@@ -82,7 +82,9 @@ class NodeType(Struct, frozen=True):
 
     `message` maps the value of the port `type` to a message type; the key '' holds where the
     type has one message only. `role` is publisher, subscriber, helper (publishes as well),
-    service, or '' for types that do not talk to ROS.
+    service, or '' for types that do not talk to ROS. `articulation` names the relationships at
+    and below whose prims an articulation is looked for; `step_limits` the inputs that must be 0
+    while the input of `time_step` is.
     """
 
     type: str
@@ -98,6 +100,9 @@ class NodeType(Struct, frozen=True):
     frames: tuple[str, ...] = ()
     message: Mapping[str, str] = field(default_factory=dict)
     tf: TfPorts | None = None
+    articulation: tuple[str, ...] = ()
+    time_step: tuple[str, ...] = ()
+    step_limits: tuple[str, ...] = ()
 
     def input(self, short: str) -> Port | None:
         """Return the input `short`; a dynamic input that this type can grow counts."""

@@ -69,6 +69,9 @@ class _TypeEntry(Struct, forbid_unknown_fields=True):
     message: str | dict[str, str] = {}
     frames: tuple[str, ...] = ()
     tf: _TfEntry | None = None
+    articulation: tuple[str, ...] = ()
+    time_step: tuple[str, ...] = ()
+    step_limits: tuple[str, ...] = ()
 
 
 class _AttributeEntry(Struct, forbid_unknown_fields=True):
@@ -166,6 +169,9 @@ def _node_type(name: str, entry: _TypeEntry, usd_types: Mapping[str, str]) -> No
         frames=_named(entry.frames, INPUT, ports, f"{where}: frames"),
         message={"": entry.message} if isinstance(entry.message, str) else entry.message,
         tf=_tf_ports(entry.tf, ports, f"{where}: tf"),
+        articulation=_named(entry.articulation, INPUT, ports, f"{where}: articulation"),
+        time_step=_named(entry.time_step, INPUT, ports, f"{where}: time_step"),
+        step_limits=_named(entry.step_limits, INPUT, ports, f"{where}: step_limits"),
     )
 
 

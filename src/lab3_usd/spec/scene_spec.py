@@ -35,7 +35,8 @@ def _check_robot(robot: Mapping[str, Any]) -> None:
     where = f"{SCENE_FILE}: robot"
     need(robot, "path", str, where)
     check_pose(need(robot, "pose", dict, where), where)
-    need(need(robot, "articulation", dict, where), "target", str, where)
+    for key in ("target", "api", "switch"):
+        need(need(robot, "articulation", dict, where), key, str, where)
     for name, link in need(robot, "links", dict, where).items():
         expect(link, dict, f"{where}: {name}")
         if "mass" in link:

@@ -22,11 +22,15 @@ class Setting(Struct, frozen=True):
 
 
 class Target(Struct, frozen=True):
-    """The prims that one relationship of a node must name, in the order of the handout."""
+    """The prims that one relationship of a node must name, in the order of the handout.
+
+    `handout_prims` are those of the handout where they do not work in a stage and `prims` do.
+    """
 
     port: str
     prims: tuple[str, ...]
     handout: str
+    handout_prims: tuple[str, ...] = ()
 
 
 class NodeSpec(Struct, frozen=True):

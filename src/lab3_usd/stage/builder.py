@@ -10,10 +10,11 @@ from msgspec import Struct
 from pxr import Sdf, Usd
 
 from lab3_usd.errors import Lab3Error, StageError, UsageError
+from lab3_usd.spec.articulated import lab_of_root
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.spec import Checkpoint, Lab
 from lab3_usd.stage.author import author_graph
-from lab3_usd.stage.fitness import reasons_against
+from lab3_usd.stage.fitness import is_root_articulated, reasons_against
 from lab3_usd.stage.inputs import inputs_of
 from lab3_usd.stage.opening import open_stage, quiet
 from lab3_usd.stage.rebase import copy_for
@@ -80,6 +81,8 @@ def build_files(
         StarterError, StageError, UsageError: as `build_checkpoint`; nothing is written then.
     """
     stage = _open_starter(lab, starter)
+    if is_root_articulated(lab, stage):
+        lab = lab_of_root(lab)
     _check_targets(plan, stage, options)
     for target in plan:
         _make_folder(target.parent)

@@ -37,6 +37,29 @@ def _reasons(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
             yield f"{path} is there already{_state(prim)}; the starter must not hold it"
 
 
+def is_root_articulated(lab: Lab, stage: Usd.Stage) -> bool:
+    """Whether the robot root carries the articulation, and the handout's prim does not."""
+    robot = lab.scene["robot"]
+    target = robot["articulation"]["target"]
+    return _is_articulated(lab, stage, robot["path"]) and not _is_articulated(lab, stage, target)
+
+
+def _is_articulated(lab: Lab, stage: Usd.Stage, path: str) -> bool:
+    prim, spec = stage.GetPrimAtPath(path), lab.scene["robot"]["articulation"]
+    if not prim or spec["api"] not in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+        return False
+    switch = prim.GetAttribute(spec["switch"])
+    return not switch or switch.Get() is not False
+
+
+def remarks(lab: Lab, stage: Usd.Stage) -> Iterator[tuple[str, str]]:
+    """Yield a prim and what is done otherwise than in the handout because of it."""
+    if is_root_articulated(lab, stage):
+        root, target = lab.scene["robot"]["path"], lab.scene["robot"]["articulation"]["target"]
+        message = f"the articulation root is on {root}; Isaac Sim finds no articulation at the"
+        yield root, f"{message} handout's target {target}, so the graphs name {root} instead"
+
+
 def _state(prim: Usd.Prim) -> str:
     """Say of a prim why the Stage panel may not show it."""
     if not prim.IsActive():

@@ -15,6 +15,7 @@ from lab3_usd.check.physics import (
     JOINT_ENABLED,
     below,
     bodies,
+    is_articulated,
     is_switched_off,
     joints,
 )
@@ -42,7 +43,7 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
     base = subject.stage.prim(target)
     if root is None or base is None:
         return
-    found = [prim for prim in below(subject.stage, root.path) if _is_articulated(prim)]
+    found = [prim for prim in below(subject.stage, root.path) if is_articulated(prim)]
     right = [prim for prim in (base, root) if prim in found]
     for prim in found:
         if prim not in right[:1]:
@@ -57,11 +58,6 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
         why = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
         message = f"the articulation root {why}, expected on {target}"
         yield Problem(target, message, None, ARTICULATION_API, handout=handout)
-
-
-def _is_articulated(prim: Prim) -> bool:
-    is_on = not is_switched_off(prim, ARTICULATION_ENABLED)
-    return prim.present and ARTICULATION_API in prim.apis and is_on
 
 
 @rule("S12", "loose-link", scope="stage")

@@ -11,6 +11,7 @@ from lab3_usd.check.met import same_value
 from lab3_usd.check.model import Node
 from lab3_usd.check.names import resolved_topic
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.limits import stopping_limits
 from lab3_usd.check.rules.settings import setting_problem, settings_of
 from lab3_usd.check.say import listed, short_source, shown, titled
 from lab3_usd.check.subject import GraphSubject, Roles, StageSubject
@@ -85,18 +86,18 @@ def _find_changed(subject: GraphSubject) -> Iterator[_Changed]:
 def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
     """An input that the handout leaves alone was changed.
 
-    Why: the handout's robot behaves as described with the default; acceleration limits, for one,
-    stop the controller unless its time step is wired.
+    Why: the handout's robot behaves as described with the default.
 
     Fix: reset the field in the Property panel unless your instructor asked for the value.
 
-    Example: `maxAcceleration` 0.5 with nothing wired to `dt`: the robot does not move.
+    Example: `maxWheelSpeed` 2: the robot goes no faster than 0.05 m/s.
     """
     policy = subject.lab.policy
     left = (*policy.keep_default, policy.namespace)
     for node, spec, port, value in _changed(subject):
         agrees = port.short in policy.stamp_ports and value is False
-        if port.short not in left and not agrees:
+        stops = port.name in dict(stopping_limits(subject.live, node))
+        if port.short not in left and not agrees and not stops:
             message = (
                 f"{port.name} is {shown(value)}, the handout leaves it at {shown(port.default)}"
             )

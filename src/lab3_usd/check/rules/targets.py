@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.finding import Problem
-from lab3_usd.check.met import target_met
+from lab3_usd.check.met import follows_handout, target_met
 from lab3_usd.check.model import Node
 from lab3_usd.check.registry import rule
 from lab3_usd.check.say import listed
@@ -62,12 +64,19 @@ def wrong_target(subject: GraphSubject) -> Iterator[Problem]:
     Fix: select the node, clear the field in the Property panel and choose the prim named here.
 
     Example: Isaac Create Render Product of the lidar graph with the camera as its camera prim.
+    Where the articulation root is on the robot root, `base_footprint` for the Articulation
+    Controller is a warning: the handout asks for it, and Isaac Sim finds no articulation there.
     """
     for node, _, target in _targets(subject):
         actual = node.targets(target.port)
         if actual and not target_met(node, target):
             message = f"{target.port} is {listed(actual)}, expected {listed(target.prims)}"
             yield _problem(node, target, message)
+        if follows_handout(node, target):
+            root = listed(target.prims)
+            message = f"{target.port} is {listed(actual)} as in the handout, but the articulation"
+            message += f" root is on {root}: no articulation is found, and nothing moves"
+            yield replace(_problem(node, target, message), severity="warning")
 
 
 @rule("R03", "unknown-target", scope="graph", severity="warning")

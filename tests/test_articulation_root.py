@@ -1,0 +1,102 @@
+"""The articulation root on the robot root: what is the right target then, and what is built."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from breaking import correct_stage, judged
+from pxr import Usd
+from scene_changes import Change, several, switch, with_api, without_api
+from starters import ROBOT, changed
+
+from lab3_usd import cli
+from lab3_usd.check.checker import check_stage
+from lab3_usd.stage.builder import build_checkpoint
+
+API = "PhysicsArticulationRootAPI"
+BASE = f"{ROBOT}/base_footprint"
+NODE = f"{ROBOT}/ROS_Drive/articulation_controller"
+ON_ROOT = several(without_api(BASE, API), with_api(ROBOT, API))
+ON_BOTH = with_api(ROBOT, API)
+OFF_ON_ROOT = several(ON_BOTH, switch(ROBOT, "physxArticulation:articulationEnabled"))
+
+
+def told(change: Change, *targets: str, checkpoint: str = "05") -> list[tuple[str, str, str]]:
+    """Rule, severity and prim of what is said of a stage whose controller names these prims."""
+    stage = correct_stage(checkpoint)
+    change(stage)
+    port = stage.GetPrimAtPath(NODE).GetRelationship("inputs:targetPrim")
+    port.SetTargets(list(targets))
+    return [
+        (each.rule, each.severity, each.prim)
+        for each in judged(stage, checkpoint).findings
+        if each.severity != "note" and each.rule in {"R01", "R02", "S11"}
+    ]
+
+
+def test_on_the_base_the_handouts_target_is_right() -> None:
+    assert told(lambda _: None, BASE) == []
+    assert told(lambda _: None, ROBOT) == [("R02", "error", NODE)]
+
+
+def test_on_the_root_the_root_is_the_target() -> None:
+    assert told(ON_ROOT, ROBOT) == []
+
+
+def test_on_the_root_the_handouts_target_is_a_warning() -> None:
+    assert told(ON_ROOT, BASE) == [("R02", "warning", NODE)]
+
+
+@pytest.mark.parametrize("target", [f"{ROBOT}/base_link", f"{ROBOT}/joints", "/World"])
+def test_on_the_root_any_other_target_is_an_error(target: str) -> None:
+    assert told(ON_ROOT, target) == [("R02", "error", NODE)]
+
+
+def test_on_the_root_no_target_is_an_error() -> None:
+    assert told(ON_ROOT) == [("R01", "error", NODE)]
+
+
+@pytest.mark.parametrize("change", [ON_BOTH, OFF_ON_ROOT])
+def test_while_the_base_is_articulated_its_target_is_right(change: Change) -> None:
+    assert ("R02", "warning", NODE) not in told(change, BASE)
+    assert ("R02", "error", NODE) in told(change, ROBOT)
+
+
+def test_the_warning_costs_no_requirement() -> None:
+    stage = correct_stage("05")
+    ON_ROOT(stage)
+    lost = [each.id for each in judged(stage, "05").requirements if not each.met]
+    assert "ROS_Drive/target/articulation_controller.targetPrim" not in lost
+
+
+def test_odometry_looks_at_the_rigid_body_wherever_the_articulation_is() -> None:
+    stage = correct_stage("05")
+    ON_ROOT(stage)
+    found = judged(stage, "05").findings
+    assert [each.prim for each in found if each.rule in {"R01", "R02"}] == [NODE]
+
+
+@pytest.mark.parametrize(("change", "target"), [(ON_ROOT, ROBOT), (lambda _: None, BASE)])
+def test_the_builder_names_the_target_that_works(
+    change: Change, target: str, tmp_path: Path
+) -> None:
+    starter = changed(tmp_path / "starter.usda", change)
+    built = build_checkpoint(starter, "02", tmp_path / "Lab3_02.usda")
+    stage = Usd.Stage.Open(str(built))
+    port = stage.GetPrimAtPath(NODE).GetRelationship("inputs:targetPrim")
+    assert [str(path) for path in port.GetTargets()] == [target]
+    assert check_stage(built, "02").verdict == "pass"
+    assert [each.rule for each in check_stage(built, "02").findings if each.rule == "R02"] == []
+
+
+def test_building_on_an_articulated_root_warns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    starter = changed(tmp_path / "starter.usda", ON_ROOT)
+    arguments = ["build", str(starter), "--out", str(tmp_path / "out"), "--only", "02"]
+    monkeypatch.setattr("sys.argv", ["lab3", *arguments])
+    cli.main()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"warning: {ROBOT}: ")
+    assert BASE in line
