@@ -165,6 +165,25 @@ def _move(stage: Usd.Stage, source: str, target: str) -> None:
     editor.ApplyEdits()
 
 
+def _instanceable(stage: Usd.Stage, where: str) -> None:
+    stage.GetPrimAtPath(place(where)).SetInstanceable(True)  # noqa: FBT003 - pxr takes it so
+
+
+def _instance(stage: Usd.Stage, where: str) -> None:
+    """Let the prim be an instance of an asset that holds what it held."""
+    path = place(where)
+    asset = Sdf.Layer.CreateAnonymous(".usda")
+    Sdf.CreatePrimInLayer(asset, path)
+    Sdf.CopySpec(stage.GetRootLayer(), path, asset, path)
+    stage.RemovePrim(path)
+    prim = stage.DefinePrim(path)
+    prim.GetReferences().AddReference(asset.identifier, path)
+    prim.SetInstanceable(True)  # noqa: FBT003 - pxr takes it so
+    KEPT.append(asset)
+
+
+KEPT: list[Sdf.Layer] = []  # anonymous layers live as long as somebody holds them
+
 STEPS: dict[str, Callable[..., None]] = {
     "set": _set,
     "declare": _declare,
@@ -182,4 +201,6 @@ STEPS: dict[str, Callable[..., None]] = {
     "node": _node,
     "copy": _copy,
     "move": _move,
+    "instanceable": _instanceable,
+    "instance": _instance,
 }

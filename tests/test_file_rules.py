@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from breaking import judged
 from pxr import Sdf, Usd, UsdGeom
 from scene_changes import (
     CAMERA,
@@ -22,6 +23,8 @@ from scene_changes import (
 from scene_stages import built, findings_of, model_of, told
 
 from lab3_usd.check.registry import rules_of
+
+DRIVE = f"{ROBOT}/ROS_Drive"
 
 
 def behind_a_missing_robot(checkpoint: str) -> Usd.Stage:
@@ -237,3 +240,85 @@ def test_a_layer_may_be_missing_from_the_stage_and_from_an_asset(tmp_path: Path)
     stage = over_an_asset(tmp_path, LACKING)
     stage.GetRootLayer().subLayerPaths.append("edits.usda")
     assert told(stage, "05") == [("F02", "/Environment/More", None), ("F03", "/", None)]
+
+
+def drive_in_a_sublayer(folder: Path, *, muted: bool, prim: str = DRIVE) -> Usd.Stage:
+    """A stage with one prim in a sublayer, which its list of muted layers names."""
+    whole = built("05").GetRootLayer()
+    part = Sdf.Layer.CreateNew(str(folder / "drive.usda"))
+    Sdf.CreatePrimInLayer(part, Sdf.Path(prim).GetParentPath())
+    Sdf.CopySpec(whole, prim, part, prim)
+    part.Save()
+    edit = Sdf.BatchNamespaceEdit()
+    edit.Add(prim, Sdf.Path.emptyPath)
+    assert whole.Apply(edit)
+    whole.subLayerPaths.append("./drive.usda")
+    whole.customLayerData = {"omni_layer": {"locked": {}, "muteness": {"./drive.usda": muted}}}
+    whole.Export(str(folder / "stage.usda"))
+    return Usd.Stage.Open(str(folder / "stage.usda"))
+
+
+def test_a_muted_sublayer_with_a_graph_of_the_lab_is_a_warning(tmp_path: Path) -> None:
+    (found,) = findings_of(drive_in_a_sublayer(tmp_path, muted=True), "05")
+    assert (found.rule, found.severity, found.actual) == ("F04", "warning", "./drive.usda")
+    assert found.related == (DRIVE,)
+
+
+def test_a_sublayer_that_is_muted_no_more_or_holds_nothing_of_the_lab_is_none(
+    tmp_path: Path,
+) -> None:
+    assert told(drive_in_a_sublayer(tmp_path, muted=False), "05") == []
+    other = tmp_path / "other"
+    other.mkdir()
+    assert told(drive_in_a_sublayer(other, muted=True, prim="/Environment/Walls"), "05") == []
+
+
+def test_a_muted_sublayer_with_a_link_of_the_robot_is_a_warning(tmp_path: Path) -> None:
+    stage = drive_in_a_sublayer(tmp_path, muted=True, prim=f"{ROBOT}/base_link")
+    (found,) = findings_of(stage, "05")
+    assert (found.rule, found.related) == ("F04", (ROBOT,))
+
+
+@pytest.mark.parametrize("data", [{"omni_layer": 3}, {"omni_layer": {"muteness": "x"}}, {}])
+def test_odd_lists_of_muted_layers_hide_nothing(data: dict[str, object]) -> None:
+    stage = built("05")
+    stage.GetRootLayer().customLayerData = data
+    assert told(stage, "05") == []
+
+
+def overs_of_a_graph(stage: Usd.Stage) -> None:
+    """Leave of the drive graph what is saved over a graph that an asset holds."""
+    graph = stage.GetRootLayer().GetPrimAtPath(DRIVE)
+    graph.specifier, graph.typeName = Sdf.SpecifierOver, ""
+
+
+def test_nodes_over_a_graph_of_a_missing_asset_are_not_outside_every_graph() -> None:
+    stage = behind_a_missing_robot("05")
+    overs_of_a_graph(stage)
+    found = [each for each in judged(stage, "05").findings if each.severity != "note"]
+    assert [(each.rule, each.prim) for each in found] == [("G01", DRIVE)]
+    assert "./turtlebot3_burger.usd" in found[0].message
+
+
+def test_nodes_over_no_asset_are_outside_every_graph() -> None:
+    stage = built("05")
+    overs_of_a_graph(stage)
+    stage.GetPrimAtPath(DRIVE).SetSpecifier(Sdf.SpecifierDef)
+    rules = [each.rule for each in judged(stage, "05").findings if each.severity != "note"]
+    assert set(rules) == {"G01", "N09"}
+
+
+def test_what_an_instance_does_not_take_up_is_told_with_its_reason() -> None:
+    stage = built("05")
+    asset = Sdf.Layer.CreateAnonymous(".usda")
+    for path in (ROBOT, DRIVE):
+        Sdf.CreatePrimInLayer(asset, path)
+    Sdf.CopySpec(stage.GetRootLayer(), ROBOT, asset, ROBOT)
+    edit = Sdf.BatchNamespaceEdit()
+    edit.Add(DRIVE, Sdf.Path.emptyPath)
+    assert asset.Apply(edit)
+    stage.GetPrimAtPath(ROBOT).GetReferences().AddReference(asset.identifier, ROBOT)
+    stage.GetPrimAtPath(ROBOT).SetInstanceable(True)  # noqa: FBT003 - pxr takes it so
+    (missing,) = [each for each in judged(stage, "05").findings if each.rule == "G01"]
+    assert missing.prim == DRIVE
+    assert f"{ROBOT} is an instance" in missing.message

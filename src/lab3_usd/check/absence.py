@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
-from lab3_usd.check.model import Prim, StageModel
+from lab3_usd.check.model import Node, Prim, StageModel
 
 
 def is_at_or_below(path: str, top: str) -> bool:
@@ -47,6 +47,20 @@ def is_hidden(stage: StageModel, path: str) -> bool:
     if above and not stage.prims[above].active:
         return False
     return stage.unresolved_above(path) is not None
+
+
+def strays(stage: StageModel) -> Iterator[Node]:
+    """Yield the nodes outside every graph.
+
+    Left out are those below an over that may be a graph in an asset which cannot be found.
+    """
+    for node in stage.orphans:
+        above = node.path.rpartition("/")[0]
+        while above and above not in stage.prims:
+            above = above.rpartition("/")[0]
+        over = stage.prims.get(above)
+        if over is None or not over.active or over.defined or not is_hidden(stage, above):
+            yield node
 
 
 def hides_place(stage: StageModel, prim: Prim) -> bool:

@@ -154,6 +154,13 @@ class Unresolved(Struct, frozen=True):
     layer: str = ""
 
 
+class Muted(Struct, frozen=True):
+    """A sublayer that Isaac Sim opens muted, and the prims that it defines or changes."""
+
+    asset: str
+    prims: tuple[str, ...]
+
+
 class Collider(Struct, frozen=True):
     """The box around one collision shape in world space, in metres, and the body it moves with."""
 
@@ -167,6 +174,7 @@ class StageModel(Struct, frozen=True, eq=False):
     """Everything the rules know of one stage.
 
     Two models are the same only when they are one: what is derived from one is remembered by it.
+    `instances` are the paths of the prims that are instances.
     """
 
     up_axis: str
@@ -178,6 +186,8 @@ class StageModel(Struct, frozen=True, eq=False):
     absent: tuple[Absent, ...] = ()
     unresolved: tuple[Unresolved, ...] = ()
     colliders: tuple[Collider, ...] = ()
+    muted: tuple[Muted, ...] = ()
+    instances: tuple[str, ...] = ()
 
     def nodes(self) -> Iterator[Node]:
         """Yield every live node, graph by graph, then those outside every graph."""

@@ -15,6 +15,7 @@ from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import Lab
 from lab3_usd.stage.colliders import RIGID_BODY, find_colliders
 from lab3_usd.stage.missing import find_unresolved, is_in_scene
+from lab3_usd.stage.muted import find_muted
 from lab3_usd.stage.opening import in_plain_words, open_stage, quiet, remembered
 from lab3_usd.stage.places import Places
 from lab3_usd.stage.plain import plain
@@ -62,6 +63,8 @@ def _read_model(stage: Usd.Stage, lab: Lab) -> StageModel:
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
         if not prim.IsPseudoRoot():
             _read_prim(prim, lab, places, found)
+        if prim.IsInstance():
+            found.instances.append(str(prim.GetPath()))
     return StageModel(
         up_axis=str(stage.GetMetadata("upAxis")),
         meters_per_unit=float(stage.GetMetadata("metersPerUnit")),
@@ -72,6 +75,8 @@ def _read_model(stage: Usd.Stage, lab: Lab) -> StageModel:
         absent=tuple(found.absent),
         unresolved=unresolved,
         colliders=tuple(_colliders(found, places)),
+        muted=tuple(find_muted(stage)),
+        instances=tuple(found.instances),
     )
 
 
@@ -89,6 +94,7 @@ class _Found:
     prims: dict[str, Prim] = field(default_factory=dict)
     collision_prims: list[Usd.Prim] = field(default_factory=list)
     namespaces: dict[str, str] = field(default_factory=dict)
+    instances: list[str] = field(default_factory=list)
 
 
 def _kilograms(stage: Usd.Stage) -> float:

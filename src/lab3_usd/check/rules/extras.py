@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.absence import strays
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Node
 from lab3_usd.check.names import resolved_topic
@@ -130,7 +131,7 @@ def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
         for name, roles in subject.roles.items()
         for each in absent_nodes(lab.graphs[name], roles, stage, lab.catalog).values()
     }
-    for node in stage.orphans:
+    for node in strays(stage):
         if node.path not in missed and node.type_name not in lab.catalog.scripts:
             message = f"{title_of(node)} stands outside every graph, where it is never evaluated"
             yield Problem(node.path, message, None, None, node.type_name)

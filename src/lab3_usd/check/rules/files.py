@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 
+from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import StageSubject
@@ -65,3 +66,31 @@ def missing_sublayer(subject: StageSubject) -> Iterator[Problem]:
         if missing.kind == "sublayer":
             message = f"sublayer {missing.asset} cannot be found"
             yield Problem("/", message, actual=missing.asset, handout="6.1")
+
+
+@rule("F04", "muted-sublayer", scope="stage", severity="warning")
+def muted_sublayer(subject: StageSubject) -> Iterator[Problem]:
+    """A sublayer that is muted holds parts of the lab.
+
+    Why: Isaac Sim keeps the list of muted layers in the stage, and opens it without them: what they
+    hold is not there when somebody else presses Play. It is judged here as if they were not muted.
+
+    Fix: open Window > Layer, click the eye of the layer named here so that it is shown, and save.
+
+    Example: `ROS_Drive` stands in `drive.usda`, which is muted.
+    """
+    for muted in subject.stage.muted:
+        parts = _lab_parts(subject, muted.prims)
+        if parts:
+            message = f"sublayer {muted.asset} is muted and holds {', '.join(parts)}"
+            yield Problem("/", message, actual=muted.asset, handout="6.1", related=parts)
+
+
+def _lab_parts(subject: StageSubject, prims: Iterable[str]) -> tuple[str, ...]:
+    """Return the parts of the lab that these prims belong to: graphs, sensors, the robot."""
+    scene, graphs = subject.lab.scene, subject.lab.graphs
+    parts = [scene["robot"]["path"], scene["lidar"]["path"], scene["camera"]["path"]]
+    parts += [graphs[name].path for name in subject.checkpoint.graphs]
+    parts += [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
+    owners = (max((p for p in parts if is_at_or_below(prim, p)), default="") for prim in prims)
+    return tuple(sorted({owner for owner in owners if owner}))

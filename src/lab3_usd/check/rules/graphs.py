@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.finding import Problem, Severity
-from lab3_usd.check.model import GraphModel
+from lab3_usd.check.model import GraphModel, StageModel
 from lab3_usd.check.registry import rule
 from lab3_usd.check.say import shown
 from lab3_usd.check.subject import GraphSubject, StageSubject
@@ -45,12 +46,20 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
 
 
 def _why_missing(subject: GraphSubject) -> str:
+    path, stage = subject.spec.path, subject.stage
+    prim, missing = stage.prims.get(path), stage.unresolved_above(path)
+    instance = _instance_above(path, stage)
     if _inactive(subject) is not None:
         return ": it is there, but deactivated or only an over without a def"
-    prim = subject.stage.prims.get(subject.spec.path)
+    if prim is not None and prim.active and not prim.defined and missing is not None:
+        return f": only an over is here, and {missing.asset} below it cannot be found"
     if prim is not None:
         return f": the prim at its path is {prim.type or 'of no type'}, not an Action Graph"
-    return ""
+    return f": {instance} is an instance, below which nothing can be added" if instance else ""
+
+
+def _instance_above(path: str, stage: StageModel) -> str | None:
+    return next((top for top in stage.instances if is_at_or_below(path, top)), None)
 
 
 @rule("G02", "misplaced-graph", scope="graph")
@@ -157,6 +166,27 @@ def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
             expected=shown(attribute.value),
             actual=shown(value),
             handout=subject.spec.handout,
+        )
+
+
+@rule("G06", "graph-in-instance", scope="graph", severity="warning")
+def graph_in_instance(subject: GraphSubject) -> Iterator[Problem]:
+    """A graph of the handout is part of an instance.
+
+    Why: Isaac Sim loads no graph of an instance, so that nothing in it runs. It is judged here as
+    if it were loaded.
+
+    Fix: select the prim that is named here and clear Instanceable in the Property panel.
+
+    Example: `/turtlebot3_burger` is a reference to a robot with its graphs, and instanceable.
+    """
+    graph = subject.roles.graph
+    instance = None if graph is None else _instance_above(graph.path, subject.stage)
+    if graph is not None and instance is not None:
+        message = f"graph {subject.spec.name} is part of the instance {instance}"
+        hint = f"select {instance} and clear Instanceable in the Property panel"
+        yield Problem(
+            graph.path, message, None, None, instance, subject.spec.handout, (instance,), hint=hint
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.absence import strays
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Absent, Node, StageModel
 from lab3_usd.check.registry import rule
@@ -31,7 +32,7 @@ def absent_nodes(
 
     A prim that is named like a role is that role's before it may be another's.
     """
-    outside = (Absent(node.path, node.type_name, "outside every graph") for node in stage.orphans)
+    outside = (Absent(node.path, node.type_name, "outside every graph") for node in strays(stage))
     offers = [*(() if roles.graph is None else roles.graph.absent), *outside]
     found: dict[str, Absent] = {}
     for must_be_named in (True, False):
