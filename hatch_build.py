@@ -1,4 +1,4 @@
-"""Compiles the lab into the wheel, so that no start reads YAML (see `lab3_usd.spec.compiled`)."""
+"""Compiles the lab and the templates of reports into the wheel, so that no start does."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
-class CompileLab(BuildHookInterface):  # type: ignore[type-arg]  # hatchling leaves it open
-    """Adds the compiled lab to a wheel; an editable install compiles it when it first needs it."""
+class CompileData(BuildHookInterface):  # type: ignore[type-arg]  # hatchling leaves it open
+    """Adds what is compiled to a wheel; a checkout compiles it when it first needs it."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Make the file and name it to the wheel."""
@@ -19,13 +19,17 @@ class CompileLab(BuildHookInterface):  # type: ignore[type-arg]  # hatchling lea
             return
         root = Path(self.root)
         sys.path.insert(0, str(root / "src"))
-        from lab3_usd.spec.assemble import assemble  # noqa: PLC0415 - known only now
+        from lab3_usd.report.html_templates import compile_templates  # noqa: PLC0415 - see above
+        from lab3_usd.spec.assemble import assemble  # noqa: PLC0415
         from lab3_usd.spec.compiled import FILE, compile_lab  # noqa: PLC0415
 
         self.folder = tempfile.TemporaryDirectory()
         compiled = Path(self.folder.name) / FILE
         compiled.write_bytes(compile_lab(root / "graphs", assemble(root / "graphs")))
         build_data["force_include"][str(compiled)] = f"lab3_usd/_data/graphs/{FILE}"
+        templates = Path(self.folder.name) / "templates"
+        compile_templates(templates)
+        build_data["force_include"][str(templates)] = "lab3_usd/report/templates/compiled"
 
     def finalize(self, *_: Any) -> None:  # noqa: ANN401 - hatchling's signature
         """Remove the file that was packed."""

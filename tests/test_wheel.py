@@ -49,6 +49,11 @@ def names_in(wheel: Path) -> set[str]:
         return {name for name in archive.namelist() if ".dist-info/" not in name}
 
 
+def modules_in(wheel: Path) -> set[str]:
+    """The compiled templates."""
+    return {name for name in names_in(wheel) if "/report/templates/compiled/" in name}
+
+
 def files_below(folder: Path) -> set[str]:
     return {
         path.relative_to(folder).as_posix()
@@ -97,7 +102,10 @@ def test_wheel_carries_the_package_and_every_data_file(wheel: Path, repository: 
         for folder in DATA
         for name in files_below(repository / folder)
     }
-    assert names_in(wheel) == package | data | {f"lab3_usd/_data/graphs/{FILE}"}
+    compiled = {f"lab3_usd/_data/graphs/{FILE}"} | modules_in(wheel)
+    assert names_in(wheel) == package | data | compiled
+    templates = {name for name in package if name.endswith(".html.j2")}
+    assert len(modules_in(wheel)) >= len(templates)
 
 
 @pytest.mark.parametrize(
@@ -136,6 +144,16 @@ def test_the_installed_package_is_the_wheels(elsewhere: Path) -> None:
 def test_the_installed_package_reads_no_yaml_at_start(elsewhere: Path) -> None:
     code = "import sys; from lab3_usd import load_lab; load_lab(); print('yaml' in sys.modules)"
     assert run("env/bin/python", "-B", "-c", code, cwd=elsewhere).strip() == "False"
+
+
+def test_the_installed_package_compiles_no_template(elsewhere: Path) -> None:
+    code = (
+        "import sys; from lab3_usd.report.html_templates import fill; import jinja2;"
+        "jinja2.Environment.compile = None;"
+        "from lab3_usd.report.html_templates import environment;"
+        "print(len([environment().get_template(n) for n in ('report.html.j2', 'class.html.j2')]))"
+    )
+    assert run("env/bin/python", "-c", code, cwd=elsewhere).strip() == "2"
 
 
 def test_the_installed_command_builds_nine_checkpoints(elsewhere: Path) -> None:

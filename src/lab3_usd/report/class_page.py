@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import statistics
-from base64 import b64encode
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
-from functools import lru_cache
-from hashlib import sha256
-from pathlib import Path
 from typing import Any, Protocol
 
-import jinja2
 from markupsafe import Markup
 from msgspec import Struct
 
-from lab3_usd.report.escape import visible
+from lab3_usd.report.html_templates import content_policy, environment, text_of
 from lab3_usd.report.tool import NAME, tool_version
 
-FOLDER = Path(__file__).resolve().parent / "templates"
 STUDENTS, REPORT = "students", "report.html"
 BIN = 10  # per cent
 _HARDEST = 20
@@ -63,8 +57,8 @@ def class_page(title: str, items: Sequence[Row], rows: Rows) -> Iterator[str]:
     """
     lost = losses(rows)
     percents = [row["percent"] for row in rows if row["percent"] is not None]
-    style, script = (_text(name) for name in ("class.css", "class.js"))
-    page = _environment().get_template("class.html.j2").stream(
+    style, script = (text_of(name) for name in ("class.css", "class.js"))
+    page = environment().get_template("class.html.j2").stream(
         title=title,
         rows=rows,
         items=items,
@@ -78,7 +72,7 @@ def class_page(title: str, items: Sequence[Row], rows: Rows) -> Iterator[str]:
         report=lambda row: f"{STUDENTS}/{row['folder']}/{REPORT}",
         style=Markup(style),  # noqa: S704 - a file of this package
         script=Markup(script),  # noqa: S704
-        policy=_policy(style, script),
+        policy=content_policy(style, script),
         tool=f"{NAME} {tool_version()}",
     )  # fmt: skip
     page.enable_buffering(_PIECES)
@@ -138,34 +132,3 @@ def summaries(items: Sequence[Row], rows: Iterable[Row]) -> list[ItemSummary]:
         )
         for item in items
     ]
-
-
-def _text(name: str) -> str:
-    return (FOLDER / name).read_text(encoding="utf-8")
-
-
-@lru_cache(maxsize=1)
-def _environment() -> jinja2.Environment:
-    """Return the templates; every value is escaped, for HTML and where it does not print."""
-    return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(FOLDER, encoding="utf-8"),
-        undefined=jinja2.StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_finalized,
-    )
-
-
-def _finalized(value: object) -> object:
-    is_plain = isinstance(value, str) and not isinstance(value, Markup)
-    return visible(str(value)) if is_plain else value
-
-
-def _policy(style: str, script: str) -> str:
-    """Return the content security policy: nothing from anywhere but our own style and script."""
-    parts = ["default-src 'none'", "img-src data:", "base-uri 'none'", "form-action 'none'"]
-    for kind, text in (("style", style), ("script", script)):
-        digest = b64encode(sha256(text.encode()).digest()).decode()
-        parts.append(f"{kind}-src 'sha256-{digest}'")
-    return "; ".join(parts)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import sys
 from base64 import b64encode
 from collections.abc import Mapping
 from functools import lru_cache
@@ -16,32 +18,34 @@ from lab3_usd.report.escape import visible
 from lab3_usd.report.svg_style import PALETTES, stylesheet
 
 FOLDER = Path(__file__).resolve().parent / "templates"
+COMPILED = FOLDER / "compiled"
 _BREAK = re.compile(r"(?<=\w)[/.:_](?=\w)")
 _CODE = re.compile(r"`([^`]+)`")
 
 
 def fill(template: str, **values: object) -> str:
     """Return a template with its values, and the page's style, script and policy."""
-    return _environment().get_template(template).render(**_same(), **values)
+    return environment().get_template(template).render(**_same(), **values)
 
 
 @lru_cache(maxsize=1)
 def _same() -> Mapping[str, object]:
     """Return what is the same on every page: style, script, and the policy that lets them in."""
     style = _style()
-    script = (FOLDER / "report.js").read_text(encoding="utf-8")
+    script = text_of("report.js")
     return {
         "style": _as_it_is(style),
         "script": _as_it_is(script),
-        "policy": _policy(style, script),
+        "policy": content_policy(style, script),
     }
 
 
 @lru_cache(maxsize=1)
-def _environment() -> jinja2.Environment:
+def environment() -> jinja2.Environment:
     """Return the templates: every value is escaped, for HTML and where it does not print."""
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(FOLDER, encoding="utf-8"),
+        loader=_loader(),
+        bytecode_cache=_bytecode_cache(),
         undefined=jinja2.StrictUndefined,
         autoescape=True,
         trim_blocks=True,
@@ -50,6 +54,31 @@ def _environment() -> jinja2.Environment:
     )
     environment.filters.update(picture=_as_it_is, path=_path, prose=_prose)
     return environment
+
+
+def text_of(name: str) -> str:
+    """Return a style or script of the pages."""
+    return (FOLDER / name).read_text(encoding="utf-8")
+
+
+def _loader() -> jinja2.BaseLoader:
+    """Return the templates as a wheel carries them, as modules; else those of the checkout."""
+    if COMPILED.is_dir():
+        return jinja2.ModuleLoader(COMPILED)
+    return jinja2.FileSystemLoader(FOLDER, encoding="utf-8")
+
+
+def _bytecode_cache() -> jinja2.BytecodeCache | None:
+    if COMPILED.is_dir() or sys.dont_write_bytecode or not os.access(FOLDER, os.W_OK):
+        return None
+    folder = FOLDER / "__pycache__"
+    folder.mkdir(exist_ok=True)
+    return jinja2.FileSystemBytecodeCache(str(folder))
+
+
+def compile_templates(target: Path) -> None:
+    """Write the templates below `target` as modules, for a wheel."""
+    environment().compile_templates(target, ["j2"], zip=None, ignore_errors=False)
 
 
 def _finalized(value: object) -> object:
@@ -83,10 +112,10 @@ def _style() -> str:
         for theme in ("light", "dark")
     )
     colours = f":root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}\n"
-    return colours + (FOLDER / "report.css").read_text(encoding="utf-8") + stylesheet()
+    return colours + text_of("report.css") + stylesheet()
 
 
-def _policy(style: str, script: str) -> str:
+def content_policy(style: str, script: str) -> str:
     """Return the content security policy: nothing from anywhere, our style and script as they are.
 
     The picture in the browser's tab is data in the page itself.

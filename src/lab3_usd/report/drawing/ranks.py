@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from graphlib import TopologicalSorter
 
 Edge = tuple[str, str]
 
@@ -52,17 +53,23 @@ def ranks(keys: Sequence[str], edges: Sequence[Edge]) -> dict[str, int]:
     A box that feeds others stands right before the first of them, one that feeds none as far
     left as it can: that keeps wires short.
     """
-    import networkx as nx  # noqa: PLC0415 - kept out of start-up
-
-    graph: nx.DiGraph[str] = nx.DiGraph()
-    graph.add_nodes_from(keys)
-    graph.add_edges_from(edges)
-    generations = [list(group) for group in nx.topological_generations(graph)]
-    rank = {key: column for column, group in enumerate(generations) for key in group}
-    for group in reversed(generations):
-        for key in group:
-            following = [rank[other] for other in graph.successors(key)]
-            if following:
-                rank[key] = min(following) - 1
+    following: dict[str, list[str]] = {key: [] for key in keys}
+    sorter = TopologicalSorter[str](dict.fromkeys(keys, ()))
+    for source, target in edges:
+        sorter.add(target, source)
+        following[source].append(target)
+    rank = {key: column for column, group in enumerate(_generations(sorter)) for key in group}
+    for key in reversed(rank):
+        if following[key]:
+            rank[key] = min(rank[other] for other in following[key]) - 1
     first = min(rank.values(), default=0)
     return {key: rank[key] - first for key in keys}
+
+
+def _generations(sorter: TopologicalSorter[str]) -> Iterator[tuple[str, ...]]:
+    """Yield the keys that nothing feeds, then those that only these feed, and so on."""
+    sorter.prepare()
+    while sorter.is_active():
+        ready = sorter.get_ready()
+        yield ready
+        sorter.done(*ready)
