@@ -151,6 +151,13 @@ def test_what_a_missing_asset_may_hold_is_not_judged(prims: tuple[str, ...]) -> 
     assert all(item.met for item in frame_requirements(m.subject(stage)))
 
 
+def test_frames_that_may_be_there_below_a_wrong_parent_are_not_met() -> None:
+    stage = bare(m.stage())
+    stage = m.with_node(stage, m.aimed(m.role(stage, m.COMPUTE), PARENT, "/World"))
+    unmet = [item.id for item in frame_requirements(m.subject(stage)) if not item.met]
+    assert len(unmet) == len(FRAME_ROLES)
+
+
 @pytest.mark.parametrize("frame", FRAME_ROLES)
 def test_a_frame_that_no_target_names_is_missing_whatever_the_asset_holds(frame: str) -> None:
     (problem,) = problems(bare(every_target(**{frame: ""})))["T01"]
@@ -523,6 +530,15 @@ def test_a_robot_whose_link_lacks_the_schema_is_one_error(beside: tuple[str, ...
     (problem,) = problems(stage)["T01"]
     assert "IsaacLinkAPI" in problem.message
     assert f"{m.ROBOT}/base_scan" in str(problem.expected)
+
+
+def test_a_robot_without_any_link_of_the_schema_stands_for_itself() -> None:
+    stage = targets(m.ROBOT, m.CAMERA)
+    for name in m.LINKS:
+        stage = m.with_prim(stage, f"{m.ROBOT}/{name}", apis=(BODY,))
+    (problem,) = problems(stage)["T01"]
+    assert "stands for itself" in problem.message
+    assert len(str(problem.expected).split(", ")) == len(m.LINKS) - 1
 
 
 def test_a_short_list_of_links_loses_none() -> None:

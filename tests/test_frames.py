@@ -503,6 +503,10 @@ def test_of_two_prims_with_one_name_the_longer_path_keeps_it() -> None:
     assert named("/World/ab/x", "/World/a/x") == ["x", "a_x"]
 
 
+def test_an_ancestor_whose_name_is_taken_as_well_is_passed_over() -> None:
+    assert named("/World/a/x", "/World/a/b/x", "/World/abc/def/x") == ["a_x", "b_x", "x"]
+
+
 def test_of_two_paths_of_one_length_the_first_keeps_the_name() -> None:
     assert named("/World/a/x", "/World/b/x") == ["x", "b_x"]
 
@@ -577,6 +581,13 @@ def test_an_articulation_root_that_a_publisher_looks_at_stands_for_what_its_join
 
 def test_joints_that_are_deactivated_tie_nothing_to_an_articulation() -> None:
     stage = m.with_prim(own_targets(m.BASE), f"{m.ROBOT}/joints/scan_joint", active=False)
+    assert "base_scan" not in [child for _, child in pairs(stage)]
+
+
+def test_a_joint_to_the_world_ties_nothing_to_an_articulation() -> None:
+    ends = {"physics:body1": (f"{m.ROBOT}/base_scan",)}
+    path = f"{m.ROBOT}/joints/scan_joint"
+    stage = m.with_prim(own_targets(m.BASE), path, relationships=ends)
     assert "base_scan" not in [child for _, child in pairs(stage)]
 
 
