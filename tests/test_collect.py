@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
-from ros_outputs import EDGES, STATUS, fake_ros2, frames_gv, good_outputs
+from ros_outputs import EDGES, fake_ros2, frames_gv, good_outputs
 
+from lab3_usd.check.subjects_lab import GoalRun
 from lab3_usd.cli import lab3
 from lab3_usd.errors import SpecError
 from lab3_usd.lab.collect import collect_script
@@ -133,7 +134,35 @@ def test_every_command_has_its_limit(tmp_path: Path, options: list[str], most: i
     assert run_script(tmp_path, *options).returncode == 0
     limits = (tmp_path / "limits").read_text().splitlines()
     wanted = [f"{min(c.kind.seconds, most)} {c.line}" for c in ROS.commands]
-    assert [line for line in limits if " ros2 " in line] == wanted
+    assert [line for line in limits if " ros2 " in line][1:] == wanted
+
+
+def test_the_graph_is_asked_after_the_daemon_was_started(tmp_path: Path) -> None:
+    put_ros2(tmp_path, 'echo "$*" >>"$HOME/asked"')
+    assert run_script(tmp_path).returncode == 0
+    assert (tmp_path / "asked").read_text().splitlines()[0] == "daemon start"
+
+
+def test_a_daemon_that_was_just_started_gets_time(tmp_path: Path) -> None:
+    put_ros2(tmp_path, 'case "$*" in "daemon start") echo "The daemon has been started";; esac')
+    sleep = tmp_path / "bin" / "sleep"
+    sleep.write_text('#!/bin/sh\necho "$*" >>"$HOME/slept"\n')
+    sleep.chmod(0o755)
+    assert run_script(tmp_path).returncode == 0
+    assert (tmp_path / "slept").read_text() == "5\n"
+
+
+def test_another_shell_is_told_to_use_bash(tmp_path: Path) -> None:
+    dash = shutil.which("dash")
+    if not dash:
+        pytest.skip("dash is not installed")
+    script = tmp_path / "collect.sh"
+    script.write_text(collect_script(ROS))
+    done = subprocess.run([dash, script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "bash collect.sh" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [script]
 
 
 def test_drawn_frames_get_a_fixed_name(tmp_path: Path) -> None:
@@ -145,23 +174,57 @@ def test_drawn_frames_get_a_fixed_name(tmp_path: Path) -> None:
     assert list(tmp_path.glob("frames*")) == []
 
 
-def test_a_goal_is_watched_until_it_ends(tmp_path: Path) -> None:
-    count = tmp_path / "count"
-    count.write_text("0")
-    running = "status_list:\\n- goal_info:\\n  status: 2\\n---\\n"
-    (tmp_path / "ended").write_text(STATUS)
-    put_ros2(
-        tmp_path,
-        'case "$*" in *_action/status*) ;; *) exit;; esac',
-        f"n=$(cat {count}); echo $((n + 1)) >{count}",
-        f'case $n in 0) echo "status_list: []";; 1) printf "{running}";;',
-        f"*) cat {tmp_path}/ended;; esac",
+def goals(*states: tuple[int, int]) -> str:
+    """Echo a GoalStatusArray of goals, each an id and a status."""
+    return "status_list:\n" + "".join(
+        f"- goal_info:\n    goal_id:\n      uuid:\n      - {number}\n      - 7\n"
+        f"    stamp:\n      sec: 3\n  status: {status}\n"
+        for number, status in states
     )
-    assert run_script(tmp_path, "--goal", "20").returncode == 0
-    goals = read_evidence(tmp_path / "results").goals[""]
-    measured = next(shown.fact for shown in goals if shown.file == "goal.txt")
-    assert measured.status == ROS.goal.succeeded
+
+
+def watch(folder: Path, *looks: str, seconds: int = 20) -> list[GoalRun]:
+    """Run the script with `--goal`; each look at the status shows the next text, then the last."""
+    for number, text in enumerate(looks):
+        (folder / f"look{number}").write_text(text)
+    put_ros2(
+        folder,
+        'case "$*" in *_action/status*) ;; *) exit;; esac',
+        f"n=$(cat {folder}/count 2>/dev/null || echo 0); echo $((n + 1)) >{folder}/count",
+        f"if [ $n -ge {len(looks)} ]; then n={len(looks) - 1}; fi; cat {folder}/look$n",
+    )
+    assert run_script(folder, "--goal", str(seconds)).returncode == 0
+    found = read_evidence(folder / "results").goals.get("", ())
+    return [shown.fact for shown in found if shown.file == "goal.txt"]
+
+
+OLD = (1, 4)
+
+
+@pytest.mark.parametrize(
+    ("looks", "status"),
+    [
+        (["status_list: []\n", goals((2, 2)), goals((2, 4))], 4),
+        ([goals(OLD), goals(OLD, (2, 2)), goals(OLD, (2, 6))], 6),
+        # The old one leaves the list while the new one is in it.
+        ([goals(OLD), goals(OLD, (2, 1)), goals((2, 4))], 4),
+        ([goals(OLD), goals(OLD, (2, 5))], 5),
+    ],
+)
+def test_a_goal_is_watched_until_it_ends(tmp_path: Path, looks: list[str], status: int) -> None:
+    (measured,) = watch(tmp_path, *looks)
+    assert measured.status == status
+
+
+def test_the_time_of_a_goal_is_measured(tmp_path: Path) -> None:
+    (measured,) = watch(tmp_path, goals(), goals((2, 2)), goals((2, 4)))
     assert measured.seconds is not None
+
+
+@pytest.mark.parametrize("old", ["", goals(OLD), goals((1, 2)), goals(OLD, (3, 6))])
+def test_an_old_goal_is_not_shown_as_a_new_one(tmp_path: Path, old: str) -> None:
+    assert watch(tmp_path, old, seconds=3) == []
+    assert "no new goal" in (tmp_path / "results" / "goal.txt").read_text()
 
 
 def test_a_spec_without_a_tree_to_draw_is_a_mistake() -> None:

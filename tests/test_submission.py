@@ -305,6 +305,27 @@ def test_a_deliverable_that_is_not_there_is_a_note(folder: Path, gone: str, hand
     assert [each.handout for each in found] == [handout]
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["results/frames.pdf", "evidence/frames.pdf", "logs/frames_2026-11-20_10.10.10.pdf"],
+)
+def test_a_drawn_tree_is_no_report(folder: Path, name: str) -> None:
+    delete("report.pdf")(folder)
+    (folder / name).parent.mkdir(exist_ok=True)
+    (folder / name).write_bytes(b"%PDF-1.7\n")
+    found = listing.list_submission(folder, LAB, SPEC).found
+    assert found["report"] == ()
+    assert (name in found["logs"]) is not name.startswith("evidence")
+
+
+def test_a_report_among_the_results_is_no_log(folder: Path) -> None:
+    delete("report.pdf")(folder)
+    (folder / "results" / "Lab3_report.pdf").write_bytes(b"%PDF-1.7\n")
+    found = listing.list_submission(folder, LAB, SPEC).found
+    assert found["report"] == ("results/Lab3_report.pdf",)
+    assert "results/Lab3_report.pdf" not in found["logs"]
+
+
 def test_a_text_without_a_link_to_a_video_does_not_count(folder: Path) -> None:
     put("video.txt", "see https://docs.ros.org/en/humble/ and youtube")(folder)
     assert notes(checked(folder)) == ["X10 ."]

@@ -13,6 +13,7 @@ SCRIPT = "collect.sh"
 RESULTS = "results"
 GOAL_FILE = "goal.txt"
 GOAL_POSE_FILE = "goal_pose.txt"
+DAEMON_FILE = "daemon.txt"
 ROBOT_BEFORE_FILE = "goal_robot_before.txt"
 
 
@@ -41,6 +42,7 @@ def collect_script(ros: RosSpec) -> str:
         running=ros.goal.running,
         goal_file=GOAL_FILE,
         pose_file=GOAL_POSE_FILE,
+        daemon_file=DAEMON_FILE,
         robot_before=ROBOT_BEFORE_FILE,
         frames_file=frames[0].file,
         frames_seconds=frames[0].kind.seconds,

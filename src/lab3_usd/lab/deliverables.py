@@ -46,6 +46,8 @@ def _is_stage(entry: Entry, spec: SubmissionSpec) -> bool:
 
 def _counts(root: Path, entry: Entry, wanted: Deliverable) -> bool:
     name = entry.name.lower()
+    if any(fnmatchcase(name, pattern) for pattern in wanted.never):
+        return False
     if PurePosixPath(name).suffix in wanted.endings:
         return True
     if not any(fnmatchcase(name, pattern) for pattern in wanted.names):

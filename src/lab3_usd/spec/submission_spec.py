@@ -36,7 +36,8 @@ class Deliverable(Struct, frozen=True, forbid_unknown_fields=True):
     """Something to hand in beside the stages.
 
     A file counts by its ending; where `names` and `links` are given, also by its name when it
-    holds one of the links. `folder` limits the search to the folders of saved output.
+    holds one of the links, and never by the names `never`. `folder` limits the search to the
+    folders of saved output.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Deliverable(Struct, frozen=True, forbid_unknown_fields=True):
     hint: str
     endings: tuple[str, ...]
     names: tuple[str, ...] = ()
+    never: tuple[str, ...] = ()
     links: tuple[str, ...] = ()
     at_least: int = 1
     folder: str = ""
