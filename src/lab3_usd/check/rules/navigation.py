@@ -60,7 +60,7 @@ def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
         return
     for node in dict.fromkeys(p.node for p in subject.parameters):
         if _last(node) in subject.ros.navigation.timed and node not in said:
-            message = f"{name} is absent, expected true; the launch cannot add it"
+            message = f"{name} is absent in {node}, expected true; the launch cannot add it"
             yield Problem(subject.file, message, f"{node}.{name}", "true", handout="8.16")
 
 
