@@ -100,6 +100,13 @@ def _clear(stage: Usd.Stage, where: str) -> None:
     _attribute(stage, where).Clear()
 
 
+def _beside(stage: Usd.Stage, where: str, value: Any) -> None:
+    """Clear a port, and write a value where Kit keeps those of extended ports."""
+    attribute = _attribute(stage, where)
+    attribute.Clear()
+    attribute.SetCustomDataByKey("omni:graph:attrValue", value)
+
+
 def _connect(stage: Usd.Stage, where: str, *sources: str) -> None:
     _attribute(stage, where).SetConnections(_paths(sources))
 
@@ -154,6 +161,10 @@ def _node(stage: Usd.Stage, where: str, node_type: str) -> None:
     prim.CreateAttribute("node:typeVersion", Sdf.ValueTypeNames.Int, custom=False).Set(1)
 
 
+def _schema(stage: Usd.Stage, where: str, name: str) -> None:
+    stage.GetPrimAtPath(place(where)).AddAppliedSchema(name)
+
+
 def _copy(stage: Usd.Stage, source: str, target: str) -> None:
     layer = stage.GetRootLayer()
     Sdf.CopySpec(layer, place(source), layer, place(target))
@@ -188,6 +199,7 @@ STEPS: dict[str, Callable[..., None]] = {
     "set": _set,
     "declare": _declare,
     "clear": _clear,
+    "beside": _beside,
     "connect": _connect,
     "disconnect": _disconnect,
     "add source": _add_source,
@@ -199,6 +211,7 @@ STEPS: dict[str, Callable[..., None]] = {
     "type of prim": _untype,
     "define": _define,
     "node": _node,
+    "schema": _schema,
     "copy": _copy,
     "move": _move,
     "instanceable": _instanceable,

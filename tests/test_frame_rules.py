@@ -647,3 +647,14 @@ def test_a_dead_node_with_its_parent_among_the_targets_sends_nothing() -> None:
     assert "T09" not in problems(m.stage(m.graph("/Graph/tf", compute, tick)))
     driven = m.wired(compute, "inputs:execIn", f"{tick.path}.outputs:tick")
     assert "T09" in problems(m.stage(m.graph("/Graph/tf", driven, tick)))
+
+
+@pytest.mark.parametrize("kind", ["ConstantString", "ConstantToken"])
+def test_a_constant_does_not_hide_a_frame(kind: str) -> None:
+    constant = m.node("/Graph/tf/name", f"omni.graph.nodes.{kind}", value="odom")
+    node = m.wired(
+        sender(SENDER, "world", "x"), "inputs:childFrameId", f"{constant.path}.inputs:value"
+    )
+    tick = m.node("/Graph/tf/on_playback_tick", TICK_TYPE)
+    found = sites(m.stage(m.graph("/Graph/tf", node, constant, tick)))
+    assert [(rule_id, prim) for rule_id, prim, _ in found] == [("T07", SENDER)]

@@ -27,18 +27,20 @@ def same_value(one: Value | None, other: Value | None) -> bool:
     return one == other
 
 
-def setting_value(nodes: Mapping[str, Node], node: Node, port: str) -> Value | None:
-    """Return the effective value of an input, followed through a wire from a constant.
+def setting_value(nodes: Mapping[str, Node], node: Node, port: str, depth: int = 8) -> Value | None:
+    """Return the effective value of an input, followed through wires from other inputs.
 
     `nodes` holds the live nodes of the stage by path. None where what comes over a wire is known
-    at run time only.
+    at run time only. `depth` ends the search where inputs feed each other in a ring.
     """
     for source in node.sources(port):
         path, _, source_port = source.rpartition(".")
         feeding = nodes.get(path)
         if feeding is not None and _feeds(feeding, source_port, node, port):
-            # Only a constant is wired from an input, which holds its value.
-            return feeding.value(source_port) if source_port.startswith(INPUT) else None
+            # An input that a wire leaves from, as every constant's, brings what reaches it.
+            if not source_port.startswith(INPUT) or not depth:
+                return None
+            return setting_value(nodes, feeding, source_port, depth - 1)
     return node.value(port)
 
 
@@ -50,7 +52,8 @@ def _feeds(feeding: Node, source_port: str, node: Node, port: str) -> bool:
     target = None if node.type is None else node.type.port(port)
     if source is None or target is None:
         return True
-    return source.is_source and compatible(source, target)
+    is_source = source.is_source or source_port.startswith(INPUT)
+    return is_source and compatible(source, target)
 
 
 def setting_met(node: Node, setting: Setting, value: Value | None) -> bool:

@@ -31,7 +31,8 @@ class Node(Struct, frozen=True):
     """A node prim that is active and defined.
 
     `type_name` is `node:type` as saved ('' where absent), `type` its catalog entry or None.
-    `namespace` joins the namespace attributes of the prim and its ancestors.
+    `namespace` joins the namespace attributes of the prim and its ancestors, `own_namespace` is
+    that of the prim alone.
     """
 
     path: str
@@ -41,6 +42,7 @@ class Node(Struct, frozen=True):
     ports: Mapping[str, PortState]
     position: tuple[float, float] | None = None
     namespace: str = ""
+    own_namespace: str = ""
 
     @property
     def name(self) -> str:
@@ -66,8 +68,7 @@ class Node(Struct, frozen=True):
         found = self.ports.get(port)
         if found is not None and found.value is not None:
             return found.value
-        known = None if self.type is None else self.type.port(port)
-        return None if known is None else known.default
+        return None if self.type is None else self.type.default(port, self.version)
 
     def has_port(self, port: str) -> bool:
         """Whether a wire can leave from or end at this port.
@@ -80,17 +81,27 @@ class Node(Struct, frozen=True):
         return self.type.port(port) is not None
 
 
+DEACTIVATED, OVER, OUTSIDE = "deactivated", "an over without a def", "outside every graph"
+
+
 class Absent(Struct, frozen=True):
-    """A prim that is in the file but not in the scene, and why."""
+    """A prim that is in the file but no node of the scene.
+
+    `reason` says what it is instead: deactivated, an over without a def, outside every graph, of
+    another type than a node's.
+    """
 
     path: str
     type_name: str
-    reason: Literal["deactivated", "an over without a def", "outside every graph"]
+    reason: str
     ports: Mapping[str, PortState] = field(default_factory=dict)
 
 
 class GraphModel(Struct, frozen=True):
-    """A graph prim with its nodes in the order of their paths."""
+    """A graph prim with its nodes in the order of their paths.
+
+    `instanced` tells whether it belongs to an instance, of which Isaac Sim loads no graph.
+    """
 
     path: str
     prim_type: str
@@ -98,6 +109,7 @@ class GraphModel(Struct, frozen=True):
     attributes: Mapping[str, Value]
     nodes: tuple[Node, ...]
     absent: tuple[Absent, ...] = ()
+    instanced: bool = False
 
     @property
     def name(self) -> str:
@@ -106,7 +118,7 @@ class GraphModel(Struct, frozen=True):
 
 
 class Prim(Struct, frozen=True):
-    """A prim outside the graphs.
+    """A prim that is no node.
 
     `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
     `attributes` holds the values that rules ask about, `relationships` their targets. `local`
@@ -161,6 +173,13 @@ class Muted(Struct, frozen=True):
     prims: tuple[str, ...]
 
 
+class Script(Struct, frozen=True):
+    """Code in the file: the prim that carries it, and by which node type or schema."""
+
+    prim: str
+    carrier: str
+
+
 class Collider(Struct, frozen=True):
     """The box around one collision shape in world space, in metres, and the body it moves with."""
 
@@ -188,6 +207,7 @@ class StageModel(Struct, frozen=True, eq=False):
     colliders: tuple[Collider, ...] = ()
     muted: tuple[Muted, ...] = ()
     instances: tuple[str, ...] = ()
+    scripts: tuple[Script, ...] = ()
 
     def nodes(self) -> Iterator[Node]:
         """Yield every live node, graph by graph, then those outside every graph."""

@@ -102,8 +102,13 @@ def _takes_signals(graph: GraphModel, lab: Lab) -> bool:
 
 
 def _pace(graph: GraphModel, lab: Lab) -> State:
-    """Return how surely the nodes of an evaluated graph compute that wait for no signal."""
+    """Return how surely the nodes of an evaluated graph compute that wait for no signal.
+
+    Isaac Sim should load no graph of an instance.
+    """
     form = lab.catalog.graph.evaluation
+    if graph.instanced:
+        return "may run"
     known = (lab.catalog.graph.value(form.stage), *form.on_demand)
     return "runs" if _attribute(graph, form.stage, lab) in known else "may run"
 
@@ -115,7 +120,7 @@ def _starts(graph: GraphModel, nodes: Nodes, lab: Lab) -> Iterator[tuple[str, St
     for path, node in nodes.items():
         needed = event_of(node, lab)
         if needed is not None and needed == pace:
-            yield path, "runs"
+            yield path, "may run" if graph.instanced else "runs"
         elif needed not in form.on_demand and (needed is not None or _may_start(node, nodes)):
             yield path, "may run"
 

@@ -155,17 +155,32 @@ def namespace_of(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> str:
     if node.type is not None and node.type.tf is not None:
         return node.namespace.partition("/")[0]
     sensor = sensor_of(node, live)
-    return node.namespace if sensor is None else _namespace_above(sensor, stage, lab)
+    if sensor is None:
+        return node.namespace
+    return "/".join(value for _, value in namespaces_above(sensor, stage, lab))
 
 
-def _namespace_above(path: str, stage: StageModel, lab: Lab) -> str:
-    parts: list[str] = []
+def namespaces_above(path: str, stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
+    """Return the prims at and above a path that carry a namespace, outermost first, with it."""
+    found: list[tuple[str, str]] = []
     while path:
         prim = stage.prim(path)
-        part = None if prim is None else prim.attributes.get(lab.policy.namespace_attribute)
-        parts.extend([part] if isinstance(part, str) and part else [])
+        value = None if prim is None else prim.attributes.get(lab.policy.namespace_attribute)
+        found.extend([(path, value)] if isinstance(value, str) and value else [])
         path = path.rpartition("/")[0]
-    return "/".join(reversed(parts))
+    return found[::-1]
+
+
+def moving_prims(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> list[tuple[str, str]]:
+    """Return the prims whose namespace attribute moves the node's topics, with the attribute."""
+    if effective(node, INPUT + lab.policy.namespace, live):
+        return []
+    sensor = sensor_of(node, live)
+    is_tf = node.type is not None and node.type.tf is not None
+    found = namespaces_above(node.path if is_tf or sensor is None else sensor, stage, lab)
+    if node.own_namespace and (is_tf or sensor is None):
+        found.append((node.path, node.own_namespace))
+    return found[:1] if is_tf else found
 
 
 def message_type(node: Node, kind: NodeType, port: str, live: Nodes) -> str | None:

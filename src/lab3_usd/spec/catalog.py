@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
 from typing import Literal, Union
 
 from msgspec import Struct, field
@@ -17,7 +18,8 @@ class Port(Struct, frozen=True):
 
     `name` is the name in a file (`inputs:topicName`); `ogn_type` OGN's own type word; `usd_type`
     how a file declares it (`rel` for a relationship). `default` is what a port without a value
-    means, None where there is none. `accepts` lists the types of a union port.
+    means, None where there is none, and `former` what it means in a file of a lower version of the
+    node type, None where that is the same. `accepts` lists the types of a union port.
     """
 
     name: str
@@ -28,6 +30,7 @@ class Port(Struct, frozen=True):
     accepts: tuple[str, ...] = ()
     output_only: bool = False
     deprecated: bool = False
+    former: Value | None = None
 
     @property
     def short(self) -> str:
@@ -124,6 +127,14 @@ class NodeType(Struct, frozen=True):
             return found
         return self._grown(name[len(INPUT) :])
 
+    def default(self, name: str, version: int | None) -> Value | None:
+        """Return what a port without a value means in a file with this version of the type."""
+        port = self.port(name)
+        is_old = version is not None and version < self.version
+        if port is None:
+            return None
+        return port.former if is_old and port.former is not None else port.default
+
     def _grown(self, short: str) -> Port | None:
         if self.dynamic is None or not short.startswith(self.dynamic.prefix):
             return None
@@ -186,6 +197,21 @@ class GraphForm(Struct, frozen=True):
         return next((each.value for each in self.attributes if each.name == name), None)
 
 
+class Scripts(Struct, frozen=True):
+    """What runs code out of a file: patterns of node types, and schemas that prims carry."""
+
+    types: tuple[str, ...]
+    apis: tuple[str, ...]
+
+    def runs(self, node_type: str) -> bool:
+        """Whether a node of this type runs code that the file holds."""
+        return any(fnmatchcase(node_type, pattern) for pattern in self.types)
+
+    def among(self, apis: Iterable[str]) -> str | None:
+        """Return the first of these schemas by which a prim runs code, None where there is none."""
+        return next((api for api in apis if api in self.apis), None)
+
+
 class Catalog(Struct, frozen=True):
     """Every node type the lab knows, by its name in 6.0.1, and the names that mean another.
 
@@ -199,7 +225,7 @@ class Catalog(Struct, frozen=True):
     renamed: Mapping[str, str]
     lookalikes: Mapping[str, str]
     events: Mapping[str, str]
-    scripts: tuple[str, ...]
+    scripts: Scripts
 
     def modern(self, name: str) -> str:
         """Return the 6.0.1 name of a type saved before 4.5; other names come back unchanged."""

@@ -19,6 +19,7 @@ from lab3_usd.spec.catalog import (
     GraphForm,
     NodeType,
     Port,
+    Scripts,
     TfPorts,
     Value,
 )
@@ -38,6 +39,7 @@ class _PortEntry(Struct, forbid_unknown_fields=True):
     of: tuple[str, ...] = ()
     output_only: bool = False
     deprecated: bool = False
+    former: Any = None
 
 
 class _DynamicEntry(Struct, forbid_unknown_fields=True):
@@ -102,7 +104,7 @@ class _CatalogFile(Struct, forbid_unknown_fields=True):
     renamed: dict[str, str]
     lookalikes: dict[str, str]
     events: dict[str, _EventEntry]
-    scripts: tuple[str, ...]
+    scripts: Scripts
     graph: _GraphEntry
     types: dict[str, _TypeEntry]
 
@@ -187,16 +189,17 @@ def _port(name: str, said: str | _PortEntry, usd_types: Mapping[str, str], where
         name=name,
         ogn_type=entry.type,
         usd_type=usd_type,
-        default=_default(entry, usd_type, place),
+        default=_value(entry.default, usd_type, f"{place}: default"),
         allowed=entry.allowed,
         accepts=entry.of,
         output_only=entry.output_only,
         deprecated=entry.deprecated,
+        former=_value(entry.former, usd_type, f"{place}: former"),
     )
 
 
-def _default(entry: _PortEntry, usd_type: str, place: str) -> Value | None:
-    return None if entry.default is None else typed(entry.default, usd_type, f"{place}: default")
+def _value(said: Any, usd_type: str, place: str) -> Value | None:  # noqa: ANN401
+    return None if said is None else typed(said, usd_type, place)
 
 
 def _short_form(text: str, place: str) -> _PortEntry:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from lab3_usd.check.model import PortState
-from lab3_usd.spec.catalog import INPUT, OUTPUT, Value
+from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Port, Value
 from lab3_usd.stage.plain import plain
+
+_TOKEN = Sdf.ValueTypeNames.Token
 
 
 class DamagedError(ValueError):
@@ -28,8 +30,8 @@ def property_names(prim: Usd.Prim) -> list[str]:
     return names
 
 
-def read_ports(prim: Usd.Prim) -> Mapping[str, PortState]:
-    """Return the ports that the composed prim declares, by full name.
+def read_ports(prim: Usd.Prim, kind: NodeType | None) -> Mapping[str, PortState]:
+    """Return the ports that the composed prim declares, by full name; `kind` is its node type.
 
     Of outputs only the names count: what flows through them is made at run time.
     """
@@ -40,23 +42,29 @@ def read_ports(prim: Usd.Prim) -> Mapping[str, PortState]:
         elif name.startswith(INPUT):
             attribute = prim.GetAttribute(name)
             if attribute:
-                ports[name] = _input(name, attribute)
+                known = None if kind is None else kind.port(name)
+                ports[name] = _input(name, attribute, known)
             else:
                 targets = prim.GetRelationship(name).GetTargets()
                 ports[name] = PortState(name, "rel", targets=tuple(map(str, targets)))
     return ports
 
 
-def _input(name: str, attribute: Usd.Attribute) -> PortState:
+def _input(name: str, attribute: Usd.Attribute, known: Port | None) -> PortState:
     sources: tuple[str, ...] = ()
     if attribute.HasAuthoredConnections():
         sources = tuple(map(str, attribute.GetConnections()))
     value = plain(attribute.Get())
-    if value is None and not sources:
+    if value is None and not sources and _is_extended(attribute, known):
         value = _value_in_metadata(attribute)
     # The type of a port without a value says nothing that a rule asks about.
     kind = "" if value is None else str(attribute.GetTypeName())
     return PortState(name, kind, value, sources)
+
+
+def _is_extended(attribute: Usd.Attribute, known: Port | None) -> bool:
+    """Whether a port takes values of several types, which files declare as a token."""
+    return attribute.GetTypeName() == _TOKEN if known is None else known.is_union
 
 
 def _value_in_metadata(attribute: Usd.Attribute) -> Value | None:

@@ -10,7 +10,17 @@ from typing import Any
 
 from pxr import Tf, Usd
 
-from lab3_usd.check.model import Absent, Collider, GraphModel, Node, Prim, StageModel
+from lab3_usd.check.model import (
+    DEACTIVATED,
+    OVER,
+    Absent,
+    Collider,
+    GraphModel,
+    Node,
+    Prim,
+    Script,
+    StageModel,
+)
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.spec import Lab
 from lab3_usd.stage.colliders import RIGID_BODY, find_colliders
@@ -26,12 +36,13 @@ from lab3_usd.stage.read_before import Before, Entry, before
 _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
     r"horizontalAperture|verticalAperture|projection|cameraProjectionType|clippingPlanes|"
-    r"kind|node|xformOpOrder)(:|$)"
+    r"kind|node|xformOpOrder|omniGraphs)(:|$)"
 )
 # Prims whose place matters even if they are no rigid bodies; of the others nobody asks.
 _PLACED = ("Xform", "Camera", "Plane", "OmniLidar", "")
 _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"
+_NODE_TYPE = "node:type"
 
 
 def read_stage(path: Path | str, lab: Lab) -> StageModel:
@@ -77,6 +88,7 @@ def _read_model(stage: Usd.Stage, lab: Lab) -> StageModel:
         colliders=tuple(_colliders(found, places)),
         muted=tuple(find_muted(stage)),
         instances=tuple(found.instances),
+        scripts=tuple(found.scripts),
     )
 
 
@@ -93,6 +105,7 @@ class _Found:
     absent: list[Absent] = field(default_factory=list)
     prims: dict[str, Prim] = field(default_factory=dict)
     collision_prims: list[Usd.Prim] = field(default_factory=list)
+    scripts: list[Script] = field(default_factory=list)
     namespaces: dict[str, str] = field(default_factory=dict)
     instances: list[str] = field(default_factory=list)
 
@@ -107,17 +120,28 @@ def _read_prim(prim: Usd.Prim, lab: Lab, places: Places, found: _Found) -> None:
     path = str(prim.GetPath())
     kind = str(prim.GetTypeName())
     form = lab.catalog.graph
-    if path.startswith(form.ignored_below):
+    if form.ignores(path):
+        if prim.IsActive():
+            _note_script(path, _text(prim, _NODE_TYPE), _schemas(prim), lab, found)
         return
     if kind == form.type:
         found.graphs[path] = prim
         found.nodes[path] = []
         found.graph_absent[path] = []
     graph = _graph_above(path, found)
-    if kind == form.node_type or (graph and path != graph):
+    if kind == form.node_type:
         _read_node(prim, path, graph, lab, found)
         return
-    read = found.before.read(path)
+    if graph and path != graph:
+        _note_absent(prim, path, graph, lab, found)
+    read = _read_other(prim, path, kind, places, found)
+    if read.present:
+        _note_script(path, "", read.apis, lab, found)
+
+
+def _read_other(prim: Usd.Prim, path: str, kind: str, places: Places, found: _Found) -> Prim:
+    """Read a prim that is no node, or take it as it was read before."""
+    read: Prim | None = found.before.read(path)
     if read is None:
         read = found.before.keep(path, _prim(prim, path, kind, places, found.hidden))
     elif read.world is not None:
@@ -128,6 +152,7 @@ def _read_prim(prim: Usd.Prim, lab: Lab, places: Places, found: _Found) -> None:
         found.namespaces[path] = namespace
     if "PhysicsCollisionAPI" in read.apis and read.present:
         found.collision_prims.append(prim)
+    return read
 
 
 def _colliders(found: _Found, places: Places) -> Iterator[Collider]:
@@ -154,23 +179,46 @@ def _graph_above(path: str, found: _Found) -> str:
 
 
 def _read_node(prim: Usd.Prim, path: str, graph: str, lab: Lab, found: _Found) -> None:
-    known = found.before.read(path)
-    if known is not None:
-        (found.nodes[graph] if graph else found.orphans).append(known)
-        return
-    if prim.IsActive() and is_in_scene(prim, found.hidden):
-        node = _node(prim, path, lab, _namespace_of(path, found))
+    node = found.before.read(path)
+    if node is None:
+        if not (prim.IsActive() and is_in_scene(prim, found.hidden)):
+            _note_absent(prim, path, graph, lab, found)
+            return
+        node = _node(prim, path, lab, found)
         if not node.type_name and not node.ports:
-            return  # a settings prim or leftover below a graph, which is no node
+            return  # a leftover, which is no node
         found.before.keep(path, node)
-        (found.nodes[graph] if graph else found.orphans).append(node)
+    if node.own_namespace:
+        found.namespaces[path] = node.own_namespace
+    _note_script(path, node.type_name, _schemas(prim), lab, found)
+    (found.nodes[graph] if graph else found.orphans).append(node)
+
+
+def _note_absent(prim: Usd.Prim, path: str, graph: str, lab: Lab, found: _Found) -> None:
+    """Keep a prim that looks like a node and is none: its own graph may miss it."""
+    type_name = _text(prim, _NODE_TYPE)
+    ports = read_ports(prim, lab.catalog.get(type_name))
+    if not (ports or type_name):
         return
-    ports = read_ports(prim)
-    type_name = str(plain(_value_of(prim, "node:type")) or "")
-    reason: Any = "an over without a def" if prim.IsActive() else "deactivated"
-    if ports or type_name:
-        absent = Absent(path, type_name, reason, ports)
-        (found.graph_absent[graph] if graph else found.absent).append(absent)
+    reason = f"of {prim.GetTypeName() or 'no type'}, not {lab.catalog.graph.node_type}"
+    if not prim.IsActive():
+        reason = DEACTIVATED
+    elif not is_in_scene(prim, found.hidden):
+        reason = OVER
+    absent = Absent(path, type_name, reason, ports)
+    (found.graph_absent[graph] if graph else found.absent).append(absent)
+
+
+def _schemas(prim: Usd.Prim) -> tuple[str, ...]:
+    return tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
+
+
+def _note_script(path: str, node_type: str, apis: tuple[str, ...], lab: Lab, found: _Found) -> None:
+    carrier = lab.catalog.scripts.among(apis)
+    if lab.catalog.scripts.runs(node_type):
+        carrier = node_type
+    if carrier is not None:
+        found.scripts.append(Script(path, carrier))
 
 
 def _value_of(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401
@@ -178,18 +226,25 @@ def _value_of(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401
     return attribute.Get() if attribute else None
 
 
-def _node(prim: Usd.Prim, path: str, lab: Lab, namespace: str) -> Node:
-    type_name = str(plain(_value_of(prim, "node:type")) or "")
+def _text(prim: Usd.Prim, name: str) -> str:
+    return str(plain(_value_of(prim, name)) or "")
+
+
+def _node(prim: Usd.Prim, path: str, lab: Lab, found: _Found) -> Node:
+    type_name, own = _text(prim, _NODE_TYPE), _text(prim, _NAMESPACE)
+    above = _namespace_of(path, found)
+    kind = lab.catalog.get(type_name)
     version = plain(_value_of(prim, "node:typeVersion"))
     position = plain(_value_of(prim, _POSITION))
     return Node(
         path=path,
         type_name=type_name,
-        type=lab.catalog.get(type_name),
+        type=kind,
         version=version if isinstance(version, int) else None,
-        ports=read_ports(prim),
+        ports=read_ports(prim, kind),
         position=_pair(position),
-        namespace=namespace,
+        namespace="/".join(filter(None, (above, own))),
+        own_namespace=own,
     )
 
 
@@ -213,6 +268,7 @@ def _graph(path: str, prim: Usd.Prim, found: _Found) -> GraphModel:
         attributes=attributes,
         nodes=tuple(found.nodes[path]),
         absent=tuple(found.graph_absent[path]),
+        instanced=prim.IsInstanceProxy(),
     )
 
 
@@ -240,7 +296,7 @@ def _prim(prim: Usd.Prim, path: str, kind: str, places: Places, hidden: tuple[st
         value = plain(attribute.Get())
         if value is not None:
             attributes[name] = value
-    apis = tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
+    apis = _schemas(prim)
     is_placed = kind in _PLACED or RIGID_BODY in apis
     local, world = places.of(prim, path) if is_placed else (None, None)
     return Prim(

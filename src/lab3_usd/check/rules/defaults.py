@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import lru_cache
 
-from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.met import same_value
 from lab3_usd.check.model import Node
@@ -13,8 +12,11 @@ from lab3_usd.check.names import resolved_topic
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.limits import stopping_limits
 from lab3_usd.check.rules.settings import setting_problem, settings_of
+from lab3_usd.check.running import live_nodes
 from lab3_usd.check.say import listed, short_source, shown, titled
 from lab3_usd.check.subject import GraphSubject, Roles, StageSubject
+from lab3_usd.check.topic_view import played_roles
+from lab3_usd.check.topics import moving_prims
 from lab3_usd.spec.catalog import Port, Value
 from lab3_usd.spec.spec import NodeSpec
 
@@ -201,19 +203,28 @@ def _resetting(subject: StageSubject, roles: Roles) -> Iterator[tuple[str, str]]
 
 @rule("P10", "namespace-attribute", scope="stage")
 def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
-    """A graph, or a prim above it, carries a namespace that moves its topics.
+    """A node, its sensor or a prim above them carries a namespace that moves a topic.
 
-    Why: Isaac Sim joins the namespaces of all ancestors before the topic name; `/scan` becomes
-    `/<namespace>/scan` although the node says `/scan`.
+    Why: Isaac Sim joins the namespaces of the prim and all its ancestors before the topic name, for
+    a sensor helper those of its sensor; `/scan` becomes `/<namespace>/scan` although the node says
+    `/scan`.
 
     Fix: select the prim named here and clear its Namespace in the Property panel.
 
     Example: `isaac:namespace` 'tb3' on the robot root.
     """
-    attribute = subject.lab.policy.namespace_attribute
-    graphs = [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
-    for path, prim in subject.stage.prims.items():
-        value = prim.attributes.get(attribute)
-        if prim.present and value and any(is_at_or_below(graph, path) for graph in graphs):
-            message = f"{attribute} is {shown(value)}, which moves every topic below this prim"
-            yield Problem(path, message, attribute, "''", shown(value))
+    attribute, stage, lab = subject.lab.policy.namespace_attribute, subject.stage, subject.lab
+    live = live_nodes(stage, lab)
+    moved: dict[tuple[str, str], list[str]] = {}
+    for path, role in played_roles(subject).items():
+        node = live.get(path) if role.type.topics else None
+        for site in () if node is None else moving_prims(node, stage, lab, live):
+            moved.setdefault(site, []).append(path)
+    for (path, value), nodes in moved.items():
+        if resolved_topic(value):
+            message = f"{attribute} is {shown(value)}, which moves the topics of {_counted(nodes)}"
+            yield Problem(path, message, attribute, "''", shown(value), related=tuple(nodes))
+
+
+def _counted(nodes: list[str]) -> str:
+    return nodes[0].rpartition("/")[2] if len(nodes) == 1 else f"{len(nodes)} nodes"

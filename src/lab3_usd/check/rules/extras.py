@@ -36,7 +36,7 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
 
 
 def _is_script(subject: GraphSubject, node: Node) -> bool:
-    return node.type_name in subject.lab.catalog.scripts
+    return subject.lab.catalog.scripts.runs(node.type_name)
 
 
 def _published_again(subject: GraphSubject, node: Node) -> tuple[Endpoint, Endpoint] | None:
@@ -100,18 +100,24 @@ def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("N08", "script-node", scope="stage")
 def script_node(subject: StageSubject) -> Iterator[Problem]:
-    """The stage holds a node that runs code out of the file.
+    """The stage holds a node, or a prim with Python scripting, that runs code out of the file.
 
     Why: whoever opens the stage and presses Play may run that code. The lab needs none.
 
-    Fix: delete the node.
+    Fix: delete the node. On a prim that carries a script, remove Python Scripting in the Property
+    panel.
 
     Example: a Script Node that publishes /odom from Python.
     """
-    for node in subject.stage.nodes():
-        if node.type_name in subject.lab.catalog.scripts:
-            message = "node runs code out of the file, which the lab does not need"
-            yield Problem(node.path, message, "node:type", None, node.type_name)
+    for script in subject.stage.scripts:
+        is_node = subject.lab.catalog.scripts.runs(script.carrier)
+        what = "node" if is_node else "prim"
+        yield Problem(
+            script.prim,
+            f"{what} runs code out of the file, which the lab does not need",
+            property="node:type" if is_node else None,
+            actual=script.carrier,
+        )
 
 
 @rule("N09", "node-outside-graph", scope="stage", severity="warning")
@@ -132,6 +138,6 @@ def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
         for each in absent_nodes(lab.graphs[name], roles, stage, lab.catalog).values()
     }
     for node in strays(stage):
-        if node.path not in missed and node.type_name not in lab.catalog.scripts:
+        if node.path not in missed and not lab.catalog.scripts.runs(node.type_name):
             message = f"{title_of(node)} stands outside every graph, where it is never evaluated"
             yield Problem(node.path, message, None, None, node.type_name)

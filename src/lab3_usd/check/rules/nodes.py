@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.absence import strays
 from lab3_usd.check.finding import Problem
-from lab3_usd.check.model import Absent, Node, StageModel
+from lab3_usd.check.model import DEACTIVATED, OUTSIDE, OVER, Absent, Node, StageModel
 from lab3_usd.check.registry import rule
 from lab3_usd.check.say import titled
 from lab3_usd.check.subject import GraphSubject, Roles
@@ -32,7 +32,7 @@ def absent_nodes(
 
     A prim that is named like a role is that role's before it may be another's.
     """
-    outside = (Absent(node.path, node.type_name, "outside every graph") for node in strays(stage))
+    outside = (Absent(node.path, node.type_name, OUTSIDE) for node in strays(stage))
     offers = [*(() if roles.graph is None else roles.graph.absent), *outside]
     found: dict[str, Absent] = {}
     for must_be_named in (True, False):
@@ -80,13 +80,15 @@ def _way_back(subject: GraphSubject, spec: NodeSpec, there: Absent | None) -> st
     name = subject.spec.name
     if there is None:
         return f"add {titled(spec)} to {name} and wire it as the handout shows"
-    if there.reason == "deactivated":
+    if there.reason == DEACTIVATED:
         return f"right-click {there.path} in the Stage panel and choose Activate"
     graph = subject.roles.graph
-    if there.reason == "outside every graph" and graph is not None:
+    if there.reason == OUTSIDE and graph is not None:
         return f"drag {there.path} back below {graph.path} in the Stage panel and check its wires"
+    define = "write def instead of over for" if there.reason == OVER else "delete"
+    otherwise = ", or delete it" if there.reason == OVER else ""
     return (
-        f"write def instead of over for {there.path} in the file, or delete it, "
+        f"{define} {there.path} in the file{otherwise}, "
         f"add {titled(spec)} to {name} and wire it as the handout shows"
     )
 

@@ -1,0 +1,54 @@
+"""What of a stage becomes a node, a prim, or neither."""
+
+from __future__ import annotations
+
+from breaking import broken, judged, place, the_lab
+
+from lab3_usd.check.model import StageModel
+from lab3_usd.check.topics import endpoints
+from lab3_usd.stage.reader import read_model
+
+
+def read(*steps: dict[str, object]) -> StageModel:
+    return read_model(broken("05", list(steps)), the_lab(), "stage.usda")
+
+
+def topics(stage: StageModel) -> list[str | None]:
+    return [each.topic for each in endpoints(stage, the_lab())]
+
+
+def test_what_is_no_node_below_a_graph_is_a_prim_of_the_scene() -> None:
+    wall = place("ROS_Clock/wall")
+    stage = read({"define": ["ROS_Clock/wall", "Cube"]}, {"schema": [wall, "PhysicsCollisionAPI"]})
+    assert stage.prims[wall].type == "Cube"
+    assert wall in {each.path for each in stage.colliders}
+    assert wall not in {node.path for node in stage.nodes()}
+
+
+def test_a_node_prim_of_another_type_is_absent_and_says_why() -> None:
+    stage = read({"type of prim": ["ROS_Clock/ros2_context", "Xform"]})
+    (gone,) = [each for graph in stage.graphs for each in graph.absent]
+    assert (gone.path, gone.reason) == (
+        place("ROS_Clock/ros2_context"),
+        "of Xform, not OmniGraphNode",
+    )
+
+
+def test_a_namespace_counts_from_the_node_on_and_once() -> None:
+    stage = read(
+        {"declare": ["ROS_Clock/ros2_publish_clock.isaac:namespace", "string", "own"]},
+        {"declare": ["ROS_Clock.isaac:namespace", "string", "graph"]},
+        {"declare": ["/World.isaac:namespace", "string", "world"]},
+    )
+    assert "/world/graph/own/clock" in topics(stage)
+
+
+def test_only_what_stands_below_the_applications_own_prims_is_ignored() -> None:
+    for top, count in (("/Replicator", 1), ("/ReplicatorX", 2), ("/Render", 1), ("/Renderer", 2)):
+        stage = read({"define": [top, "Xform"]}, {"copy": ["ROS_Clock", f"{top}/ROS_Clock"]})
+        assert topics(stage).count("/clock") == count, top
+
+
+def test_a_copy_beside_the_applications_own_prims_is_found() -> None:
+    found = judged(broken("05", [{"copy": ["ROS_Clock", "/ReplicatorX"]}]), "05").findings
+    assert ("Q01", "/ReplicatorX/ros2_publish_clock") in {(f.rule, f.prim) for f in found}
