@@ -100,6 +100,14 @@ def _clear(stage: Usd.Stage, where: str) -> None:
     _attribute(stage, where).Clear()
 
 
+def _sample(stage: Usd.Stage, where: str, time: float, value: Any) -> None:
+    _attribute(stage, where).Set(tuple(value) if isinstance(value, list) else value, time)
+
+
+def _begin(stage: Usd.Stage, time: float) -> None:
+    stage.SetStartTimeCode(time)
+
+
 def _beside(stage: Usd.Stage, where: str, value: Any) -> None:
     """Clear a port, and write a value where Kit keeps those of extended ports."""
     attribute = _attribute(stage, where)
@@ -199,6 +207,8 @@ STEPS: dict[str, Callable[..., None]] = {
     "set": _set,
     "declare": _declare,
     "clear": _clear,
+    "sample": _sample,
+    "begin": _begin,
     "beside": _beside,
     "connect": _connect,
     "disconnect": _disconnect,

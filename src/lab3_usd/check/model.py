@@ -180,6 +180,19 @@ class Script(Struct, frozen=True):
     carrier: str
 
 
+class Moving(Struct, frozen=True):
+    """An attribute whose time samples change it while the timeline plays.
+
+    `time` is the first time code at which it is no longer as at the start, in words both times.
+    """
+
+    prim: str
+    property: str
+    time: float
+    first: str
+    then: str
+
+
 class Collider(Struct, frozen=True):
     """The box around one collision shape in world space, in metres, and the body it moves with."""
 
@@ -208,6 +221,7 @@ class StageModel(Struct, frozen=True, eq=False):
     muted: tuple[Muted, ...] = ()
     instances: tuple[str, ...] = ()
     scripts: tuple[Script, ...] = ()
+    moving: tuple[Moving, ...] = ()
 
     def nodes(self) -> Iterator[Node]:
         """Yield every live node, graph by graph, then those outside every graph."""

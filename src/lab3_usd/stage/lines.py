@@ -56,14 +56,15 @@ def _spec(stage: Usd.Stage, prim_path: str, name: str | None) -> tuple[Sdf.Layer
     """Return the layer that holds a site, and the path of the spec in it."""
     if prim_path == "/" and name:  # the metadata of the stage
         return stage.GetRootLayer(), f"/.{name}"
-    prim = _prim(stage, prim_path)
+    prim, session = _prim(stage, prim_path), stage.GetSessionLayer()
     specs: Sequence[Any] = ()  # from the strongest to the weakest
     if name and prim and str(prim.GetPath()) == prim_path:
         specs = prim.GetProperty(name).GetPropertyStack(Usd.TimeCode.Default())
+        specs = [each for each in specs if each.layer != session]
     if specs:
         spec = next((each for each in specs if _has_opinion(each)), specs[0])
         return spec.layer, str(spec.path)
-    stack: Sequence[Any] = prim.GetPrimStack() if prim else ()
+    stack = [each for each in prim.GetPrimStack() if each.layer != session] if prim else []
     if stack:
         return stack[0].layer, str(stack[0].path)
     return stage.GetRootLayer(), ""

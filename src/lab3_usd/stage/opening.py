@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from pxr import Tf, Usd
 
 from lab3_usd.errors import StageError
+from lab3_usd.stage.samples import hold_at_start
 
 _T = TypeVar("_T")
 _PARSE_ERROR = re.compile(r":(\d+):\d+: parse error")
@@ -83,6 +84,7 @@ def open_stage(path: Path) -> Usd.Stage:
     if stage is None:
         message = f"{path}: usd-core opens no stage from it; save it again from Isaac Sim"
         raise StageError(message)
+    hold_at_start(stage)
     return stage
 
 

@@ -31,6 +31,7 @@ from lab3_usd.stage.places import Places
 from lab3_usd.stage.plain import plain
 from lab3_usd.stage.ports import DamagedError, property_names, read_ports
 from lab3_usd.stage.read_before import Before, Entry, before
+from lab3_usd.stage.samples import hold_at_start, moving_values
 
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
@@ -66,6 +67,7 @@ def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
 
 
 def _read_model(stage: Usd.Stage, lab: Lab) -> StageModel:
+    hold_at_start(stage)
     unresolved = tuple(find_unresolved(stage))
     hidden = tuple(dict.fromkeys(missing.prim for missing in unresolved))
     found = _Found(Before({}, {}) if hidden else before(stage), hidden)
@@ -89,6 +91,7 @@ def _read_model(stage: Usd.Stage, lab: Lab) -> StageModel:
         muted=tuple(find_muted(stage)),
         instances=tuple(found.instances),
         scripts=tuple(found.scripts),
+        moving=tuple(moving_values(stage)),
     )
 
 

@@ -15,6 +15,7 @@ from lab3_usd.check.rules import (  # noqa: F401 - registers their rules
     drives,
     early,
     joints,
+    playing,
     resting,
     robot,
     world,

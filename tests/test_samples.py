@@ -1,0 +1,132 @@
+"""What time samples make of a stage: what plays when the timeline starts counts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from breaking import broken, correct_stage, judged, place, the_lab
+from pxr import Sdf, Usd
+
+from lab3_usd.check.checker import check_stage
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.compare import compare_starter
+from lab3_usd.stage.samples import hold_at_start, moving_values
+
+LIDAR = "/turtlebot3_burger/base_scan/Lidar2D"
+TOPIC = "ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:topicName"
+
+
+def errors(*steps: dict[str, object]) -> list[tuple[str, str]]:
+    findings = judged(broken("05", list(steps)), "05").findings
+    return [(each.rule, each.severity) for each in findings if each.severity != "note"]
+
+
+@pytest.mark.parametrize(
+    ("steps", "found"),
+    [
+        ([{"sample": [f"{LIDAR}.xformOp:translate", 0, [9, 9, 9]]}], [("L04", "error")]),
+        ([{"sample": [f"{LIDAR}.xformOp:translate", 7, [9, 9, 9]]}], [("L04", "error")]),
+        ([{"sample": [TOPIC, 0, "scan1"]}], [("P01", "error")]),
+        ([{"clear": TOPIC}, {"sample": [TOPIC, 0, "/scan"]}], []),
+        ([{"set": [TOPIC, "scan1"]}, {"sample": [TOPIC, 0, "/scan"]}], []),
+        ([{"sample": [f"{LIDAR}.omni:sensor:tickRate", 0, 20.0]}], [("L05", "error")]),
+        (
+            [{"begin": 10}, {"sample": [TOPIC, 0, "scan1"]}, {"sample": [TOPIC, 10, "/scan"]}],
+            [],
+        ),
+        (
+            [{"begin": 10}, {"sample": [TOPIC, 0, "/scan"]}, {"sample": [TOPIC, 10, "scan1"]}],
+            [("P01", "error")],
+        ),
+        (
+            [{"sample": [TOPIC, 0, "/scan"]}, {"sample": [TOPIC, 9, "scan1"]}],
+            [("S30", "warning")],
+        ),
+        (
+            [
+                {"sample": [f"{LIDAR}.xformOp:translate", 0, [0, 0, 0]]},
+                {"sample": [f"{LIDAR}.xformOp:translate", 9, [0, 0, 2]]},
+            ],
+            [("S30", "error")],
+        ),
+        (
+            [
+                {"sample": [f"{LIDAR}.omni:sensor:tickRate", 0, 10.0]},
+                {"sample": [f"{LIDAR}.omni:sensor:tickRate", 9, 1.0]},
+            ],
+            [("S30", "error")],
+        ),
+    ],
+)
+def test_what_plays_at_the_start_counts(
+    steps: list[dict[str, object]], found: list[tuple[str, str]]
+) -> None:
+    assert errors(*steps) == found
+
+
+def test_a_finding_is_placed_where_the_samples_are_written(tmp_path: Path) -> None:
+    path = build_checkpoint(None, "05", tmp_path / "Lab3_05.usda")
+    layer = Sdf.Layer.FindOrOpen(str(path))
+    layer.SetTimeSample(f"{LIDAR}.xformOp:translate", 0, (9, 9, 9))
+    layer.Save()
+    (found,) = [each for each in check_stage(path, "05").findings if each.severity == "error"]
+    assert found.layer == str(path)
+    lines = path.read_text().splitlines()
+    assert "xformOp:translate" in lines[(found.line or 0) - 1]
+
+
+def wall(stage: Usd.Stage) -> Usd.Attribute:
+    """Where the first thing of the room that collides stands."""
+    for prim in stage.Traverse():
+        inside = str(prim.GetPath()).startswith("/turtlebot3_burger")
+        attribute = prim.GetAttribute("xformOp:translate")
+        if "PhysicsCollisionAPI" in prim.GetAppliedSchemas() and attribute and not inside:
+            return attribute
+    message = "the room has no walls"
+    raise AssertionError(message)
+
+
+@pytest.mark.parametrize("time", [0.0, 30.0])
+def test_a_wall_that_is_moved_at_the_start_differs_from_the_starter(time: float) -> None:
+    starter, stage = correct_stage("00"), correct_stage("05")
+    wall(stage).Set((3.0, 3.0, 0.0), time)
+    hold_at_start(stage)
+    changes = compare_starter(starter, stage, the_lab(), "05").changes
+    assert [change.prim for change in changes] == [str(wall(stage).GetPrim().GetPath())]
+
+
+def test_a_wall_that_moves_later_is_a_warning() -> None:
+    stage = correct_stage("05")
+    attribute = wall(stage)
+    attribute.Set(attribute.Get(), 0)
+    attribute.Set((3.0, 3.0, 0.0), 30)
+    found = [(f.rule, f.prim) for f in judged(stage, "05").findings if f.severity == "warning"]
+    assert found == [("S30", str(attribute.GetPrim().GetPath()))]
+
+
+def test_a_stage_without_samples_is_left_alone() -> None:
+    stage = correct_stage("05")
+    hold_at_start(stage)
+    assert stage.GetSessionLayer().empty
+    assert list(moving_values(stage)) == []
+
+
+def test_a_stage_is_held_once() -> None:
+    stage = correct_stage("05")
+    path = place(TOPIC)
+    stage.GetAttributeAtPath(path).Set("/scan", 0)
+    stage.GetAttributeAtPath(path).Set("scan1", 3)
+    for _ in range(2):
+        hold_at_start(stage)
+        assert [(each.property, each.time) for each in moving_values(stage)] == [
+            ("inputs:topicName", 3.0)
+        ]
+
+
+def test_a_value_that_is_blocked_at_the_start_is_none() -> None:
+    stage = correct_stage("05")
+    attribute = stage.GetAttributeAtPath(place(TOPIC))
+    attribute.Set(Sdf.ValueBlock(), 0)
+    hold_at_start(stage)
+    assert attribute.Get() is None
