@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
 from breaking import broken, judged, place, the_lab
 
 from lab3_usd.check.model import StageModel
+from lab3_usd.check.running import run_states
 from lab3_usd.check.topics import endpoints
 from lab3_usd.stage.reader import read_model
 
@@ -52,3 +54,16 @@ def test_only_what_stands_below_the_applications_own_prims_is_ignored() -> None:
 def test_a_copy_beside_the_applications_own_prims_is_found() -> None:
     found = judged(broken("05", [{"copy": ["ROS_Clock", "/ReplicatorX"]}]), "05").findings
     assert ("Q01", "/ReplicatorX/ros2_publish_clock") in {(f.rule, f.prim) for f in found}
+
+
+@pytest.mark.parametrize(("how", "state"), [("refer", "runs"), ("instance", "may run")])
+def test_a_graph_of_an_instance_may_run(how: str, state: str) -> None:
+    stage = read(
+        {"pattern": "/Source"},
+        {"copy": ["ROS_Clock", "/Source/ROS_Clock"]},
+        {how: ["/World/Holder", "/Source"]},
+    )
+    states = run_states(stage, the_lab())
+    assert states["/World/Holder/ROS_Clock/ros2_publish_clock"] == state
+    found = [each for each in endpoints(stage, the_lab()) if each.topic == "/clock"]
+    assert [each.sure for each in found] == [state == "runs", True]

@@ -52,6 +52,13 @@ def test_a_static_transform_says_so() -> None:
     assert list(as_text(report)) == ["a", "└── b  (static)"]
 
 
+def test_a_transform_that_may_be_sent_says_so() -> None:
+    report = TreeReport("x", (Edge("a", "b", "/g/p", "/g/p", "/tf", sure=False),))
+    assert list(as_text(report)) == ["a", "└── b  (perhaps)"]
+    assert "style=dotted" in as_dot(report)
+    assert json.loads(as_json(report))["transforms"][0]["sure"] is False
+
+
 def test_a_frame_with_two_parents_is_marked_below_both_and_drawn_once() -> None:
     assert text("a b", "x b", "b c") == [
         "a",

@@ -11,7 +11,7 @@ from pxr import Sdf, Usd
 from lab3_usd.check.checker import check_stage
 from lab3_usd.stage.builder import build_checkpoint
 from lab3_usd.stage.compare import compare_starter
-from lab3_usd.stage.samples import hold_at_start, moving_values
+from lab3_usd.stage.samples import changes_after_start, hold_at_start
 
 LIDAR = "/turtlebot3_burger/base_scan/Lidar2D"
 TOPIC = "ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:topicName"
@@ -109,7 +109,7 @@ def test_a_stage_without_samples_is_left_alone() -> None:
     stage = correct_stage("05")
     hold_at_start(stage)
     assert stage.GetSessionLayer().empty
-    assert list(moving_values(stage)) == []
+    assert list(changes_after_start(stage)) == []
 
 
 def test_a_stage_is_held_once() -> None:
@@ -119,7 +119,7 @@ def test_a_stage_is_held_once() -> None:
     stage.GetAttributeAtPath(path).Set("scan1", 3)
     for _ in range(2):
         hold_at_start(stage)
-        assert [(each.property, each.time) for each in moving_values(stage)] == [
+        assert [(each.property, each.time) for each in changes_after_start(stage)] == [
             ("inputs:topicName", 3.0)
         ]
 

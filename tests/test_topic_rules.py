@@ -238,3 +238,17 @@ def test_another_subscriber_in_a_graph_of_the_lab_is_left_to_the_rule_of_nodes()
     stage = m.stage()
     taker = m.role(stage, "ros2_subscribe_twist", "ROS_Drive")
     assert sites(m.with_node(stage, replace(taker, path=f"{taker.path}_01"))) == []
+
+
+@pytest.mark.parametrize("event", [TICK_TYPE, "omni.graph.action.OnCustomEvent"])
+def test_a_publisher_of_the_commands_is_a_warning_wherever_it_stands(event: str) -> None:
+    graph = driven(
+        "/Graph/any/sender", m.PUBLISHER_TYPE, topicName="cmd_vel",
+        messagePackage="geometry_msgs", messageName="Twist",
+    )  # fmt: skip
+    sender, tick = graph.nodes
+    root = replace(m.node(tick.path, event), ports={"outputs:tick": PortState("outputs:tick")})
+    assert sites(m.stage(replace(graph, nodes=(sender, root)))) == [
+        ("Q06", "/Graph/any/sender", TOPIC)
+    ]
+    assert sites(m.stage(replace(graph, nodes=(sender,)))) == []

@@ -80,6 +80,19 @@ class TfPorts(Struct, frozen=True):
     static: str | None = None
 
 
+class DrivePorts(Struct, frozen=True):
+    """Which ports of a type move joints.
+
+    `path` names the robot and wins where it is set, `target` is its prim otherwise. `joints`: the
+    names of the joints, all where it is empty. `commands`: what they are told.
+    """
+
+    path: str
+    target: str
+    joints: str
+    commands: tuple[str, ...]
+
+
 class NodeType(Struct, frozen=True):
     """One node type of Isaac Sim 6.0.1.
 
@@ -106,6 +119,7 @@ class NodeType(Struct, frozen=True):
     articulation: tuple[str, ...] = ()
     time_step: tuple[str, ...] = ()
     step_limits: tuple[str, ...] = ()
+    drives: DrivePorts | None = None
 
     def input(self, short: str) -> Port | None:
         """Return the input `short`; a dynamic input that this type can grow counts."""

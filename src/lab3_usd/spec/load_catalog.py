@@ -13,6 +13,7 @@ from lab3_usd.spec.catalog import (
     INPUT,
     OUTPUT,
     Catalog,
+    DrivePorts,
     Dynamic,
     Evaluation,
     GraphAttribute,
@@ -57,6 +58,12 @@ class _TfEntry(Struct, forbid_unknown_fields=True):
     static: str | None = None
 
 
+class _DrivesEntry(Struct, forbid_unknown_fields=True):
+    robot: tuple[str, str]
+    joints: str
+    commands: tuple[str, ...]
+
+
 class _TypeEntry(Struct, forbid_unknown_fields=True):
     version: int
     name: str
@@ -74,6 +81,7 @@ class _TypeEntry(Struct, forbid_unknown_fields=True):
     articulation: tuple[str, ...] = ()
     time_step: tuple[str, ...] = ()
     step_limits: tuple[str, ...] = ()
+    drives: _DrivesEntry | None = None
 
 
 class _AttributeEntry(Struct, forbid_unknown_fields=True):
@@ -174,6 +182,7 @@ def _node_type(name: str, entry: _TypeEntry, usd_types: Mapping[str, str]) -> No
         articulation=_named(entry.articulation, INPUT, ports, f"{where}: articulation"),
         time_step=_named(entry.time_step, INPUT, ports, f"{where}: time_step"),
         step_limits=_named(entry.step_limits, INPUT, ports, f"{where}: step_limits"),
+        drives=_drive_ports(entry.drives, ports, f"{where}: drives"),
     )
 
 
@@ -244,3 +253,14 @@ def _tf_ports(entry: _TfEntry | None, ports: Mapping[str, Port], where: str) -> 
         gives=_named(entry.gives, OUTPUT, ports, where),
         static=next(iter(_named(static, INPUT, ports, where)), None),
     )
+
+
+def _drive_ports(
+    entry: _DrivesEntry | None, ports: Mapping[str, Port], where: str
+) -> DrivePorts | None:
+    if entry is None:
+        return None
+    path, target, joints, *commands = _named(
+        (*entry.robot, entry.joints, *entry.commands), INPUT, ports, where
+    )
+    return DrivePorts(path, target, joints, tuple(commands))

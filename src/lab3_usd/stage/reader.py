@@ -16,6 +16,7 @@ from lab3_usd.check.model import (
     Absent,
     Collider,
     GraphModel,
+    Moving,
     Node,
     Prim,
     Script,
@@ -31,7 +32,7 @@ from lab3_usd.stage.places import Places
 from lab3_usd.stage.plain import plain
 from lab3_usd.stage.ports import DamagedError, property_names, read_ports
 from lab3_usd.stage.read_before import Before, Entry, before
-from lab3_usd.stage.samples import hold_at_start, moving_values
+from lab3_usd.stage.samples import changes_after_start, hold_at_start
 
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
@@ -91,7 +92,7 @@ def _read_model(stage: Usd.Stage, lab: Lab) -> StageModel:
         muted=tuple(find_muted(stage)),
         instances=tuple(found.instances),
         scripts=tuple(found.scripts),
-        moving=tuple(moving_values(stage)),
+        moving=tuple(Moving(*change) for change in changes_after_start(stage)),
     )
 
 

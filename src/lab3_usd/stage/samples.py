@@ -10,11 +10,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from pxr import Sdf, Usd
 
-from lab3_usd.check.model import Moving
 from lab3_usd.stage.plain import plain
 
 _KEY = "changes after the start"
@@ -34,19 +33,27 @@ def hold_at_start(stage: Usd.Stage) -> None:
     start = stage.GetStartTimeCode()
     sampled = list(_sampled(stage))
     held = [(each, each.Get(start)) for each in sampled]
-    moving = [found for each, value in held for found in _moving(each, value, start)]
+    changes = [found for each, value in held for found in _changes(each, value, start)]
     with Sdf.ChangeBlock():
         for attribute, value in held:
             _write(session, attribute, value)
-        session.customLayerData = {_KEY: json.dumps(moving)}
+        session.customLayerData = {_KEY: json.dumps(changes)}
 
 
-def moving_values(stage: Usd.Stage) -> Iterator[Moving]:
-    """Yield what changes after the start, of a stage that was held there."""
-    for prim, name, time, first, then in json.loads(
-        stage.GetSessionLayer().customLayerData.get(_KEY, "[]")
-    ):
-        yield Moving(prim, name, time, first, then)
+class Change(NamedTuple):
+    """An attribute of a prim, when it first changes after the start, and from what into what."""
+
+    prim: str
+    property: str
+    time: float
+    first: str
+    then: str
+
+
+def changes_after_start(stage: Usd.Stage) -> list[Change]:
+    """Return what changes after the start, of a stage that was held there."""
+    written = stage.GetSessionLayer().customLayerData.get(_KEY, "[]")
+    return [Change(*each) for each in json.loads(written)]
 
 
 def _sampled(stage: Usd.Stage) -> Iterator[Usd.Attribute]:
@@ -56,13 +63,13 @@ def _sampled(stage: Usd.Stage) -> Iterator[Usd.Attribute]:
                 yield attribute
 
 
-def _moving(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[tuple[Any, ...]]:  # noqa: ANN401
+def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[Change]:  # noqa: ANN401
     """Yield the first sample after the start that is not as the value there."""
     for time in attribute.GetTimeSamples():
         then = attribute.Get(time) if time > start else first
         if then != first and not _alike(plain(first), plain(then)):
             prim, name = str(attribute.GetPrim().GetPath()), str(attribute.GetName())
-            yield prim, name, time, _text(first), _text(then)
+            yield Change(prim, name, time, _text(first), _text(then))
             return
 
 

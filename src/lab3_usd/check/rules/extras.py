@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.absence import strays
+from lab3_usd.check.commanders import second_commanders
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Node
 from lab3_usd.check.names import resolved_topic
@@ -29,8 +30,11 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: a second ROS2 Context in ROS_Drive.
     """
+    roles = {subject.spec.name: subject.roles}
+    told = [node for node, _ in second_commanders(subject.stage, subject.lab, roles)]
     for node in subject.roles.extra:
-        if not (_is_script(subject, node) or _published_again(subject, node)):
+        is_told = _is_script(subject, node) or node in told
+        if not is_told and not _published_again(subject, node):
             message = f"{title_of(node)} is not asked for in {subject.spec.name}"
             yield Problem(node.path, message, actual=node.type_name, handout=subject.spec.handout)
 

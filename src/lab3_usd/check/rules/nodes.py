@@ -196,4 +196,4 @@ def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
 
 
 # The other rules of this family.
-from lab3_usd.check.rules import extras  # noqa: E402, F401
+from lab3_usd.check.rules import commands, extras  # noqa: E402, F401

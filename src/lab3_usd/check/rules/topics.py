@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.absence import is_at_or_below
+from lab3_usd.check.commanders import second_commanders
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.qos import PROFILE
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rules import commands  # noqa: F401 - registers its rules
 from lab3_usd.check.running import live_nodes, live_sources
 from lab3_usd.check.sensor_place import second_lidars
 from lab3_usd.check.subject import StageSubject
@@ -166,6 +168,8 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
     takers = [e for e in endpoints(subject.stage, subject.lab) if e.direction == "subscribes"]
     asked = {e.topic: e.node.path for e in takers if e.topic and e.node.path in played}
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
+    told = second_commanders(subject.stage, subject.lab, subject.roles)
+    lab_graphs |= {node.path.rpartition("/")[0] for node, _ in told}
     for endpoint in takers:
         path = endpoint.node.path
         if endpoint.runs and endpoint.topic in asked and path.rpartition("/")[0] not in lab_graphs:
