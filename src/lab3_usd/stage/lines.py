@@ -56,18 +56,24 @@ def _spec(stage: Usd.Stage, prim_path: str, name: str | None) -> tuple[Sdf.Layer
     """Return the layer that holds a site, and the path of the spec in it."""
     if prim_path == "/" and name:  # the metadata of the stage
         return stage.GetRootLayer(), f"/.{name}"
-    prim, session = _prim(stage, prim_path), stage.GetSessionLayer()
+    prim = _prim(stage, prim_path)
     specs: Sequence[Any] = ()  # from the strongest to the weakest
     if name and prim and str(prim.GetPath()) == prim_path:
         specs = prim.GetProperty(name).GetPropertyStack(Usd.TimeCode.Default())
-        specs = [each for each in specs if each.layer != session]
     if specs:
+        specs = _saved(specs, stage)
         spec = next((each for each in specs if _has_opinion(each)), specs[0])
         return spec.layer, str(spec.path)
-    stack = [each for each in prim.GetPrimStack() if each.layer != session] if prim else []
+    stack: Sequence[Any] = prim.GetPrimStack() if prim else ()
     if stack:
-        return stack[0].layer, str(stack[0].path)
+        spec = _saved(stack, stage)[0]
+        return spec.layer, str(spec.path)
     return stage.GetRootLayer(), ""
+
+
+def _saved(specs: Sequence[Any], stage: Usd.Stage) -> Sequence[Any]:
+    """Leave out what the session layer says, unless nobody else says anything."""
+    return [each for each in specs if each.layer != stage.GetSessionLayer()] or specs
 
 
 def _prim(stage: Usd.Stage, path: str) -> Usd.Prim | None:
