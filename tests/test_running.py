@@ -162,3 +162,8 @@ def test_what_a_node_computes_nobody_knows() -> None:
     )
     live = live_nodes(m.only(m.graph(PLACE, unknown, sender)), m.lab())
     assert effective(live[SENDER], "inputs:odomFrameId", live) is None
+
+
+def test_a_push_graph_of_an_instance_may_run() -> None:
+    push = replace(graph(None, evaluator__type="push"), instanced=True)
+    assert state_of(m.only(push)) == "may run"

@@ -130,3 +130,27 @@ def test_a_value_that_is_blocked_at_the_start_is_none() -> None:
     attribute.Set(Sdf.ValueBlock(), 0)
     hold_at_start(stage)
     assert attribute.Get() is None
+
+
+def test_what_is_nowhere_in_the_scene_or_never_asked_for_may_change() -> None:
+    gone = {"define": ["/World/Gone", "Xform"]}
+    steps = [
+        gone,
+        {"declare": ["/World/Gone.physics:mass", "float"]},
+        {"sample": ["/World/Gone.physics:mass", 0, 1.0]},
+        {"sample": ["/World/Gone.physics:mass", 9, 2.0]},
+        {"deactivate": "/World/Gone"},
+        {"declare": ["/turtlebot3_burger.userProperties:note", "string"]},
+        {"sample": ["/turtlebot3_burger.userProperties:note", 0, "a"]},
+        {"sample": ["/turtlebot3_burger.userProperties:note", 9, "b"]},
+    ]
+    assert errors(*steps) == []
+
+
+def test_a_transform_that_no_order_uses_may_change() -> None:
+    steps = [
+        {"declare": [f"{LIDAR}.xformOp:translate:unused", "double3"]},
+        {"sample": [f"{LIDAR}.xformOp:translate:unused", 0, [0, 0, 0]]},
+        {"sample": [f"{LIDAR}.xformOp:translate:unused", 9, [9, 9, 9]]},
+    ]
+    assert errors(*steps) == []

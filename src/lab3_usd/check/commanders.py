@@ -91,17 +91,23 @@ def _array(maker: Node, live: Nodes) -> Value | None:
     dynamic = None if maker.type is None else maker.type.dynamic
     count = None if dynamic is None else effective(maker, INPUT + dynamic.count, live)
     if dynamic is None or not isinstance(count, int):
-        return None
+        return None  # how many they are comes by a wire
     names = [f"{INPUT}{dynamic.prefix}{number}" for number in range(min(count, len(maker.ports)))]
     items = [effective(maker, name, live) for name in names]
     return None if None in items else tuple(item for item in items if item is not None)
+
+
+def is_doubtful(node: Node, live: Nodes) -> bool:
+    """Whether nobody knows which robot a node commands, for a wire brings its path."""
+    ports = _drives(node)
+    return ports is not None and effective(node, ports.path, live) is None
 
 
 def _aims_at_robot(node: Node, ports: DrivePorts, stage: StageModel, lab: Lab, live: Nodes) -> bool:
     """Whether the prim that a node looks below holds the robot's articulation."""
     written = effective(node, ports.path, live)
     if written is None:
-        return True  # it comes by a wire: nobody knows
+        return True  # see `is_doubtful`
     aim = str(written) or next(iter(node.targets(ports.target)), "")
     robot = lab.scene["robot"]["path"]
     if is_hidden(stage, robot) or any(is_at_or_below(m.prim, robot) for m in stage.unresolved):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.commanders import second_commanders
+from lab3_usd.check.commanders import is_doubtful, second_commanders
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.registry import rule
-from lab3_usd.check.running import doubt
+from lab3_usd.check.running import doubt, live_nodes
 from lab3_usd.check.say import title_of
 from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.topic_view import played_roles
@@ -27,7 +27,9 @@ def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
     OmniGraph Controllers > Differential Controller.
     """
     stage, lab = subject.stage, subject.lab
+    live = live_nodes(stage, lab)
     for node, own in second_commanders(stage, lab, subject.roles):
+        doubtful = "warning" if is_doubtful(node, live) else doubt(stage, lab, node.path, own)
         yield Problem(
             node.path,
             f"{title_of(node)} commands the wheels as well, which only {own} may do",
@@ -35,7 +37,7 @@ def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
             actual=node.type_name,
             handout=lab.scene["robot"]["wheels"]["handout"],
             related=(own,),
-            severity=doubt(stage, lab, node.path, own),
+            severity=doubtful,
         )
 
 
