@@ -169,21 +169,6 @@ def _node(stage: Usd.Stage, where: str, node_type: str) -> None:
     prim.CreateAttribute("node:typeVersion", Sdf.ValueTypeNames.Int, custom=False).Set(1)
 
 
-def _pattern(stage: Usd.Stage, where: str) -> None:
-    """Make a class prim, which is no part of the scene itself."""
-    stage.CreateClassPrim(where)
-
-
-def _refer(stage: Usd.Stage, where: str, source: str, *, instanceable: bool = False) -> None:
-    prim = stage.DefinePrim(where, "Xform")
-    prim.GetReferences().AddInternalReference(source)
-    prim.SetInstanceable(instanceable)
-
-
-def _instance(stage: Usd.Stage, where: str, source: str) -> None:
-    _refer(stage, where, source, instanceable=True)
-
-
 def _schema(stage: Usd.Stage, where: str, name: str) -> None:
     stage.GetPrimAtPath(place(where)).AddAppliedSchema(name)
 
@@ -236,9 +221,6 @@ STEPS: dict[str, Callable[..., None]] = {
     "type of prim": _untype,
     "define": _define,
     "node": _node,
-    "pattern": _pattern,
-    "refer": _refer,
-    "instance": _instance,
     "schema": _schema,
     "copy": _copy,
     "move": _move,

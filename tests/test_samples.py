@@ -154,3 +154,46 @@ def test_a_transform_that_no_order_uses_may_change() -> None:
         {"sample": [f"{LIDAR}.xformOp:translate:unused", 9, [9, 9, 9]]},
     ]
     assert errors(*steps) == []
+
+
+ROBOT, CAMERA = "/turtlebot3_burger", "/turtlebot3_burger/base_footprint/Camera_1"
+
+
+@pytest.mark.parametrize(
+    ("where", "first", "then", "severity"),
+    [
+        (f"{ROBOT}.xformOp:translate", [1.8, 0, 0], [0, 0, 0], "error"),
+        (f"{CAMERA}.xformOp:translate", [0.1, 0, 0.2], [0.1, 0, 1.2], "error"),
+        (f"{CAMERA}.omni:sensor:tickRate", 10.0, 30.0, "error"),
+        (f"{CAMERA}.focalLength", 18.0, 50.0, "warning"),
+        ("ROS_Drive/differential_controller.inputs:wheelRadius", 0.025, 0.033, "warning"),
+    ],
+)
+def test_what_changes_later_is_said_where_it_is(
+    where: str, first: object, then: object, severity: str
+) -> None:
+    found = judged(
+        broken("05", [{"sample": [where, 0, first]}, {"sample": [where, 9, then]}]), "05"
+    ).findings
+    prim, name = place(where).split(".")
+    assert [(f.rule, f.prim, f.property, f.severity) for f in found if f.severity != "note"] == [
+        ("S30", prim, name, severity)
+    ]
+
+
+def test_samples_that_agree_or_lie_before_the_start_or_matter_to_nothing_are_silent() -> None:
+    flag = "/World/Flag.xformOp:translate"
+    steps = [
+        {"begin": 20},
+        {"sample": [f"{LIDAR}.xformOp:translate", 20, [0, 0, 0]]},
+        {"sample": [f"{LIDAR}.xformOp:translate", 50, [0, 0, 1e-9]]},
+        {"sample": [TOPIC, 10, "scan1"]},
+        {"sample": [TOPIC, 20, "/scan"]},
+        {"define": ["/World/Flag", "Xform"]},
+        {"declare": [flag, "double3"]},
+        {"declare": ["/World/Flag.xformOpOrder", "token[]", ["xformOp:translate"]]},
+        {"sample": [flag, 20, [0, 0, 0]]},
+        {"sample": [flag, 30, [0, 0, 1]]},
+        {"sample": ["ROS_Drive/ros2_context.ui:nodegraph:node:pos", 30, [0, 0]]},
+    ]
+    assert errors(*steps) == []
