@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import re
 import time
 from pathlib import Path
 
@@ -29,7 +31,7 @@ from ros_outputs import (
 )
 
 from lab3_usd.check.subjects_lab import Evidence, GoalRun, Lookup
-from lab3_usd.lab.evidence import read_evidence
+from lab3_usd.lab.evidence import read_evidence, read_listed
 from lab3_usd.lab.evidence_blocks import recognise
 from lab3_usd.lab.evidence_commands import is_prompt, read_typed
 from lab3_usd.lab.evidence_message import parse_messages
@@ -623,11 +625,70 @@ def test_a_folder_outside_the_root_keeps_its_name(tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_read_shows_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(path: Path) -> bytes:
+    def refuse(path: Path, _mode: str) -> bytes:
         raise PermissionError(path)
 
-    monkeypatch.setattr(Path, "read_bytes", refuse)
-    assert read(tmp_path, topic_list__txt=TOPICS) == Evidence(folder=".")
+    (tmp_path / "topic_list.txt").write_text(TOPICS)
+    monkeypatch.setattr(Path, "open", refuse)
+    assert read_evidence(tmp_path) == Evidence(folder=".")
+
+
+@pytest.mark.parametrize("name", ["manifest.tsv", "topic_list.txt"])
+def test_a_pipe_is_never_waited_for(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    assert read_evidence(tmp_path) == Evidence(folder=".")
+
+
+def test_a_manifest_that_is_a_link_is_not_followed_out(tmp_path: Path) -> None:
+    (tmp_path / "outside.tsv").write_text("topic_list.txt\t0\t12:00:00\t1.0\tros2 topic list\n")
+    inside = tmp_path / "results"
+    inside.mkdir()
+    (inside / "manifest.tsv").symlink_to(tmp_path / "outside.tsv")
+    assert read_evidence(inside).runs == ()
+
+
+def test_of_a_submission_only_what_is_listed_is_read(tmp_path: Path) -> None:
+    for name in ("results/topic_list.txt", "results/more/node_list.txt", "elsewhere/type.txt"):
+        file = tmp_path / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(TOPICS)
+    listed = ["elsewhere/topic_list.txt", "results/topic_list.txt"]
+    evidence = read_listed(tmp_path, listed, ["results", "logs"], ROS)
+    assert [shown.file for shown in evidence.topic_list[""]] == ["results/topic_list.txt"]
+    assert evidence.node_list == {}
+
+
+def test_of_a_long_text_the_beginning_is_read(tmp_path: Path) -> None:
+    data = "header:\n  frame_id: map\ndata:\n" + "- 0\n" * 400_000
+    read_ = read(tmp_path, long__txt=f"$ ros2 topic echo /map\n{data}")
+    assert read_.topic_echo["/map"][0].fact == {"header.frame_id": "map", "data": None}
+
+
+# What patterns with a gap in them, and readers of YAML, may take the square of its length for.
+_UNITS = [
+    " ", "\t", "\n", "\\\n", "a", "a:", "/a ", "/a []", "[", "{", "`", '"a" -> ', "a:\n", "a: 1\n",
+    "a:\n parent: ", "- ", "- a\n", "? a\n", "-", "---\n", "a\n---\n", "Translation: [",
+    "Node name:\n", "\x1b[0;", "\x1b]a", "ros2 ", "$ ", "x@y ", "docker ", "A=",
+    "goal status: 1\n", "frame_yaml='a:\\n  parent: b", "active [3]\n", "a: &a [*a]\n",
+    "Package '", "https://",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", _UNITS)
+def test_a_megabyte_of_the_worst_takes_no_square_of_its_length(tmp_path: Path, unit: str) -> None:
+    megabyte = unit * ((1 << 20) // len(unit))
+    runs = [re.sub(r"\{\w+\}", "/scan", kind.run) for kind in ROS.kinds.values()]
+    part = megabyte[: (1 << 20) // len(runs)]
+    texts = [
+        f"ros2 topic list{megabyte}x",
+        megabyte,
+        *(f"$ {run}\n{part}x\n$ " for run in runs),
+    ]
+    for text in texts:
+        (tmp_path / "notes.txt").write_text(text, newline="")
+        started = time.process_time()
+        read_evidence(tmp_path)
+        assert time.process_time() - started < 10, text[:60]
 
 
 def test_pictures_are_not_read(tmp_path: Path) -> None:

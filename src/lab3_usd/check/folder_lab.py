@@ -14,7 +14,7 @@ from lab3_usd.check.map_walls import wall_agreements
 from lab3_usd.check.subjects_lab import Evidence, EvidenceSubject, MapSubject
 from lab3_usd.check.submitted import Listing
 from lab3_usd.lab.deliverables import find_parameter_files
-from lab3_usd.lab.evidence import read_evidence
+from lab3_usd.lab.evidence import read_listed
 from lab3_usd.lab.map_subject import find_map, map_subject
 from lab3_usd.lab.params import read_params
 from lab3_usd.lab.submission import folder_named
@@ -90,8 +90,7 @@ def judge_parameters(given: Given) -> Judged:
 def read_shown(given: Given) -> Evidence:
     """Read the saved output of the running system."""
     names = [folder_named(given.folder, name) or name for name in given.spec.folders.shown]
-    folders = [given.folder / name for name in names]
-    return read_evidence(*folders, root=given.folder, ros=given.ros)
+    return read_listed(given.folder, given.usable, names, given.ros)
 
 
 def judge_shown(given: Given, evidence: Evidence, until: str, *, required: bool) -> Judged:

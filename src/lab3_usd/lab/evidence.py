@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from lab3_usd.check.subjects_lab import Evidence, GoalRun, Lookup, Shown
 from lab3_usd.lab import evidence_outputs as outputs
 from lab3_usd.lab.evidence_blocks import Block, split_blocks
 from lab3_usd.lab.evidence_message import parse_messages
+from lab3_usd.lab.submission import entries_below
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.ros_spec import GoalSpec, RosSpec
 
 MANIFEST = "manifest.tsv"
 _ENDINGS = {"", ".txt", ".log", ".out", ".md", ".gv", ".dot", ".yaml", ".yml"}
-_MOST_BYTES = 4_000_000
+_MOST_BYTES = 1_000_000  # of a file; the header of a message stands before its many numbers
+_MOST_OF_ALL = 4_000_000
 _MOST_FILES = 2_000
 _PARSERS: Mapping[str, Callable[[str], object]] = {
     "topic_list": outputs.parse_names,
@@ -47,54 +49,84 @@ _Found = dict[str, dict[str, list[Shown[Any]]]]
 
 
 def read_evidence(*folders: Path, root: Path | None = None, ros: RosSpec | None = None) -> Evidence:
-    """Read everything that the texts in `folders` and below show.
+    """Read everything that the texts in `folders` and below show (see `read_listed`).
 
-    Files are named relative to `root`, by default the first folder. Folders that do not exist,
-    files that cannot be read and texts that nobody understands show nothing. Where the collecting
-    script saved an output, its file speaks for that command alone, and its silence says something.
+    Files are named relative to `root`, by default the first folder. Folders that do not exist and
+    links to folders show nothing.
     """
-    spec = ros if ros is not None else load_lab().ros
     base = root if root is not None else folders[0]
-    found: _Found = {kind: {} for kind in (*_PARSERS, "goals")}
-    paths = _files(folders)
-    runs = {
-        _relative(path.parent / run.file, base): run
-        for path in paths
-        if path.name == MANIFEST
-        for run in outputs.parse_manifest(_read(path))
+    there = [folder for folder in folders if folder.is_dir() and not folder.is_symlink()]
+    files = {
+        _relative(folder / entry.path, base): folder / entry.path
+        for folder in there
+        for entry in entries_below(folder)
+        if not entry.why_not
     }
-    for path in paths:
-        if path.name == MANIFEST:
+    return _read_files(
+        files, _relative(folders[0], base), ros if ros is not None else load_lab().ros
+    )
+
+
+def read_listed(
+    root: Path, usable: Sequence[str], folders: Sequence[str], ros: RosSpec
+) -> Evidence:
+    """Read everything that the texts of a submission show, `usable` being what may be opened.
+
+    Of those, texts in `folders` and below are read. Texts that nobody understands show nothing.
+    Where the collecting script saved an output, its file speaks for that command alone, and its
+    silence says something.
+    """
+    files = {
+        path: root / path for folder in folders for path in usable if path.startswith(f"{folder}/")
+    }
+    return _read_files(files, folders[0], ros)
+
+
+def _read_files(files: Mapping[str, Path], folder: str, ros: RosSpec) -> Evidence:
+    found: _Found = {kind: {} for kind in (*_PARSERS, "goals")}
+    texts = _texts(files)
+    runs = {
+        (PurePosixPath(name).parent / run.file).as_posix(): run
+        for name in texts
+        if PurePosixPath(name).name == MANIFEST
+        for run in outputs.parse_manifest(texts[name])
+    }
+    for file, text in texts.items():
+        name = PurePosixPath(file).name
+        if name == MANIFEST:
             continue
-        file = _relative(path, base)
         ran = file in runs and runs[file].exit not in _NEVER_RAN
-        for kind, target, fact in _facts(_read(path), path.name, spec, ran=ran):
+        for kind, target, fact in _facts(text, name, ros, ran=ran):
             found[kind].setdefault(target, []).append(Shown(fact, file))
     kept = {kind: _preferred(of, set(runs)) for kind, of in found.items()}
-    return Evidence(folder=_relative(folders[0], base), runs=tuple(runs.values()), **kept)
+    return Evidence(folder=folder, runs=tuple(runs.values()), **kept)
 
 
-def _files(folders: tuple[Path, ...]) -> list[Path]:
-    """List the texts in a fixed order; links are left alone, they may lead anywhere."""
-    found: list[Path] = []
-    for folder in folders:
-        inside = sorted(folder.rglob("*")) if folder.is_dir() and not folder.is_symlink() else []
-        found.extend(path for path in inside if path.name == MANIFEST or _is_text(path))
-    return found[:_MOST_FILES]
+def _texts(files: Mapping[str, Path]) -> dict[str, str]:
+    """Return the texts among files by their names, the collecting script's list first.
+
+    Of a long one its beginning is read, and no more than so much of all of them together.
+    """
+    room, found = _MOST_OF_ALL, {}
+    texts = [name for name in files if _is_text(PurePosixPath(name))]
+    for name in sorted(texts, key=lambda name: PurePosixPath(name).name != MANIFEST)[:_MOST_FILES]:
+        data = _beginning(files[name], min(_MOST_BYTES, room))
+        room -= len(data)
+        wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+        found[name] = data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+    return found
 
 
-def _is_text(path: Path) -> bool:
-    plain = path.is_file() and not path.is_symlink()
-    return plain and path.suffix.lower() in _ENDINGS and path.stat().st_size <= _MOST_BYTES
+def _is_text(name: PurePosixPath) -> bool:
+    return name.name == MANIFEST or name.suffix.lower() in _ENDINGS
 
 
-def _read(path: Path) -> str:
+def _beginning(path: Path, most: int) -> bytes:
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            return file.read(most)
     except OSError:
-        return ""
-    wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
-    return data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+        return b""
 
 
 def _relative(path: Path, base: Path) -> str:

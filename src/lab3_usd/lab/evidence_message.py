@@ -16,22 +16,28 @@ _SCALARS = (str, int, float, bool, type(None))
 _NOISE = re.compile(r"^(\[(INFO|WARN|ERROR|DEBUG)\]|WARNING:|A message was lost|\ttotal count)")
 _ELEMENT = re.compile(r"^ *- (-?[\d.]\S*|\.nan|'\.\.\.')\s*$")
 _FIELD = re.compile(r"(?P<indent> *)(?:- )?(?P<name>[A-Za-z_]\w*):(?: +(?P<value>.*))?$")
+_SEPARATOR = re.compile(r"^-{3,}[ \t]*$", re.MULTILINE)
+_MOST_MESSAGES = 20
+_LONGEST_MESSAGE = 20_000  # characters, arrays left out; YAML is slow to read
 
 
 def parse_messages(text: str) -> list[Message]:
     """Return the messages of an output, fields by dotted path; empty when none was printed.
 
-    Arrays of numbers are left out. A message that is no longer YAML, because somebody shortened
-    it, is read line by line as far as its lines say `name: value`.
+    Of very many, those in the middle are left out. Arrays of numbers are left out. A message that
+    is no longer YAML, because somebody shortened it, is read line by line as far as its lines say
+    `name: value`.
     """
     lines = [line for line in text.splitlines() if not (_NOISE.match(line) or _ELEMENT.match(line))]
-    documents = re.split(r"(?m)^-{3,}\s*$", "\n".join(lines))
+    documents = [each for each in _SEPARATOR.split("\n".join(lines)) if each.strip()]
+    if len(documents) > _MOST_MESSAGES:
+        documents = documents[: _MOST_MESSAGES // 2] + documents[-_MOST_MESSAGES // 2 :]
     return [message for document in documents if (message := _parse(document))]
 
 
 def _parse(document: str) -> Message:
     try:
-        data = load_plain(document)
+        data = load_plain(document) if len(document) <= _LONGEST_MESSAGE else None
         if isinstance(data, dict):
             return dict(_flat(data, "", set()))
     except (yaml.YAMLError, RecursionError, ValueError):
@@ -56,7 +62,7 @@ def _flat(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Scalar]]
 
 def _by_line(document: str) -> Iterator[tuple[str, Scalar]]:
     outer: list[tuple[int, str]] = []
-    for line in document.splitlines():
+    for line in document[:_LONGEST_MESSAGE].splitlines():
         field = _FIELD.match(line.rstrip())
         if field is None:
             continue

@@ -10,13 +10,27 @@ from typing import Any
 import yaml
 
 _LONGEST_NUMBER = 400
+_LONGEST_TEXT = 200_000  # characters; maps and parameters have some thousands
+_MOST_BRACKETS = 60
+_NOT_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _TAG = "tag:yaml.org,2002:"
 _Construct = Callable[[Any, Any], Any]
 
 
 # libyaml, fast as it is, ends the process where a file is nested too deep.
 class PlainLoader(yaml.SafeLoader):
-    """A safe loader that leaves as text what is no finite number, and dates and the like."""
+    """A safe loader that leaves as text what is no finite number, and dates and the like.
+
+    It refuses what it would take minutes to read.
+    """
+
+    def __init__(self, stream: str | bytes) -> None:
+        """Begin to read a text, unless it is far too long or too deep."""
+        data = stream.encode(errors="replace") if isinstance(stream, str) else stream
+        if len(data) > _LONGEST_TEXT or bracket_depth(data) > _MOST_BRACKETS:
+            problem = f"is longer than {_LONGEST_TEXT} characters, or nested too deep"
+            raise yaml.YAMLError(problem)
+        super().__init__(stream)
 
     def compose_scalar_node(self, anchor: Any) -> yaml.ScalarNode:  # noqa: ANN401
         """Return a scalar whose text can be written again: halves of letters are replaced."""
@@ -25,11 +39,20 @@ class PlainLoader(yaml.SafeLoader):
         return node
 
 
+def bracket_depth(data: bytes) -> int:
+    """Return how deep the brackets of a text nest, whatever else stands between them."""
+    depth = deepest = 0
+    for letter in data.translate(None, _NOT_BRACKETS):
+        depth += 1 if letter in b"[{" else -1
+        deepest = max(deepest, depth)
+    return deepest
+
+
 def load_plain(text: str | bytes) -> Any:  # noqa: ANN401 - whatever the file holds
     """Return what a YAML text holds.
 
     Raises:
-        yaml.YAMLError: it is not YAML, or of types that are not plain.
+        yaml.YAMLError: it is not YAML, of types that are not plain, or far too long.
         RecursionError: it is nested too deep.
         ValueError: it holds what is no character.
     """

@@ -26,7 +26,7 @@ def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
     found: list[Entry] = []
     folders = spec.folders
     first = (folders.stages, folders.starter, folders.maps, *folders.shown)
-    for entry in _entries(root, root.resolve(), (), first):
+    for entry in entries_below(root, first):
         if len(found) == MOST_ENTRIES:
             break
         found.append(entry)
@@ -59,6 +59,14 @@ def _folders(root: Path) -> Iterator[os.DirEntry[str]]:
             yield from (each for each in scan if each.is_dir(follow_symlinks=False))
     except OSError:
         return
+
+
+def entries_below(root: Path, first: tuple[str, ...] = ()) -> Iterator[Entry]:
+    """Yield every file of a folder, those of the folders named `first` before others.
+
+    Each says why it may not be opened, where that is so.
+    """
+    return _entries(root, root.resolve(), (), first)
 
 
 def _entries(
