@@ -9,6 +9,7 @@ import shutil
 import stat
 import struct
 import tarfile
+import time
 import zipfile
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lab3_usd.errors import StageError
-from lab3_usd.grade.archives import ArchiveError, is_archive, unpack
+from lab3_usd.grade.archives import ArchiveError, _common_top, is_archive, unpack
 from lab3_usd.grade.guard import check_layer
 from lab3_usd.grade.intake import Intake, TooLargeError
 from lab3_usd.grade.limits import Limits
@@ -245,13 +246,94 @@ def test_other_files_are_no_archives(name: str) -> None:
 
 @pytest.mark.parametrize("ending", [".tar", ".tar.gz"])
 def test_zip_and_tar_unpack_alike(tmp_path: Path, ending: str) -> None:
-    entries = {"work/a.usda": STAGE, "report.pdf": b"%PDF"}
+    entries = {"work/a.usda": STAGE, "results/a.txt": b"x"}
     zipped(tmp_path / "a.zip", entries)
     (tmp_path / "b").mkdir()
     other = tarred(
         tmp_path / "b" / f"a{ending}", [(plain(name), data) for name, data in entries.items()]
     )
     assert unpacked(tmp_path / "a.zip") == unpacked(other) == (entries, [])
+
+
+VIDEO = bytes(5 << 20)  # larger than a file and a submission may be, and packed far too well
+FORMS = ["folder", "zip", "stored", "tar", "tar.gz"]
+
+
+def in_form(place: Path, form: str, entries: dict[str, bytes]) -> Source:
+    """The same files as a folder or an archive."""
+    place.mkdir(parents=True)
+    if form == "folder":
+        for name, data in entries.items():
+            write(place / name, data)
+        return Source(place)
+    if form in {"zip", "stored"}:
+        kind = zipfile.ZIP_DEFLATED if form == "zip" else zipfile.ZIP_STORED
+        return Source(packaged(place / "a.zip", entries, kind))
+    members = [(plain(name), data) for name, data in entries.items()]
+    return Source(tarred(place / f"a.{form}", members))
+
+
+def test_what_is_never_opened_counts_by_its_name_in_every_form(tmp_path: Path) -> None:
+    entries = {"work/a.usda": STAGE, "demo.MP4": VIDEO, "shots/1.png": VIDEO, "maps/m.png": b"p"}
+    found = {}
+    for form in FORMS:
+        target = tmp_path / form / "copy"
+        source = in_form(tmp_path / form / "given", form, entries)
+        done = stage_submission([source], target, SMALL)
+        found[form] = (files_below(target), done.digest, done.refused)
+    assert found["folder"][0] == {**entries, "demo.MP4": b"\0", "shots/1.png": b"\0"}
+    assert found["folder"][2] == ()
+    assert [form for form in FORMS if found[form] != found["folder"]] == []
+
+
+def test_a_file_that_is_too_large_costs_itself_alone_in_every_form(tmp_path: Path) -> None:
+    import random  # noqa: PLC0415 - bytes that nothing packs
+
+    entries = {"work/a.usda": STAGE, "run.bag": random.Random(1).randbytes(5 << 20)}  # noqa: S311
+    for form in FORMS:
+        source = in_form(tmp_path / form / "given", form, entries)
+        done = stage_submission([source], tmp_path / form / "copy", SMALL)
+        assert files_below(tmp_path / form / "copy") == {"work/a.usda": STAGE}
+        assert [each.path for each in done.refused] == ["run.bag"]
+
+
+def test_a_video_in_the_archive_of_a_class_keeps_its_name(tmp_path: Path) -> None:
+    entries = {"jane/work/a.usda": STAGE, "jane/demo.mp4": VIDEO, "jane/1.png": VIDEO}
+    intake = Intake(tmp_path / "class", SMALL, archives=True)
+    unpack(zipped(tmp_path / "a.zip", entries), "", intake)
+    folder, refused = staged(tmp_path, Source(tmp_path / "class" / "jane"))
+    assert files_below(folder) == {"work/a.usda": STAGE, "demo.mp4": b"\0", "1.png": b"\0"}
+    assert refused == []
+
+
+def test_a_video_and_a_folder_of_one_name_do_not_meet(tmp_path: Path) -> None:
+    entries = {"a.mp4/b.txt": b"x", "a.mp4": b"v"}
+    assert unpacked(zipped(tmp_path / "a.zip", entries)) == ({"a.mp4/b.txt": b"x"}, ["a.mp4"])
+
+
+@pytest.mark.parametrize(
+    ("names", "top"),
+    [
+        (["Lab3/a", "Lab3/b/c", "__MACOSX/x"], "Lab3/"),
+        (["Lab3/a", "b"], ""),
+        (["Lab3/a", "Lab4/a"], ""),
+        (["Lab3"], ""),
+        (["../a", "../b"], ""),
+        (["/a"], ""),
+        ([], ""),
+    ],
+)
+def test_the_folder_around_everything(names: list[str], top: str) -> None:
+    assert _common_top(names) == top
+
+
+def test_an_archive_of_thousands_of_files_is_unpacked_in_seconds(tmp_path: Path) -> None:
+    many = Limits()
+    archive = zipped(tmp_path / "a.zip", {f"Lab3/work/{number}": b"" for number in range(4000)})
+    started = time.process_time()
+    found, refused = unpacked(archive, many)
+    assert (len(found), refused) == (4000, [])
+    assert time.process_time() - started < 20
 
 
 def test_the_folder_that_holds_everything_is_left_aside(tmp_path: Path) -> None:
@@ -543,8 +625,8 @@ def test_folders_too_deep_are_not_walked(tmp_path: Path) -> None:
 def test_a_picture_whose_name_is_taken_is_not_written_twice(tmp_path: Path) -> None:
     intake = Intake(tmp_path, SMALL)
     for _ in range(2):
-        intake.keep_name("a.mp4")
-    intake.keep_name(".hidden.mp4")
+        intake.take("a.mp4", 5, io.BytesIO(b"video"))
+    intake.take(".hidden.mp4", 5, io.BytesIO(b"video"))
     assert files_below(tmp_path) == {"a.mp4": b"\0"}
 
 

@@ -11,9 +11,8 @@ from msgspec import Struct
 
 from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.archives import is_archive, is_no_room
-from lab3_usd.grade.intake import Refused, TooLargeError
+from lab3_usd.grade.intake import Refused, TooLargeError, only_name_counts
 from lab3_usd.grade.limits import Limits
-from lab3_usd.grade.staging import only_name_counts
 
 _CHUNK = 1 << 20
 _LARGER_THAN_PICTURES = 8 << 20

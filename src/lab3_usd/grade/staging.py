@@ -16,13 +16,6 @@ from lab3_usd.grade.archives import OTHER_ENDINGS, ArchiveError, is_archive, is_
 from lab3_usd.grade.intake import Intake, Refused
 from lab3_usd.grade.limits import Limits
 
-# Nobody judges what is in these; their names count as deliverables.
-_ONLY_NAMES = (
-    ".mp4", ".mov", ".mkv", ".webm", ".avi", ".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp",
-    ".tif", ".tiff", ".heic", ".pdf", ".doc", ".docx", ".odt",
-)  # fmt: skip
-_MAPS_MAY_BE = (".png", ".bmp")
-_SMALL_PICTURE = 4 << 20
 _DEEPEST = 4
 _UNREAD = "it cannot be read"
 
@@ -172,22 +165,12 @@ def _copy(path: Path, name: str, intake: Intake) -> None:
         with _opened(path) as (stream, size):
             if stream is None:
                 intake.refuse(name, "it is no file but a pipe, socket or device; not opened")
-            elif only_name_counts(name, size):
-                intake.keep_name(name)
             else:
                 intake.take(name, size, stream)
     except OSError as error:
         if is_no_room(error):
             raise
         intake.refuse(name, f"{_UNREAD} ({error.strerror})")
-
-
-def only_name_counts(name: str, size: int) -> bool:
-    """Whether nobody judges what is in a file: pictures, videos and documents."""
-    lower = name.lower()
-    if lower.endswith(_MAPS_MAY_BE) and size <= _SMALL_PICTURE:
-        return False
-    return lower.endswith(_ONLY_NAMES)
 
 
 @contextmanager
