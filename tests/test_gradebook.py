@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from grade_files import files_below
+from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftovers
@@ -27,6 +28,7 @@ from lab3_usd.spec.loader import load_lab
 
 RUBRIC = load_rubric(None, load_lab())
 SALT = "salt"
+ITEMS = [item.id for item in RUBRIC.items]
 
 
 def handed(student: str) -> Handed:
@@ -102,22 +104,56 @@ def test_halves_of_reports_are_removed_when_a_run_goes_on(tmp_path: Path, studen
 
 def test_what_is_finished_is_known(tmp_path: Path) -> None:
     (jane,) = written(tmp_path, "jane")
-    assert known_digest(tmp_path, jane, SALT) == "d1"
-    assert known_digest(tmp_path, jane, "pepper") == ""
+    assert known_digest(tmp_path, jane, SALT, ITEMS) == "d1"
+    assert known_digest(tmp_path, jane, "pepper", ITEMS) == ""
 
 
 @pytest.mark.parametrize("name", ["report.html", "report.json", "results.json"])
 def test_a_student_whose_report_was_deleted_is_not_known(tmp_path: Path, name: str) -> None:
     (jane,) = written(tmp_path, "jane")
     (tmp_path / "students" / "jane" / name).unlink()
-    assert known_digest(tmp_path, jane, SALT) == ""
+    assert known_digest(tmp_path, jane, SALT, ITEMS) == ""
 
 
 def test_a_result_that_names_no_reports_is_not_known(tmp_path: Path) -> None:
     (jane,) = written(tmp_path, "jane")
     path = tmp_path / "students" / "jane" / "result.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "reports": None}))
-    assert known_digest(tmp_path, jane, SALT) == ""
+    assert known_digest(tmp_path, jane, SALT, ITEMS) == ""
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        *({name: ...} for name in ("items", "earned", "possible", "percent", "lost", "reason")),
+        *({name: ...} for name in ("digest", "verdicts", "crashes")),
+        {"earned": "many"},
+        {"items": []},
+        {"items": [{"id": "starter"}]},
+        {"because": 3},
+        {"unconfined": [1]},
+    ],
+)
+def test_a_result_that_somebody_edited_is_judged_anew(
+    tmp_path: Path, changes: dict[str, Any]
+) -> None:
+    (jane,) = written(tmp_path, "jane")
+    path = tmp_path / "students" / "jane" / "result.json"
+    row = {**json.loads(path.read_text()), **changes}
+    path.write_text(json.dumps({key: value for key, value in row.items() if value is not ...}))
+    assert known_digest(tmp_path, jane, SALT, ITEMS) == ""
+
+
+def test_points_that_somebody_gave_by_hand_stay(tmp_path: Path) -> None:
+    (jane,) = written(tmp_path, "jane")
+    path = tmp_path / "students" / "jane" / "result.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "earned": 7, "note": "by hand"}))
+    assert known_digest(tmp_path, jane, SALT, ITEMS) == "d1"
+
+
+def test_a_student_whose_name_changed_has_a_report_of_that_name(tmp_path: Path) -> None:
+    (jane,) = written(tmp_path, "jane")
+    assert known_digest(tmp_path, replace(jane, name="Jane Roe"), SALT, ITEMS) == ""
 
 
 def test_a_result_never_stands_beside_reports_of_another_time(tmp_path: Path) -> None:

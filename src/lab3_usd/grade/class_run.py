@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from msgspec import Struct, field
@@ -69,7 +69,8 @@ def grade_class(
     with submissions_in(submissions) as place:
         handed = [_with_lateness(each, rubric) for each in find_submissions(place, settings.say)]
         by_folder = {each.folder: each for each in handed}
-        tasks = (_task(each, settings, salt) for each in handed)
+        items = [item.id for item in rubric.items]
+        tasks = (_task(each, settings, salt, items) for each in handed)
         pool = PoolSettings(
             settings.starter,
             settings.rubric,
@@ -145,8 +146,8 @@ def _with_lateness(handed: Handed, rubric: Rubric) -> Handed:
     return replace(handed, late=handed.late or listed)
 
 
-def _task(handed: Handed, settings: ClassSettings, salt: str) -> Task:
-    known = known_digest(settings.out, handed, salt) if settings.resume else ""
+def _task(handed: Handed, settings: ClassSettings, salt: str, items: Sequence[str]) -> Task:
+    known = known_digest(settings.out, handed, salt, items) if settings.resume else ""
     return Task(
         handed.student, handed.folder, handed.sources, handed.late, handed.name, known=known
     )

@@ -5,15 +5,18 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sized
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftovers, write_parts, write_whole
 from lab3_usd.grade import reports
 from lab3_usd.grade.rubric import COLUMNS, Rubric
+from lab3_usd.grade.scoring import Grade
 from lab3_usd.grade.submissions import Handed
 from lab3_usd.report.class_page import class_page
 from lab3_usd.report.csv_report import safe_cell
@@ -72,17 +75,39 @@ def _remove(files: Iterable[Path]) -> None:
         raise UsageError(message) from error
 
 
-def known_digest(out: Path, handed: Handed, salt: str) -> str:
-    """Return the digest of what was judged before under the same conditions, '' for nothing."""
+def known_digest(out: Path, handed: Handed, salt: str, items: Sequence[str]) -> str:
+    """Return the digest of what was judged before under the same conditions, '' for nothing.
+
+    `items` are those of the rubric, each of which a result has.
+    """
     row = read_result(out, handed)
     if row is None or row.get("salt") != salt or row.get("status") not in FINISHED:
         return ""
-    if row.get("late") != handed.late or row.get("student") != handed.student:
+    of_now = {"late": handed.late, "student": handed.student, "name": handed.name}
+    if any(row.get(key) != of_now[key] for key in of_now) or not _is_whole(row, items):
         return ""
     folder = out / STUDENTS / handed.folder
     if not all((folder / name).is_file() for name in _reports(row)):
         return ""
     return str(row.get("digest", ""))
+
+
+class _Recorded(Grade, frozen=True, kw_only=True):
+    """What the tables need of a result, which somebody may have edited."""
+
+    reason: str
+    digest: str
+    verdicts: dict[str, str]
+    crashes: list[str]
+    unconfined: tuple[str, ...] = ()
+
+
+def _is_whole(row: Row, items: Sequence[str]) -> bool:
+    try:
+        recorded = msgspec.convert(row, _Recorded)
+    except msgspec.ValidationError:
+        return False
+    return [item.id for item in recorded.items] == list(items)
 
 
 def _reports(row: Row) -> Iterator[str]:
