@@ -15,8 +15,9 @@ from typing import Any
 
 import pytest
 from grade_files import cut_wire, stage, starter, submission
+from pxr import Sdf
 
-from lab3_usd.errors import StageError
+from lab3_usd.errors import StageError, UsageError
 from lab3_usd.grade import cluster, confine, worker, worker_process
 from lab3_usd.grade.judge import Course, Task, judge_task
 from lab3_usd.grade.limits import Limits
@@ -25,6 +26,7 @@ from lab3_usd.grade.pool import message_of
 from lab3_usd.grade.staging import Source
 from lab3_usd.grade.worker_process import PoolSettings
 from lab3_usd.report.tool import tool_version
+from lab3_usd.stage.fence import files_of
 
 SETTINGS = {"starter": None, "rubric": None}
 
@@ -414,6 +416,36 @@ def test_a_rubric_and_a_starter_are_shipped_as_bytes(tmp_path: Path) -> None:
     assert here.rubric.read_bytes() == rubric.read_bytes()
     assert here.starter.read_bytes() == starter().read_bytes()
     assert here.starter != starter()
+
+
+def starter_with_asset(folder: Path, reference: str) -> Path:
+    """A starter in a folder of its own, which refers to an asset beside that folder."""
+    (folder / "assets").mkdir()
+    (folder / "mine").mkdir()
+    (folder / "assets" / "room.usda").write_text(
+        '#usda 1.0\n(\n    defaultPrim = "R"\n)\ndef "R" {}\n'
+    )
+    layer = Sdf.Layer.OpenAsAnonymous(str(starter()))
+    layer.GetPrimAtPath("/World").referenceList.Prepend(Sdf.Reference(reference))
+    path = folder / "mine" / "starter.usda"
+    layer.Export(str(path))
+    return path
+
+
+def test_a_starter_reaches_other_machines_with_assets_outside_its_folder(tmp_path: Path) -> None:
+    path = starter_with_asset(tmp_path, "../assets/room.usda")
+    shipment = cluster._shipment(PoolSettings(path, None, Limits()))
+    assert [name for name, _ in shipment.files] == ["assets/room.usda", "mine/starter.usda"]
+    there = cluster._unpacked(shipment, tmp_path / "there").starter
+    assert there is not None
+    assert there.read_bytes() == path.read_bytes()
+    assert len(files_of(there)) == 2
+
+
+def test_a_starter_that_cannot_reach_them_whole_is_refused(tmp_path: Path) -> None:
+    path = starter_with_asset(tmp_path, str(tmp_path / "assets" / "room.usda"))
+    with pytest.raises(UsageError, match="other machines cannot follow"):
+        cluster._shipment(PoolSettings(path, None, Limits()))
 
 
 def test_a_cluster_without_a_starter_is_an_error() -> None:

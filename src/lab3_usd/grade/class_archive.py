@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +15,7 @@ from lab3_usd.grade.entries import ARCHIVE_END, Entry, entries_in, is_leftover, 
 from lab3_usd.grade.intake import Intake, Refused, TooLargeError
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.remote import archive_at
+from lab3_usd.grade.scratch import scratch_folder
 from lab3_usd.grade.submissions import Place
 
 # A class in one archive holds many submissions.
@@ -31,14 +31,14 @@ def submissions_in(place: Path | str) -> Iterator[Place]:
     Raises:
         UsageError: there is no such place, or the archive is damaged or too large.
     """
-    with tempfile.TemporaryDirectory(prefix="lab3-class-") as scratch:
-        path = place if isinstance(place, Path) else archive_at(place, Path(scratch), _CLASS)
+    with scratch_folder("lab3-class-") as scratch:
+        path = place if isinstance(place, Path) else archive_at(place, scratch, _CLASS)
         if path is None:
             yield Place(place, str(place))
         elif stat.S_ISDIR(_mode(path, str(place))):
             yield Place(path, str(place))
         else:
-            yield _unpacked(path, str(place), Path(scratch))
+            yield _unpacked(path, str(place), scratch)
 
 
 def _mode(path: Path, given: str) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import atexit
 import importlib
+import os
 import threading
 from collections.abc import Iterable, Iterator
 from concurrent.futures import CancelledError
@@ -19,7 +20,7 @@ from lab3_usd.grade.class_run import Runner
 from lab3_usd.grade.interrupt import interrupted_by_signals
 from lab3_usd.grade.judge import Json, Task
 from lab3_usd.grade.pool import Seat, judge_in
-from lab3_usd.grade.scratch import make_scratch, remove_scratch
+from lab3_usd.grade.scratch import make_scratch, remove_scratch, scratch_folder
 from lab3_usd.grade.worker_process import PoolSettings, WorkerError
 from lab3_usd.report.tool import tool_version
 
@@ -33,7 +34,7 @@ _local = threading.local()
 class Shipment(Struct, frozen=True):
     """What a machine of the cluster needs to judge: the files themselves, not where they lie.
 
-    `files` are the starter and its assets by their paths below the starter's folder.
+    `files` are the starter and its assets, wherever they lie, by their paths below one folder.
     """
 
     version: str
@@ -143,14 +144,34 @@ def _shipment(settings: PoolSettings) -> Shipment:
         message = "--cluster needs a starter"
         raise UsageError(message)
     starter = settings.starter.resolve()
-    paths = sorted(Path(path) for path in files_of(starter))
-    inside = [path for path in paths if path.is_relative_to(starter.parent)]
-    return Shipment(
+    paths = sorted({Path(path.partition("[")[0]) for path in files_of(starter)})
+    root = Path(os.path.commonpath([starter.parent, *(path.parent for path in paths)]))
+    shipment = Shipment(
         version=tool_version(),
-        files=tuple((str(path.relative_to(starter.parent)), path.read_bytes()) for path in inside),
-        starter=starter.name,
+        files=tuple((path.relative_to(root).as_posix(), path.read_bytes()) for path in paths),
+        starter=starter.relative_to(root).as_posix(),
         rubric=None if settings.rubric is None else settings.rubric.read_bytes(),
         settings=replace(settings, readable=tuple(path.absolute() for path in settings.readable)),
+    )
+    with scratch_folder("lab3-starter-") as folder:
+        there = _unpacked(shipment, folder).starter
+        found = len(files_of(there)) if there is not None else 0
+        if found < len(files_of(starter)) or not _all_below(folder, there):
+            message = (
+                f"{settings.starter}: refers to files in a way that other machines cannot follow; "
+                "use paths relative to the starter, and no links"
+            )
+            raise UsageError(message)
+    return shipment
+
+
+def _all_below(folder: Path, starter: Path | None) -> bool:
+    """Whether a starter in a folder consists of files of that folder alone."""
+    from lab3_usd.stage.fence import files_of  # noqa: PLC0415 - pxr
+
+    real = folder.resolve()
+    return starter is not None and all(
+        Path(each).is_relative_to(real) for each in files_of(starter)
     )
 
 

@@ -10,10 +10,11 @@ import stat
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
-_PREFIXES = ("lab3-grade-", "lab3-starter-")
+_PREFIXES = ("lab3-grade-", "lab3-starter-", "lab3-class-")
 _SECONDS_TO_LOCK = 10.0
 _held: dict[Path, int] = {}
 
@@ -29,6 +30,16 @@ def make_scratch(prefix: str) -> Path:
     if handle is not None:
         _held[folder] = handle
     return folder
+
+
+@contextmanager
+def scratch_folder(prefix: str) -> Iterator[Path]:
+    """Yield a temporary folder (see `make_scratch`), which is removed afterwards."""
+    folder = make_scratch(prefix)
+    try:
+        yield folder
+    finally:
+        remove_scratch(folder)
 
 
 def remove_scratch(folder: Path) -> None:
