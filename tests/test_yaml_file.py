@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
 
-from lab3_usd.spec.yaml_file import refuse_deep
+from lab3_usd.errors import SpecError
+from lab3_usd.spec.yaml_file import read_foreign_yaml, refuse_deep
 
 
 @pytest.mark.parametrize(
@@ -32,3 +34,34 @@ def test_a_list_of_names_that_is_nested_deeply_crashes_nothing() -> None:
     # In a process of its own, which is the only one that a crash of the loader ends.
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert "nested" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "!!map [1]",
+        "a: !!map [1]",
+        "!!set [a]",
+        "a: !!set [a]",
+        "? !!str [a]\n: b",
+        "? !!str {a: b}\n: c",
+        "a: !!omap {b: c}",
+        "a: !!pairs {b: c}",
+        "a: !!seq {b: c}",
+        "a: !!str [b]",
+        "a: !!int [1]",
+        "a: !!float {b: 1}",
+        "a: !!bool []",
+        "a: !!null [1]",
+        "a: !!binary [1]",
+        "a: !!timestamp [1]",
+        "a: !!python/name:os.system x",
+        "a: !mine 1",
+    ],
+)
+def test_a_tag_that_does_not_fit_is_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "rubric.yaml"
+    path.write_text(text)
+    with pytest.raises(SpecError, match=r"^rubric\.yaml: ") as error:
+        read_foreign_yaml(path)
+    assert "\n" not in str(error.value)

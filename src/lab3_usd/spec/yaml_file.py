@@ -24,11 +24,13 @@ class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run tim
     """A safe loader that refuses keys that are not text, or given twice and so overwritten."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:  # noqa: ANN401, FBT001, FBT002 - PyYAML's signature
+        if not isinstance(node, yaml.MappingNode):  # a tag says that it is one
+            raise yaml.MarkedYAMLError(problem="is no mapping", problem_mark=node.start_mark)
         seen: set[str] = set()
         for key, _ in node.value:
             problem = ""
-            if key.tag != _TEXT:
-                problem = f"the key '{key.value}' is not text; put it in quotes"
+            if key.tag != _TEXT or not isinstance(key, yaml.ScalarNode):
+                problem = f"the key {_SHOWN.repr(_plain(key))} is not text; put it in quotes"
             elif key.value in seen:
                 problem = f"'{key.value}' is given twice"
             if problem:
@@ -36,6 +38,10 @@ class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run tim
             seen.add(key.value)
         mapping: dict[Any, Any] = super().construct_mapping(node, deep=deep)
         return mapping
+
+
+def _plain(node: Any) -> object:  # noqa: ANN401 - PyYAML's types
+    return node.value if isinstance(node, yaml.ScalarNode) else "[...]"
 
 
 def _whole(construct: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
