@@ -495,6 +495,21 @@ def test_the_environment_of_a_worker_holds_no_plugin_path_and_no_secret(
     assert set(known) <= {*worker_process._KEPT, "HOME", "TMPDIR", "PXR_WORK_THREAD_LIMIT"}
 
 
+WRITES = """
+import json, sys
+sys.stdin.readline()
+print(json.dumps({{"ready": {{"caches": sys.dont_write_bytecode}}}}), flush=True)
+sys.stdin.readline()
+"""
+
+
+def test_a_worker_writes_no_cache_beside_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker_process, "_MAIN", WRITES)
+    made = start_worker(PoolSettings(None, None, STUDENT))
+    end_worker(made)
+    assert made.confined == {"caches": True}
+
+
 # -- real workers
 
 

@@ -35,6 +35,7 @@ _POLL_SECONDS = 0.2
 _END_SECONDS = 2.0  # for a worker that closed its pipe to end, and for a killed one to be gone
 _LEAST_COUNTED = 1024  # bytes; millions of short lines take memory too
 # `-I` keeps the working directory, which holds a stranger's files, off the path of modules.
+# `-B`: a worker writes to its own folder alone, so that no cache is written beside the program.
 _MAIN = "import sys; sys.path[:0] = {path!r}; from lab3_usd.grade.worker import main; main()"
 _KEPT = ("PATH", "LANG", "LC_ALL", "LD_LIBRARY_PATH", "SYSTEMROOT", "TZ")
 _STDERR = "stderr.txt"
@@ -106,7 +107,7 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never) ->
         WorkerError: it does not get ready, or `stopped` became true.
     """
     scratch = make_scratch("lab3-grade-")
-    command = [sys.executable, "-I", "-c", _MAIN.format(path=_module_path())]
+    command = [sys.executable, "-I", "-B", "-c", _MAIN.format(path=_module_path())]
     with (scratch / _STDERR).open("wb") as errors:
         process = subprocess.Popen(  # noqa: S603 - our own module
             command,
