@@ -1,6 +1,9 @@
 """Throws damaged and made-up stages at the workers, and counts how they answer.
 
-Usage: python benchmarks/fuzz.py [--count N] [--seed N] [--jobs N] [--keep FOLDER]
+Usage: python benchmarks/fuzz.py [--count N] [--seed N] [--jobs N] [--keep FOLDER] [--odd SHARE]
+
+Of the tasks, `--odd` is the share over which a worker misbehaves: it dies, hangs, writes without
+end, talks nonsense, closes its pipe, or dies when it has answered.
 
 Every input must be answered. An input that the tool itself fails on is a bug: it is printed, kept
 where `--keep` says, and the exit status is 1.
@@ -22,6 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from fuzz_inputs import generate, inputs, write_inputs
 from grade_files import LAB, stage, starter
 
+from lab3_usd.grade import worker_process
 from lab3_usd.grade.judge import Task
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.outcome import status_of
@@ -32,6 +36,53 @@ from lab3_usd.stage.builder import BuildOptions, build_files
 
 BATCH = 500
 SECONDS = 20.0
+ODD_SECONDS = 8.0  # many of them hang
+ODD = """
+import sys
+sys.path[:0] = {path!r}
+import json, os, random, signal, threading, time
+from lab3_usd.grade import worker
+judge, channels, dice, out = worker.answer, worker._channels, random.Random(os.getpid()), []
+
+def remembered():
+    tasks, answers = channels()
+    out.append(answers.fileno())
+    return tasks, answers
+
+def forever():
+    for number in set(signal.Signals) - {{signal.SIGKILL, signal.SIGSTOP}}:
+        signal.signal(number, signal.SIG_IGN)
+    time.sleep(600)
+
+def write(data, times):
+    for _ in range(times):
+        os.write(out[0], data)
+
+def soon():
+    threading.Timer(0.01, lambda: os.kill(os.getpid(), signal.SIGKILL)).start()
+
+WAYS = [
+    lambda: os.kill(os.getpid(), signal.SIGKILL),
+    lambda: os.kill(os.getpid(), signal.SIGSEGV),
+    lambda: os._exit(3),
+    forever,
+    lambda: (os.close(out[0]), forever()),
+    lambda: write(b"x" * 65536, 10**9),
+    lambda: write(json.dumps({{"open": "x"}}).encode() + bytes([10]), 10**9),
+    lambda: write(b"nonsense" + bytes([10]), 1),
+    soon,
+]
+
+def answer(course, message, scratch, announce):
+    if dice.random() < SHARE:
+        if dice.random() < 0.5:
+            announce(os.path.basename(message["sources"][0][0]))
+        dice.choice(WAYS)()
+    return judge(course, message, scratch, announce)
+
+worker.answer, worker._channels = answer, remembered
+worker.main()
+"""
 
 
 def main() -> int:
@@ -41,12 +92,16 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--keep", type=Path)
+    parser.add_argument("--odd", type=float, default=0.0)
     options = parser.parse_args()
+    seconds = ODD_SECONDS if options.odd else SECONDS
+    if options.odd:
+        worker_process._MAIN = ODD.replace("SHARE", repr(options.odd))  # noqa: SLF001 - ours
     counts: Counter[str] = Counter()
     started = time.monotonic()
     for first in range(0, options.count, BATCH):
         size = min(BATCH, options.count - first)
-        counts += fuzz(size, options.seed + first, options.jobs, options.keep)
+        counts += fuzz(size, options.seed + first, options.jobs, options.keep, seconds)
         print(f"{counts.total()} inputs, {time.monotonic() - started:.0f} s: {shown(counts)}")
     if counts.total() != options.count:
         print(f"only {counts.total()} of {options.count} inputs were answered")
@@ -58,13 +113,15 @@ def shown(counts: Counter[str]) -> str:
     return ", ".join(f"{count} {name}" for name, count in counts.most_common())
 
 
-def fuzz(count: int, seed: int, jobs: int = 2, keep: Path | None = None) -> Counter[str]:
+def fuzz(
+    count: int, seed: int, jobs: int = 2, keep: Path | None = None, seconds: float = SECONDS
+) -> Counter[str]:
     """Judge `count` inputs, and return how many there were of each kind of answer."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         made = generate(inputs(*real_files(folder / "real")), count, seed)
         write_inputs(folder / "inputs", made)
-        settings = PoolSettings(starter(), None, Limits(seconds=SECONDS), (folder,), jobs)
+        settings = PoolSettings(starter(), None, Limits(seconds=seconds), (folder,), jobs)
         tasks = [
             Task(place.name, place.name, (Source(place),))
             for place in sorted((folder / "inputs").iterdir())

@@ -154,7 +154,7 @@ def test_one_file_that_cannot_be_fetched_is_one_students_status(tmp_path: Path) 
 def test_a_storage_that_hangs_is_not_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.remote._TIMES_AS_LONG", 0.1)
+    monkeypatch.setattr("lab3_usd.grade.limits._TIMES_AS_LONG", 0.1)
     put({"hanging/a.usda": b"x"}, "faulty")
     source = got("faulty://class/hanging", tmp_path, Limits(seconds=1))
     assert "took longer than 0.1 s" in source.fault

@@ -10,6 +10,8 @@ from types import ModuleType
 import pytest
 from fuzz_inputs import generate, written
 
+from lab3_usd.grade import worker_process
+
 COUNT = 240
 FUZZ = Path(__file__).resolve().parents[1] / "benchmarks" / "fuzz.py"
 
@@ -33,6 +35,16 @@ def test_every_input_is_answered_and_the_tool_never_fails(
     assert counts["tool failed"] == 0, said
     assert counts["unreadable"] > 0
     assert counts["fail"] > 0
+
+
+def test_every_input_is_answered_where_workers_misbehave(
+    fuzz: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker_process, "_MAIN", fuzz.ODD.replace("SHARE", "0.2"))
+    counts = fuzz.fuzz(60, seed=4, seconds=4.0)
+    assert counts.total() == 60
+    assert counts["crashed"] + counts["timeout"] + counts["too large"] > 0
+    assert counts["unreadable"] + counts["fail"] > 0
 
 
 def test_the_same_seed_gives_the_same_inputs() -> None:
