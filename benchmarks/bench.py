@@ -7,21 +7,26 @@ their speed while they work. Usage: python benchmarks/bench.py [--runs N] [NAME 
 from __future__ import annotations
 
 import argparse
+import gc
+import os
+import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench_scenes import crowded, lab_stage, meshed
 from pxr import Usd
 
-from lab3_usd import build_checkpoint, check_stage
+from lab3_usd import build_checkpoint, build_starter, check_stage
 
 RUNS = 15
 WARM_UPS = 2
+MANY = 1000  # stages of a folder
 
 OPEN_STAGE = "import sys; from pxr import Usd; Usd.Stage.Open(sys.argv[1])"
 EXPORT_NINE = """
@@ -31,33 +36,36 @@ stage = Usd.Stage.Open(sys.argv[1])
 for number in range(9):
     stage.GetRootLayer().Export(f"{sys.argv[2]}/export_{number}.usda")
 """
+# Users' Pythons keep what they compile, whatever this one was told.
+ENVIRONMENT = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
 
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """One figure: how long ours takes, bare usd-core, and the ratio that was aimed at."""
+    """One figure: how long ours takes, what it is compared with, and the ratio aimed at."""
 
     name: str
     ours: Sequence[float]
-    bare: Sequence[float]
+    other: Sequence[float]
     aim: float
 
     def line(self) -> str:
         """Write the medians in milliseconds and their ratio."""
-        ours, bare = statistics.median(self.ours), statistics.median(self.bare)
+        ours, other = statistics.median(self.ours), statistics.median(self.other)
         return (
-            f"{self.name:<42}{ours * 1000:>9.1f}{bare * 1000:>9.1f}"
-            f"{ours / bare:>8.2f}{self.aim:>7.1f}"
+            f"{self.name:<52}{ours * 1000:>9.1f}{other * 1000:>9.1f}"
+            f"{ours / other:>8.2f}{self.aim:>7.2f}"
         )
 
 
 def in_turn(
-    name: str, ours: Callable[[], object], bare: Callable[[], object], runs: int, aim: float
+    name: str, ours: Callable[[], object], other: Callable[[], object], runs: int, aim: float
 ) -> Ratio:
     """Time two callables in turn, after warm-ups that are not counted."""
     times: tuple[list[float], list[float]] = ([], [])
     for number in range(runs + WARM_UPS):
-        for call, kept in ((ours, times[0]), (bare, times[1])):
+        for call, kept in ((ours, times[0]), (other, times[1])):
+            gc.collect()
             start = time.perf_counter()
             call()
             if number >= WARM_UPS:
@@ -68,61 +76,88 @@ def in_turn(
 def process(*arguments: str) -> Callable[[], object]:
     """Return a call that runs this Python with arguments and throws the output away."""
     command = [sys.executable, *arguments]
-    return lambda: subprocess.run(command, check=False, capture_output=True)
+    return lambda: subprocess.run(command, check=False, capture_output=True, env=ENVIRONMENT)
 
 
-def bench_check(folder: Path, runs: int) -> list[Ratio]:
-    """Time `lab3 check --format json` on one file against opening it, as whole processes."""
-    stage = _built(folder, "05")
-    return [
-        in_turn(
-            "check one file, whole process",
-            process("-m", "lab3_usd", "check", "--format", "json", str(stage)),
-            process("-c", OPEN_STAGE, str(stage)),
-            runs,
-            1.6,
+def check(*arguments: object) -> Callable[[], object]:
+    """Return a call that runs `lab3 check --format json` as a process."""
+    return process("-m", "lab3_usd", "check", "--format", "json", *map(str, arguments))
+
+
+def opening(stage: Path) -> Callable[[], object]:
+    """Return a call that opens a stage in a process of its own, and does nothing else."""
+    return process("-c", OPEN_STAGE, str(stage))
+
+
+def bench_check(folder: Path, runs: int) -> Iterator[Ratio]:
+    """Time `lab3 check` on one file against opening it, as whole processes."""
+    scenes = {
+        "lab stage, text": (lab_stage(folder), 1.3),
+        "lab stage, binary": (lab_stage(folder, "usdc"), 1.3),
+        "with 20,000 prims, binary": (crowded(folder, 20_000), 1.8),
+        "with 20,000 prims, text": (crowded(folder, 20_000, "usda"), 1.8),
+        "with 200 collision meshes of 5,000 points": (meshed(folder), 1.5),
+    }
+    for name, (stage, aim) in scenes.items():
+        yield in_turn(f"check, {name}", check(stage), opening(stage), runs, aim)
+
+
+def bench_warm(folder: Path, runs: int) -> Iterator[Ratio]:
+    """Time checking in process against opening alone: nothing is imported any more."""
+    for name, stage, times, aim in (
+        ("lab stage", lab_stage(folder), runs * 3, 4.0),
+        ("100,000 prims", crowded(folder, 100_000), max(runs // 3, 3), 2.5),
+    ):
+        yield in_turn(
+            f"check in process, {name}",
+            lambda stage=stage: check_stage(stage, "05"),
+            lambda stage=stage: Usd.Stage.Open(str(stage)),
+            times,
+            aim,
         )
-    ]
 
 
-def bench_warm(folder: Path, runs: int) -> list[Ratio]:
-    """Time opening, model and rules in process against opening alone."""
-    stage = _built(folder, "05")
-    check_stage(stage)
-    return [
-        in_turn(
-            "check one file, in process and warm",
-            lambda: check_stage(stage),
-            lambda: Usd.Stage.Open(str(stage)),
-            runs * 3,
-            2.0,
-        )
-    ]
+def bench_starter(folder: Path, runs: int) -> Iterator[Ratio]:
+    """Time `--starter` against checking without."""
+    starter, stage = folder / "starter.usda", lab_stage(folder)
+    build_starter(starter)
+    compared = check("--starter", starter, stage)
+    yield in_turn("check --starter, against check", compared, check(stage), runs, 1.5)
 
 
-def bench_build(folder: Path, runs: int) -> list[Ratio]:
+def bench_html(folder: Path, runs: int) -> Iterator[Ratio]:
+    """Time the HTML report of one stage against checking it."""
+    stage = lab_stage(folder)
+    page = process("-m", "lab3_usd", "check", "--format", "html", str(stage))
+    yield in_turn("check --format html, against check", page, check(stage), runs, 1.4)
+
+
+def bench_folder(folder: Path, _runs: int) -> Iterator[Ratio]:
+    """Time a folder of stages with two processes against one."""
+    many = folder / "many"
+    many.mkdir()
+    for number in range(MANY):
+        shutil.copyfile(lab_stage(folder), many / f"Lab3_05_{number:04}.usda")
+    two, one = (check("--jobs", str(jobs), *sorted(many.iterdir())) for jobs in (2, 1))
+    yield in_turn(f"check of {MANY} stages, --jobs 2 against 1", two, one, 1 - WARM_UPS, 0.55)
+
+
+def bench_build(folder: Path, runs: int) -> Iterator[Ratio]:
     """Time `lab3 build` against opening the starter and exporting it nine times."""
-    starter = _built(folder, "00")
-    return [
-        in_turn(
-            "build nine files, whole process",
-            process("-m", "lab3_usd", "build", str(starter), "-o", str(folder / "n"), "--force"),
-            process("-c", EXPORT_NINE, str(starter), str(folder)),
-            runs,
-            3.0,
-        )
-    ]
+    starter = build_checkpoint(None, "00", folder / "Lab3_00_bench.usda")
+    target = str(folder / "nine")
+    build = process("-m", "lab3_usd", "build", str(starter), "-o", target, "--force")
+    export = process("-c", EXPORT_NINE, str(starter), str(folder))
+    yield in_turn("build nine files", build, export, runs, 3.0)
 
 
-def _built(folder: Path, checkpoint: str) -> Path:
-    target = folder / f"Lab3_{checkpoint}_bench.usda"
-    return target if target.exists() else build_checkpoint(None, checkpoint, target)
-
-
-BENCHES: dict[str, Callable[[Path, int], list[Ratio]]] = {
-    "build": bench_build,
+BENCHES: dict[str, Callable[[Path, int], Iterator[Ratio]]] = {
     "check": bench_check,
     "warm": bench_warm,
+    "starter": bench_starter,
+    "html": bench_html,
+    "folder": bench_folder,
+    "build": bench_build,
 }
 
 
@@ -132,11 +167,11 @@ def main() -> None:
     parser.add_argument("names", nargs="*", choices=[[], *BENCHES])
     parser.add_argument("--runs", type=int, default=RUNS)
     options = parser.parse_args()
-    print(f"{'median of runs in turn, ms':<42}{'ours':>9}{'bare':>9}{'ratio':>8}{'aim':>7}")
-    with tempfile.TemporaryDirectory() as folder:
-        for name in options.names or BENCHES:
+    print(f"{'median of runs in turn, ms':<52}{'ours':>9}{'other':>9}{'ratio':>8}{'aim':>7}")
+    for name in options.names or BENCHES:
+        with tempfile.TemporaryDirectory() as folder:
             for ratio in BENCHES[name](Path(folder), options.runs):
-                print(ratio.line())
+                print(ratio.line(), flush=True)
 
 
 if __name__ == "__main__":
