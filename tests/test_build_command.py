@@ -10,7 +10,7 @@ from typing import IO, cast
 
 import pytest
 from handout_table import FILES, GRAPHS, LIDAR
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics
 from starters import (
     BASE_SCAN,
     ROBOT,
@@ -318,6 +318,52 @@ def test_a_real_import_is_refused_with_reasons(
     assert list(tmp_path.iterdir()) == []
 
 
+def lying(stage: Usd.Stage) -> None:
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+
+
+def in_centimetres(stage: Usd.Stage) -> None:
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+
+
+def in_grams(stage: Usd.Stage) -> None:
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 0.001)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [(lying, "upAxis Y"), (in_centimetres, "metersPerUnit 0.01"), (in_grams, "kilogramsPerUnit")],
+)
+def test_a_starter_in_other_units_is_refused(
+    change: Change, what: str, build: Run, tmp_path: Path, out: Path
+) -> None:
+    outcome = build(changed(tmp_path / "scene.usda", change))
+    assert outcome.status == 1
+    assert len(outcome.err) == 2
+    assert what in outcome.err[1]
+    assert not out.exists()
+
+
+def test_units_that_nobody_wrote_but_kilograms_are_refused(build: Run, tmp_path: Path) -> None:
+    def silent(stage: Usd.Stage) -> None:
+        for key in ("upAxis", "metersPerUnit", "kilogramsPerUnit"):
+            stage.GetRootLayer().pseudoRoot.ClearInfo(key)
+
+    outcome = build(changed(tmp_path / "scene.usda", silent))
+    assert [line.split()[2] for line in outcome.err[1:]] == ["upAxis", "metersPerUnit"]
+
+
+def test_a_refusal_says_where_prims_of_the_wanted_names_are(build: Run, tmp_path: Path) -> None:
+    def dragged(stage: Usd.Stage) -> None:
+        editor = Usd.NamespaceEditor(stage)
+        assert editor.MovePrimAtPath(ROBOT, f"/World{ROBOT}")
+        assert editor.ApplyEdits()
+
+    outcome = build(changed(tmp_path / "scene.usda", dragged))
+    (line,) = [each for each in outcome.err if each.startswith(f"  {ROBOT} is missing")]
+    assert f"/World{ROBOT} has that name" in line
+
+
 # ---- starters that are merely unlike the handout's
 
 
@@ -342,16 +388,11 @@ def without_physics(stage: Usd.Stage) -> None:
         stage.RemovePrim(path)
 
 
-def lying(stage: Usd.Stage) -> None:
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-
-
 UNLIKE: dict[str, tuple[Change, str, str]] = {
     "another mass": (heavier, f"{ROBOT}/base_link", "mass"),
     "a moved root": (moved, ROBOT, "0.5, 0.25, 0"),
     "no light": (unlit, "/", "light"),
     "no physics scene": (without_physics, "/", "physics scene"),
-    "another up axis": (lying, "/", "Y"),
 }
 
 

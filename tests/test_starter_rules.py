@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from pxr import Gf, Usd
+from pxr import Gf, Usd, UsdGeom
 from submissions import LAB, ROBOT, SPEC, edit_stage
 
 from lab3_usd.check.changes import Change, Difference, Kind, Site, StarterSubject
@@ -19,6 +20,7 @@ from lab3_usd.stage.starter import build_starter
 RULES = {found.id: found for found in rules_of("starter", "U")}
 WALL = "/Environment/Walls/East"
 JOINT = f"{ROBOT}/joints/wheel_left_joint"
+Edit = Callable[[Usd.Stage], None]
 BASE = f"{ROBOT}/base_link"
 
 
@@ -232,3 +234,61 @@ def test_sites_that_are_blamed_already_are_left_out(
     site = (BASE, "physics:diagonalInertia")
     assert [each.rule for each in starter_findings(path, files[0], "08", LAB, [])] == ["U04"]
     assert starter_findings(path, files[0], "08", LAB, [site]) == ()
+
+
+# -- units that are the starter's fault
+
+
+def in_centimetres(stage: Usd.Stage) -> None:
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+
+
+def lying(stage: Usd.Stage) -> None:
+    UsdGeom.SetStageUpAxis(stage, "Y")
+
+
+def units_told(
+    folder: Path, files: tuple[Path, Path], starters: list[Edit], stages: list[Edit]
+) -> list[str]:
+    """The severities of what is said of units, for a starter and a stage that were edited."""
+    starter = folder / "own_starter.usda"
+    starter.write_bytes(files[0].read_bytes())
+    for edit in starters:
+        edit_stage(starter, edit)
+    path = folder / "Lab3_08.usda"
+    path.write_bytes(files[1].read_bytes())
+    for edit in stages:
+        edit_stage(path, edit)
+    result = against_starter(check_stage(path), open_starter(starter, LAB), LAB)
+    return [each.severity for each in result.findings if each.rule == "S02"]
+
+
+def test_units_of_the_starter_are_one_warning(files: tuple[Path, Path], tmp_path: Path) -> None:
+    both = [in_centimetres, lying]
+    assert units_told(tmp_path, files, both, both) == ["warning"]
+
+
+@pytest.mark.parametrize(
+    ("starters", "stages", "told"),
+    [
+        ([], [lying], ["error"]),
+        ([lying], [lying, in_centimetres], ["error", "warning"]),
+        ([lying], [], []),
+    ],
+)
+def test_units_that_the_starter_does_not_have_are_an_error(
+    starters: list[Edit],
+    stages: list[Edit],
+    told: list[str],
+    files: tuple[Path, Path],
+    tmp_path: Path,
+) -> None:
+    assert units_told(tmp_path, files, starters, stages) == told
+
+
+def test_a_target_velocity_is_a_command(files: tuple[Path, Path], tmp_path: Path) -> None:
+    def command(stage: Usd.Stage) -> None:
+        joint = stage.GetPrimAtPath(JOINT)
+        joint.GetAttribute("drive:angular:physics:targetVelocity").Set(500.0)
+
+    assert found_in(files, tmp_path, command).verdict == "pass"

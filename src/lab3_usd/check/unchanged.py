@@ -20,6 +20,7 @@ from lab3_usd.spec.spec import Lab
 
 _FAMILY = "U"
 _EXCUSED = "S"  # the family of the scene, which the starter brings
+_UNITS = "S02"
 _Fault = tuple[str, str, str | None, str | None]
 
 
@@ -77,6 +78,7 @@ def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageRes
     if result.verdict == "unreadable":
         return result
     kept = tuple(each for each in result.findings if not _is_excused(each, starter))
+    kept += tuple(_units(each for each in result.findings if _is_excused(each, starter)))
     blamed = frozenset((each.prim, each.property) for each in kept if each.severity != "note")
     judged = _compared(Path(result.path), starter, result.checkpoint, lab, blamed)
     requirements = result.requirements
@@ -97,6 +99,16 @@ def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageRes
 
 def _is_excused(finding: Finding, starter: Starter) -> bool:
     return finding.rule.startswith(_EXCUSED) and _fault(finding) in starter.faults
+
+
+def _units(excused: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield one warning for units and an up axis that are the starter's fault."""
+    told = [each for each in excused if each.rule == _UNITS]
+    if told:
+        wrong = "; ".join(each.message for each in told)
+        message = f"{wrong}: so it is in the starter, whose fault it is"
+        hint = "tell your instructor; the starter needs other units or another up axis"
+        yield replace(told[0], severity="warning", message=message, hint=hint)
 
 
 def _again(result: StageResult, kept: Collection[Finding], lab: Lab) -> Iterator[Requirement]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from pxr import Usd
 
 from lab3_usd.spec.spec import Lab
 from lab3_usd.stage.inputs import inputs_of
+
+_BODY = "PhysicsRigidBodyAPI"
+_SHOWN = 3  # prims that have a wanted name
 
 
 def reasons_against(lab: Lab, stage: Usd.Stage) -> list[str]:
@@ -16,10 +20,35 @@ def reasons_against(lab: Lab, stage: Usd.Stage) -> list[str]:
     What hangs below a prim that is not there is not said again.
     """
     reasons = list(_reasons(lab, stage))
+    units = list(_units(lab, stage))
     if reasons:
         missing = inputs_of(stage).missing
         reasons += [f"{path} cannot be read; what is missing may be in it" for path in missing]
-    return reasons
+    return units + reasons
+
+
+def _units(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
+    """Say in which units or with which axis up the stage is not what every number of the lab is."""
+    spec = lab.scene["stage"]
+    wanted = {
+        "upAxis": spec["up_axis"],
+        "metersPerUnit": spec["meters_per_unit"],
+        "kilogramsPerUnit": spec["kilograms_per_unit"],
+    }
+    for name, expected in wanted.items():
+        # Kilograms have no default in usd-core.
+        holder = stage.GetPseudoRoot() if name == "kilogramsPerUnit" else stage
+        actual = holder.GetMetadata(name)
+        if actual is None:
+            continue
+        is_number = isinstance(expected, float)
+        limit = lab.scene["tolerance"]["number"]
+        if actual != expected and not (is_number and math.isclose(actual, expected, rel_tol=limit)):
+            yield f"/ has {name} {_short(actual)}, expected {_short(expected)}; convert the starter"
+
+
+def _short(value: float | str) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _reasons(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
@@ -86,10 +115,21 @@ def _needed(lab: Lab) -> Iterator[str]:
 def _why_missing(stage: Usd.Stage, path: str) -> Iterator[str]:
     prim = stage.GetPrimAtPath(path)
     if not prim:
-        yield f"{path} is missing; the lab adds to it or points at it"
+        elsewhere = _namesakes(stage, path)
+        where = f"; {elsewhere} {'has' if ' and ' not in elsewhere else 'have'} that name"
+        also = where if elsewhere else ""
+        yield f"{path} is missing; the lab adds to it or points at it{also}"
     elif not prim.IsActive():
         yield f"{path} is deactivated; activate it"
     elif not prim.IsDefined():
         yield f"{path} is only an over; what defines it cannot be found"
     elif prim.IsInstanceProxy() or prim.IsInstance():
         yield f"{path} is an instance, which can hold no graph; clear 'instanceable'"
+
+
+def _namesakes(stage: Usd.Stage, path: str) -> str:
+    """Return where prims of a wanted name do stand, bodies rather than what is only seen."""
+    name = path.rpartition("/")[2]
+    found = [prim for prim in stage.Traverse() if prim.GetName() == name]
+    bodies = [prim for prim in found if _BODY in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
+    return " and ".join(str(prim.GetPath()) for prim in (bodies or found)[:_SHOWN])

@@ -86,7 +86,8 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     Fix: set Up Axis to Z and Meters Per Unit to 1 in the stage's properties (select the root in the
     Stage panel), or open the supplied file again and save it under the new name.
 
-    Example: `metersPerUnit = 0.01`, what USD takes where nothing is written.
+    Example: `metersPerUnit = 0.01`, what USD takes where nothing is written. Where the given
+    starter has it too, it is the starter's fault: a warning.
     """
     wanted, stage = subject.lab.scene["stage"], subject.stage
     pairs = {
