@@ -116,7 +116,7 @@ def run_physics(stage: Usd.Stage) -> None:
 def add_things(stage: Usd.Stage) -> None:
     prim = stage.GetPrimAtPath(BASE)
     prim.AddAppliedSchema("PhysxRigidBodyAPI")
-    prim.CreateAttribute("physxRigidBody:linearDamping", Sdf.ValueTypeNames.Float).Set(0.3)
+    prim.CreateAttribute("physxRigidBody:linearDamping", Sdf.ValueTypeNames.Float).Set(0.0)
     prim.CreateAttribute("userProperties:note", Sdf.ValueTypeNames.String).Set("mine")
     stage.DefinePrim("/World/Cone", "Cone")
 

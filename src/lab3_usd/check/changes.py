@@ -9,8 +9,8 @@ from msgspec import Struct
 from lab3_usd.spec.submission_spec import StarterRules
 
 # What a difference is about, the gravest first.
-Kind = Literal["type", "schema", "physics", "place", "look"]
-KINDS: tuple[Kind, ...] = ("type", "schema", "physics", "place", "look")
+Kind = Literal["type", "schema", "physics", "place", "look", "added"]
+KINDS: tuple[Kind, ...] = ("type", "schema", "physics", "place", "look", "added")
 Site = tuple[str, str | None]
 
 

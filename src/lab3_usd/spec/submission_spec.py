@@ -57,7 +57,9 @@ class StarterRules(Struct, frozen=True, forbid_unknown_fields=True):
 
     Patterns have `*`. `never` ones are not compared, `physics` and `shapes` of collisions are
     errors, `looks` count on lights and cameras only. Prims of the types `anywhere` are recognised
-    by their type, those named in `library` through the links that refer to them.
+    by their type, those named in `library` through the links that refer to them. Schemas that
+    begin as one of `acting` change how a prim moves as soon as they are added; a property added
+    with its value of `neutral` changes nothing.
     """
 
     handout: str
@@ -75,6 +77,8 @@ class StarterRules(Struct, frozen=True, forbid_unknown_fields=True):
     collision: str
     physics_names: tuple[str, ...]
     together: tuple[tuple[str, ...], ...]
+    acting: tuple[str, ...] = ()
+    neutral: tuple[tuple[str, bool | float], ...] = ()
 
 
 class ChecklistSpec(Struct, frozen=True, forbid_unknown_fields=True):

@@ -7,12 +7,14 @@ from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path
 
+from msgspec.structs import replace
 from pxr import Sdf, Usd, UsdGeom
 
 from lab3_usd.check.changes import Change, StarterSubject
 from lab3_usd.check.model import Unresolved
 from lab3_usd.spec.spec import Lab
 from lab3_usd.spec.submission_spec import StarterRules
+from lab3_usd.stage.compare_added import added_changes
 from lab3_usd.stage.compare_gone import Pair, gone_changes, is_there
 from lab3_usd.stage.compare_prims import Known, known
 from lab3_usd.stage.compare_terms import Terms, classifier
@@ -38,6 +40,7 @@ def compare_starter(
     before = open_stage(starter) if isinstance(starter, Path) else starter
     after = open_stage(stage) if isinstance(stage, Path) else stage
     terms = _terms(rules, lab, after, bodies_rest=checkpoint == next(iter(lab.checkpoints)))
+    terms = replace(terms, unknown=tuple(each.prim for each in find_unresolved(before)))
     pair = Pair(before, after, terms, tuple(_hidden(before, after)), _share_layers(before, after))
     key = ("changes", id(before), id(after), terms.bodies_rest)
     return StarterSubject(rules, remembered(key, lambda: tuple(_changes(pair))))
@@ -97,6 +100,7 @@ def _changes(pair: Pair) -> Iterator[Change]:
         if twin or not is_hidden:  # else the missing asset may hold it
             gone.append(was.prim)
     yield from gone_changes(gone, pair)
+    yield from added_changes(pair.starter, pair.stage, pair.terms)
 
 
 @lru_cache(maxsize=2)

@@ -9,6 +9,7 @@ from msgspec import Struct
 from pxr import Gf, Sdf, Usd
 
 from lab3_usd.check.changes import Difference
+from lab3_usd.stage.compare_added import added_differences
 from lab3_usd.stage.compare_terms import (
     Class,
     Terms,
@@ -78,6 +79,8 @@ def differences(
             found.extend(_property(prim, twin, name, kind, terms))
     if is_posed and was.path != terms.root:  # whose own place has a rule of its own
         found.extend(_place(prim, twin, terms, same_parent=same_parent))
+    if form != was.form or twin.GetAuthoredPropertyNames() != was.names:
+        found.extend(added_differences(prim, twin, terms))
     return found
 
 
@@ -102,6 +105,7 @@ def spoken_differences(was: Known, twin: Usd.Prim, terms: Terms) -> list[Differe
             found.extend(_property(prim, twin, name, kind, terms))
     if poses and was.path != terms.root:
         found.extend(_spoken_place(prim, twin, poses, terms))
+    found.extend(added_differences(prim, twin, terms))
     return found
 
 

@@ -34,6 +34,8 @@ class Terms(Struct, frozen=True):
     articulated: tuple[str, ...]
     bodies_rest: bool
     """Whether the bodies still stand where the starter has them."""
+    unknown: tuple[str, ...] = ()
+    """Prims of the starter that lack an asset: what a stage has there may be the asset's."""
 
 
 @lru_cache(maxsize=4)

@@ -113,6 +113,20 @@ def starter_look_changed(subject: StarterSubject) -> Iterator[Problem]:
     yield from _told(subject, "look")
 
 
+@rule("U07", "starter-physics-added", scope="starter", severity="warning")
+def starter_physics_added(subject: StarterSubject) -> Iterator[Problem]:
+    """Physics was added to the supplied scene that changes how the robot moves.
+
+    Why: damping, friction, filters, mimicry, further joints, shapes and scenes make the robot
+    drive otherwise than everybody else's, though nothing that was supplied is changed.
+
+    Fix: remove what was added, or reset the property in the Property panel.
+
+    Example: `physxRigidBody:linearDamping` 50 on `/turtlebot3_burger/base_link`.
+    """
+    yield from _told(subject, "added")
+
+
 def _told(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
     """Yield one problem for each prim whose gravest difference is of this kind."""
     for change in subject.changes:
@@ -134,6 +148,8 @@ def _told(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
 
 
 def _says(difference: Difference) -> str:
+    if difference.kind == "added":
+        return difference.now
     if difference.kind == "schema":
         return f"{difference.was} was removed"
     if difference.kind == "type":
@@ -162,7 +178,7 @@ def _untold(change: Change, subject: StarterSubject) -> list[Difference]:
 
 def _is_silent(each: Difference, names: set[str | None], subject: StarterSubject) -> bool:
     """Whether one of the `names` that were blamed at the prim and its body tells the difference."""
-    if each.kind in {"type", "schema"}:
+    if each.kind in {"type", "schema", "added"}:
         return bool(names)
     if each.kind == "place":
         return any(name is None or name.startswith("xformOp") for name in names)

@@ -1,0 +1,187 @@
+"""Physics that was added to a starter: what changes how the robot moves, and what does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from pxr import Gf, Sdf, Usd, UsdShade
+from scene_changes import move_prim, several, switch, weld, with_api
+from submissions import LAB, SPEC
+
+from lab3_usd.check.changes import Change, StarterSubject
+from lab3_usd.check.finding import Problem
+from lab3_usd.check.registry import rules_of, run_rule
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.compare import compare_starter
+from lab3_usd.stage.starter import starter_layer
+
+ROBOT = LAB.scene["robot"]["path"]
+BASE, FOOT = f"{ROBOT}/base_link", f"{ROBOT}/base_footprint"
+WHEEL = f"{ROBOT}/wheel_left_link"
+JOINT = f"{ROBOT}/joints/wheel_left_joint"
+WALL, SCENE = "/Environment/Walls/East", "/physicsScene"
+BALL = "/Environment/PhysicsMaterials/Ball"
+TYRE = "/Environment/PhysicsMaterials/Tyre"
+GROUP = "/World/Group"
+Edit = Callable[[Usd.Stage], object]
+KINDS = Sdf.ValueTypeNames
+
+
+def copy_of(layer: Sdf.Layer) -> Usd.Stage:
+    copy = Sdf.Layer.CreateAnonymous(".usda")
+    copy.TransferContent(layer)
+    return Usd.Stage.Open(copy)
+
+
+@pytest.fixture(scope="module")
+def starter() -> Usd.Stage:
+    return copy_of(starter_layer(LAB.folder))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Sdf.Layer:
+    path = build_checkpoint(None, "08", tmp_path_factory.mktemp("built") / "Lab3.usda")
+    return Sdf.Layer.FindOrOpen(str(path))
+
+
+def changes(starter: Usd.Stage, finished: Sdf.Layer, edit: Edit) -> tuple[Change, ...]:
+    stage = copy_of(finished)
+    edit(stage)
+    return compare_starter(starter, stage, LAB, "08").changes
+
+
+def add(path: str, name: str, kind: Sdf.ValueTypeName, value: object) -> Edit:
+    return lambda stage: stage.GetPrimAtPath(path).CreateAttribute(name, kind).Set(value)
+
+
+def relate(path: str, name: str, *targets: str) -> Edit:
+    return lambda stage: stage.GetPrimAtPath(path).CreateRelationship(name).SetTargets(targets)
+
+
+def define(path: str, kind: str) -> Edit:
+    return lambda stage: stage.DefinePrim(path, kind)
+
+
+def bind(path: str, material: str, purpose: str, *, strongly: bool = False) -> Edit:
+    strength = (
+        UsdShade.Tokens.strongerThanDescendants if strongly else UsdShade.Tokens.fallbackStrength
+    )
+
+    def change(stage: Usd.Stage) -> None:
+        api = UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path))
+        api.Bind(UsdShade.Material(stage.GetPrimAtPath(material)), strength, purpose)
+
+    return change
+
+
+def both(*edits: Edit) -> Edit:
+    return lambda stage: [edit(stage) for edit in edits]
+
+
+MOVES: dict[str, tuple[Edit, str]] = {
+    "damping": (add(BASE, "physxRigidBody:linearDamping", KINDS.Float, 50.0), BASE),
+    "locked axis": (add(FOOT, "physxRigidBody:lockedPosAxis", KINDS.Int, 3), FOOT),
+    "friction of a joint": (add(JOINT, "physxJoint:jointFriction", KINDS.Float, 5.0), JOINT),
+    "slower joint": (add(JOINT, "physxJoint:maxJointVelocity", KINDS.Float, 1.0), JOINT),
+    "time step": (add(SCENE, "physxScene:timeStepsPerSecond", KINDS.UInt, 5), SCENE),
+    "physics switched off": (add(SCENE, "physxScene:updateType", KINDS.Token, "Disabled"), SCENE),
+    "soft tyres": (add(TYRE, "physxMaterial:compliantContactStiffness", KINDS.Float, 9.0), TYRE),
+    "filtered pairs": (relate(WHEEL, "physics:filteredPairs", "/Environment/GroundPlane"), WHEEL),
+    "mimic joint": (with_api(JOINT, "PhysxMimicJointAPI:rotX"), JOINT),
+    "another owner": (
+        both(
+            define("/World/Moon", "PhysicsScene"),
+            relate(BASE, "physics:simulationOwner", "/World/Moon"),
+        ),
+        BASE,
+    ),
+    "second scene": (define("/World/Moon", "PhysicsScene"), "/World/Moon"),
+    "collision group": (
+        both(
+            define(GROUP, "PhysicsCollisionGroup"), relate(GROUP, "physics:filteredGroups", GROUP)
+        ),
+        GROUP,
+    ),
+    "slippery robot": (bind(ROBOT, BALL, "physics", strongly=True), ROBOT),
+    "a shape on the robot": (
+        both(define(f"{BASE}/skid", "Cube"), with_api(f"{BASE}/skid", "PhysicsCollisionAPI")),
+        f"{BASE}/skid",
+    ),
+    "a body on the robot": (
+        both(
+            define(f"{ROBOT}/trailer", "Xform"), with_api(f"{ROBOT}/trailer", "PhysicsRigidBodyAPI")
+        ),
+        f"{ROBOT}/trailer",
+    ),
+    "another joint": (
+        weld(f"{ROBOT}/joints/more", body0=BASE, body1=f"{ROBOT}/base_scan"),
+        f"{ROBOT}/joints/more",
+    ),
+    "a wall that falls": (with_api(WALL, "PhysicsRigidBodyAPI"), WALL),
+}
+
+
+@pytest.mark.parametrize(("edit", "prim"), MOVES.values(), ids=MOVES)
+def test_physics_that_moves_the_robot_otherwise_is_a_warning(
+    starter: Usd.Stage, finished: Sdf.Layer, edit: Edit, prim: str
+) -> None:
+    found = changes(starter, finished, edit)
+    assert prim in [each.prim for each in found]
+    said = told(found)
+    assert {(rule, problem.severity) for rule, problem in said} == {("U07", "warning")}
+
+
+def told(found: tuple[Change, ...], *blamed: tuple[str, str | None]) -> list[tuple[str, Problem]]:
+    subject = StarterSubject(SPEC.starter, found, frozenset(blamed))
+    rules = rules_of("starter", "U")
+    return [(rule.id, each) for rule in rules for each in run_rule(rule, subject)]
+
+
+STAYS: dict[str, Edit] = {
+    "the default": add(BASE, "physxRigidBody:linearDamping", KINDS.Float, 0.0),
+    "a schema without a value": with_api(BASE, "PhysxRigidBodyAPI"),
+    "pairs without a target": both(
+        with_api(WHEEL, "PhysicsFilteredPairsAPI"), relate(WHEEL, "physics:filteredPairs")
+    ),
+    "the only scene as owner": relate(BASE, "physics:simulationOwner", SCENE),
+    "a group that filters nothing": define(GROUP, "PhysicsCollisionGroup"),
+    "state of a joint": both(
+        with_api(JOINT, "PhysicsJointStateAPI:angular"),
+        add(JOINT, "state:angular:physics:velocity", KINDS.Float, 4.0),
+    ),
+    "a velocity": add(FOOT, "physics:velocity", KINDS.Vector3f, Gf.Vec3f(1, 0, 0)),
+    "a target of a drive": add(JOINT, "drive:angular:physics:targetPosition", KINDS.Float, 9.0),
+    "where physics is computed": add(SCENE, "physxScene:enableGPUDynamics", KINDS.Bool, False),  # noqa: FBT003
+    "looks on the robot": both(
+        define("/World/Paint", "Material"), bind(ROBOT, "/World/Paint", "", strongly=True)
+    ),
+    "a material that the wheels overrule": bind(WHEEL, BALL, ""),
+    "a box in the room": both(
+        define("/World/Box", "Cube"), with_api("/World/Box", "PhysicsCollisionAPI")
+    ),
+    "a shape that is only seen": define(f"{BASE}/antenna", "Cylinder"),
+    "a joint that is off": several(
+        weld(f"{ROBOT}/joints/more", body0=BASE, body1=FOOT),
+        switch(f"{ROBOT}/joints/more", "physics:jointEnabled"),
+    ),
+    "a joint of other things": weld("/World/hinge", body0="/World/Box", body1="/World/Door"),
+    "joints below their links": move_prim(JOINT, f"{WHEEL}/wheel_left_joint"),
+    "a product of the renderer": define("/Render/Product", "RenderProduct"),
+}
+
+
+@pytest.mark.parametrize("edit", STAYS.values(), ids=STAYS)
+def test_what_moves_nothing_is_no_change(
+    starter: Usd.Stage, finished: Sdf.Layer, edit: Edit
+) -> None:
+    assert [each for each in told(changes(starter, finished, edit)) if each[0] == "U07"] == []
+
+
+def test_a_joint_that_another_rule_has_told_is_not_told_again(
+    starter: Usd.Stage, finished: Sdf.Layer
+) -> None:
+    lock = f"{ROBOT}/joints/lock"
+    found = changes(starter, finished, weld(lock, body0=BASE, body1=WHEEL))
+    assert [rule for rule, _ in told(found)] == ["U07"]
+    assert told(found, (lock, None)) == []
