@@ -24,6 +24,7 @@ LAG = 0.1  # seconds between a stamp and the clock
 PLACE = (0.02, math.radians(2.0))  # of a sensor, between TF and where it is
 WALL = 0.03  # metres between a scan and the walls
 MISSED = 0.1  # the part of a scan that may be elsewhere
+STALE = 0.5  # seconds without a new transform
 SOON = 6  # frames in which a robot may come to rest
 
 
@@ -96,12 +97,11 @@ Fault = tuple[str, str]  # what is wrong, and the prim at fault if one is known
 def topics(evidence: Evidence) -> Iterator[Fault]:
     """Each topic is there, of its type, from one node, in each session, on domain 0."""
     wanted, recording = evidence.wanted, evidence.recording
+    sessions = range(len(evidence.drive))
     for topic, kind in wanted.types.items():
-        for session, played in enumerate(evidence.drive):
-            some = recording.topic(topic, session)
-            where = f" with ROS_DOMAIN_ID={played.environment}" if played.environment else ""
-            if not some:
-                yield f"nothing on {topic} in session {session}{where}", ""
+        silent = [each for each in sessions if not recording.topic(topic, each)]
+        if silent:
+            yield f"nothing on {topic}{_when(evidence, silent)}", ""
         messages = recording.topic(topic)
         odd = next((each for each in messages if each.type != kind), None)
         if odd is not None:
@@ -109,6 +109,14 @@ def topics(evidence: Evidence) -> Iterator[Fault]:
         senders = list(dict.fromkeys(each.node for each in messages))
         if topic != wanted.transforms and len(senders) > 1:
             yield f"{len(senders)} nodes publish {topic}", senders[1]
+
+
+def _when(evidence: Evidence, sessions: Sequence[int]) -> str:
+    """Say in which sessions, if not in all from the first on."""
+    if 0 in sessions:
+        return ""
+    outside = evidence.drive[sessions[0]].environment
+    return f" with ROS_DOMAIN_ID={outside}" if outside else " after Stop and Play"
 
 
 def _gone(before: Pose, after: Pose) -> tuple[float, float, float]:
@@ -261,25 +269,34 @@ def stamps(evidence: Evidence) -> Iterator[Fault]:
 
 def tree(evidence: Evidence) -> Iterator[Fault]:
     """One parent and one publisher for each frame, one root, and every frame that is named."""
-    parents: dict[str, dict[tuple[str, str], None]] = {}
-    for message in evidence.recording.topic(evidence.wanted.transforms, 0):
+    for session in range(len(evidence.drive)):
+        faults = list(_tree_faults(evidence, session))
+        if faults:
+            yield faults[0]
+            return
+
+
+def _tree_faults(evidence: Evidence, session: int) -> Iterator[Fault]:
+    messages = evidence.recording.topic(evidence.wanted.transforms, session)
+    parents: dict[str, dict[tuple[str, str], float]] = {}
+    for message in messages:
         for each in message.data if isinstance(message.data, tuple) else ():
-            parents.setdefault(each.child, {})[each.parent, message.node] = None
+            parents.setdefault(each.child, {})[each.parent, message.node] = message.at
     for child, several in parents.items():
         own = next((node for parent, node in several if parent == child), None)
         if own is not None:
             yield f"{child} is its own parent", own
-            return
         if len(several) > 1:
             yield f"{child} has {len(several)} parents or publishers", list(several)[1][1]
-            return
+        if min(several.values()) < messages[-1].at - STALE:
+            yield f"the transform of {child} ends", next(iter(several))[1]
     if parents:
         up = {child: next(iter(several))[0] for child, several in parents.items()}
-        yield from _loose_frames(evidence, up)
+        yield from _loose_frames(evidence, up, session)
 
 
-def _loose_frames(evidence: Evidence, up: dict[str, str]) -> Iterator[Fault]:
-    for frame in (*up, *sorted(_named(evidence))):
+def _loose_frames(evidence: Evidence, up: dict[str, str], session: int) -> Iterator[Fault]:
+    for frame in (*up, *sorted(_named(evidence, session))):
         top, steps = frame, 0
         while top in up and steps <= len(up):
             top, steps = up[top], steps + 1
@@ -288,10 +305,10 @@ def _loose_frames(evidence: Evidence, up: dict[str, str]) -> Iterator[Fault]:
             return
 
 
-def _named(evidence: Evidence) -> set[str]:
+def _named(evidence: Evidence, session: int) -> set[str]:
     found = {evidence.wanted.base}
     for topic in evidence.wanted.types:
-        for message in evidence.recording.topic(topic, 0):
+        for message in evidence.recording.topic(topic, session):
             found |= {message.frame} - {""}
     return found
 
@@ -333,6 +350,21 @@ def moving_frames(evidence: Evidence) -> Iterator[Fault]:
             return
 
 
+def mounted(evidence: Evidence) -> Iterator[Fault]:
+    """Lidar and camera go with the robot."""
+    wanted = evidence.wanted
+    for topic in (wanted.scan, wanted.image):
+        messages = evidence.recording.topic(topic, 0)
+        places = []
+        for message in (messages[1], messages[-1]) if len(messages) > 1 else ():
+            base = Message("", 0.0, wanted.base, at=message.at, session=message.session)
+            there, here = _in_root(evidence, message), _in_root(evidence, base)
+            if there is not None and here is not None:
+                places.append(here.inverse().then(there))
+        if len(places) > 1 and not _agree(*places):
+            yield f"{messages[0].frame} does not go with {wanted.base}", messages[0].node
+
+
 def _agree(one: Affine, other: Affine) -> bool:
     if length(minus(one.origin, other.origin)) > PLACE[0]:
         return False
@@ -354,6 +386,8 @@ def scan(evidence: Evidence) -> Iterator[Fault]:
     rate = _rate(messages)
     if abs(rate - wanted.scan_rate) > 0.2 * wanted.scan_rate:
         yield f"{rate:.1f} scans a second, not {wanted.scan_rate}", messages[0].node
+    if all(each < 0 for each in messages[-1].data.ranges):
+        yield "no ray comes back", messages[-1].node
     for message in (messages[1], messages[len(messages) // 2], messages[-1]):
         place = _in_root(evidence, message)
         if place is None or evidence.walls is None:
@@ -419,8 +453,7 @@ def again(evidence: Evidence) -> Iterator[Fault]:
         start = next(each for each in poses if each.leg == leg.name)
         ahead, left, _ = _gone(start, poses[-1])
         if not _sized(ahead, leg.command[0] * leg.seconds) or abs(left) > SLIP[0]:
-            where = f" with ROS_DOMAIN_ID={session.environment}" if session.environment else ""
-            yield f"does not follow in session {number}{where}", ""
+            yield f"goes otherwise{_when(evidence, [number])}", ""
 
 
 CHECKS: dict[str, Callable[[Evidence], Iterator[Fault]]] = {
@@ -433,6 +466,7 @@ CHECKS: dict[str, Callable[[Evidence], Iterator[Fault]]] = {
     "stamps": stamps,
     "tree": tree,
     "moving frames": moving_frames,
+    "mounted": mounted,
     "scan": scan,
     "camera": camera,
     "again": again,

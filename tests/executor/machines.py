@@ -214,13 +214,19 @@ class Machines:
             each.reset()
 
     def body_of(self, path: str) -> str:
-        """Return the body that a prim belongs to; '' for the world."""
-        return next((each.path for each in self.scene.above(path) if each.path in self.bodies), "")
+        """Return the body that a prim goes with; '' for the world."""
+        for each in self.scene.above(path):
+            if each.path in self.bodies:
+                return each.path
+            if each.loose:
+                break
+        return ""
 
     def articulation(self, path: str) -> Machine | None:
         """Return the articulation at or below a prim."""
         for prim in self.scene.below(path) if path else ():
-            if ROOT in prim.apis:
+            enabled = prim.values.get("physxArticulation:articulationEnabled") is not False
+            if ROOT in prim.apis and enabled:
                 bodies = [each.path for each in self.scene.below(prim.path)]
                 bodies = [each for each in bodies if each in self.member]
                 found = [self.member[each] for each in bodies if self.member[each].joints]

@@ -57,6 +57,7 @@ class Prim(Struct, frozen=True):
     values: dict[str, Any]
     targets: dict[str, tuple[str, ...]]
     seen: bool
+    loose: bool = False  # `!resetXformStack!`: it does not go with what is above it
 
 
 class Scene(Struct, frozen=True):
@@ -196,6 +197,7 @@ def _prim(
         values,
         targets,
         shape and _is_seen(prim, time),
+        bool(xform.GetResetXformStack()),
     )
 
 

@@ -127,6 +127,10 @@ def _beam(prim: Prim) -> Beam | None:
     turns, firings = number("scanRateBaseHz"), int(number("patternFiringRateHz"))
     if turns <= 0 or firings <= 0:
         return None
+    emitters = prim.values.get(f"{CORE}numberOfEmitters", 1)
+    angles = prim.values.get(f"{CORE}emitterState:s001:azimuthDeg", (0.0,))
+    if not emitters or not angles:
+        return None
     step = 2 * math.pi * turns / firings
     return Beam(-math.pi, step, int(firings / turns), number("nearRangeM"), number("farRangeM"))
 

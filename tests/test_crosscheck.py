@@ -1,0 +1,39 @@
+"""The rules and the robot of a dry run see the same faults, but for those that are explained."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import pytest
+from two_judges import all_faults, crosscheck, known_rows, silent, unexplained, wrong
+
+PARTS = 4  # so that several processes share the work
+TENTH, FIRST = 10, 3  # every so many of all faults, from so many on
+
+
+@pytest.mark.parametrize("part", range(PARTS))
+def test_both_judges_agree_on_a_tenth_of_all_faults(part: int) -> None:
+    found = list(crosscheck(TENTH * PARTS, FIRST + TENTH * part))
+    assert len(found) >= 15
+    assert wrong(found) == []
+    assert any(each.robot for each in found)
+
+
+def test_no_edit_of_some_changes_the_robot_in_silence() -> None:
+    edits = [silent(each) for each in range(100, 108)]
+    assert any(each.changes for each in edits)
+    assert unexplained(edits) == []
+
+
+def test_each_row_is_about_a_fault_and_each_fault_in_one_row_at_most() -> None:
+    rows, names = known_rows(), [each.name for each in all_faults()]
+    assert [row.title for row in rows if not any(map(row.holds, names))] == []
+    assert [name for name in names if sum(row.holds(name) for row in rows) > 1] == []
+
+
+def test_the_page_shows_the_table(repository: Path) -> None:
+    made = runpy.run_path(str(repository / "docs" / "make_wrong_wires.py"))
+    page = made["PAGE"].read_text(encoding="utf-8")
+    table = made["page"]([]).partition(made["KNOWN"])
+    assert page.endswith(table[1] + table[2]), "python docs/make_wrong_wires.py"

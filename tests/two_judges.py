@@ -1,0 +1,162 @@
+"""Every single fault of a stage before two judges: the rules, and the robot in a dry run."""
+
+from __future__ import annotations
+
+import atexit
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import yaml
+from breaking import correct_stage, judged, the_lab
+from dry_runs import driven, faults
+from executor.differences import differences
+from executor.record import Recording
+from msgspec import Struct, convert
+from pxr import Usd
+from random_edits import edit
+from sabotage import Fault, graph_faults
+
+from lab3_usd.check.finding import Finding
+from lab3_usd.check.unchanged import starter_findings
+from lab3_usd.stage.starter import build_starter
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
+
+from sweep import scene_faults
+
+CHECKPOINT = "05"
+TABLE = Path(__file__).with_name("disagreements.yaml")
+
+
+class Verdicts(Struct, frozen=True):
+    """What both judges say of one fault."""
+
+    fault: str
+    rules: tuple[str, ...]  # ids of errors and warnings
+    robot: tuple[str, ...]  # checks of the dry run that fail
+    says: str
+
+    @property
+    def agree(self) -> bool:
+        """Whether both find something."""
+        return bool(self.rules) == bool(self.robot)
+
+
+def all_faults() -> list[Fault]:
+    lab = the_lab()
+    asked = lab.checkpoints[CHECKPOINT]
+    return [*graph_faults(lab, asked), *scene_faults(asked)]
+
+
+def verdicts(fault: Fault) -> Verdicts:
+    stage = correct_stage(CHECKPOINT)
+    fault.break_it(stage)
+    found = judged(stage, CHECKPOINT).findings
+    rules = tuple(each.rule for each in found if each.severity != "note")
+    bad = faults(driven(stage, the_lab().catalog))
+    return Verdicts(
+        fault.name,
+        rules,
+        tuple(each.name for each in bad),
+        "; ".join(each.message for each in bad),
+    )
+
+
+def crosscheck(every: int = 1, start: int = 0) -> Iterator[Verdicts]:
+    for fault in all_faults()[start::every]:
+        yield verdicts(fault)
+
+
+class Row(Struct, frozen=True):
+    """A disagreement that is known: which faults, and why the judges see them otherwise."""
+
+    title: str
+    faults: tuple[str, ...]  # regular expressions for whole names
+    happens: str
+    reason: str
+
+    def holds(self, fault: str) -> bool:
+        return any(re.fullmatch(each, fault) for each in self.faults)
+
+
+def known_rows() -> list[Row]:
+    text = TABLE.read_text(encoding="utf-8")
+    return convert(yaml.safe_load(text)["disagreements"], list[Row])
+
+
+def wrong(found: Sequence[Verdicts]) -> list[str]:
+    """Say what the table does not explain, and what it explains though the judges agree."""
+    rows = known_rows()
+    said = []
+    for each in found:
+        row = next((row for row in rows if row.holds(each.fault)), None)
+        if each.robot and not each.rules:
+            said.append(f"{each.fault}: the rules are silent, the robot: {each.says}")
+        elif not each.agree and row is None:
+            said.append(f"{each.fault}: {each.rules} say so, the robot does not")
+        elif each.agree and row is not None:
+            said.append(f"{each.fault}: both see it ({each.says}), the table says otherwise")
+    return said
+
+
+def idle_rows(found: Sequence[Verdicts]) -> list[str]:
+    """Return the rows of the table that are about no fault."""
+    names = [each.fault for each in found]
+    return [row.title for row in known_rows() if not any(map(row.holds, names))]
+
+
+class Silence(Struct, frozen=True):
+    """An edit by chance: what it changes of what the robot does, and what the rules say of it."""
+
+    edit: str
+    changes: tuple[str, ...]
+    rules: tuple[str, ...]
+
+
+@cache
+def _unedited() -> Recording:
+    return driven(correct_stage(CHECKPOINT), the_lab().catalog).recording
+
+
+@cache
+def _starter() -> Path:
+    folder = TemporaryDirectory()
+    atexit.register(folder.cleanup)
+    path = Path(folder.name) / "starter.usda"
+    build_starter(path)
+    return path
+
+
+def silent(number: int) -> Silence:
+    """Make the edit of this number and ask both judges; the rules get the starter as well."""
+    stage = correct_stage(CHECKPOINT)
+    edited = edit(stage, number)
+    changes = differences(_unedited(), driven(stage, the_lab().catalog).recording)
+    told = list(judged(stage, CHECKPOINT).findings)
+    if changes and not any(each.severity != "note" for each in told):
+        told += _against_starter(stage, number)
+    rules = tuple(each.rule for each in told if each.severity != "note")
+    return Silence(f"{number} {edited.kind}: {edited.text}", tuple(changes), rules)
+
+
+def _against_starter(stage: Usd.Stage, number: int) -> tuple[Finding, ...]:
+    path = _starter().with_name(f"edited-{number}.usda")
+    stage.GetRootLayer().Export(str(path))
+    found = starter_findings(path, _starter(), CHECKPOINT, the_lab(), [])
+    path.unlink()
+    return found
+
+
+def unexplained(edits: Sequence[Silence]) -> list[str]:
+    """Say which edits change what the robot does and are told by nobody."""
+    table = yaml.safe_load(TABLE.read_text(encoding="utf-8"))["silent_edits"] or {}
+    quiet = [each for each in edits if each.changes and not each.rules]
+    return [
+        f"{each.edit}: silent, though {'; '.join(each.changes[:3])}"
+        for each in quiet
+        if not any(re.search(pattern, each.edit) for pattern in table)
+    ]
