@@ -10,7 +10,8 @@ NO_PYTHON := needs Python 3.10 or newer with the module venv (Debian and Ubuntu:
 	apt install python3-venv), or name one: make PYTHON=/path/to/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint pytest test-all test-pythons test-lowest bench sweep fuzz clean
+.PHONY: help demo test lint pytest test-all test-pythons test-lowest bench sweep crosscheck fuzz \
+	clean
 
 help:
 	@echo "make demo          set up, build the nine checkpoint stages into $(OUT)/ and check them"
@@ -19,6 +20,7 @@ help:
 	@echo "                   and on the lowest releases the package allows"
 	@echo "make bench         measure speed, and grading a class of a thousand"
 	@echo "make sweep         break a stage in every single way and count what is found"
+	@echo "make crosscheck    let a dry run drive each broken stage, and compare it with the rules"
 	@echo "make fuzz          throw damaged files at the program"
 	@echo "make clean         remove environments, caches and built files"
 
@@ -65,6 +67,9 @@ bench: $(VENV)/dev
 
 sweep: $(VENV)/dev
 	$(BIN)/python benchmarks/sweep.py
+
+crosscheck: $(VENV)/dev
+	$(BIN)/python benchmarks/crosscheck.py
 
 fuzz: $(VENV)/dev
 	$(BIN)/python benchmarks/fuzz.py

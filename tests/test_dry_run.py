@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 import pytest
 from breaking import Step, broken, correct_stage, the_lab
@@ -12,6 +13,11 @@ from executor.drive import fixed_drive
 from executor.record import Odometry
 from executor.scene import read_scene
 from executor.simulation import record
+from layerings import one_text_file
+from pxr import Usd
+from second_author import Style
+
+from lab3_usd.stage.builder import build_checkpoint
 
 WHEELS = 0.033 / 0.025  # the wheel of the model by that of the controller
 
@@ -58,6 +64,9 @@ def test_a_dry_run_is_much_faster_than_the_real_thing() -> None:
 
 CASES: list[tuple[Step, str]] = [
     ({"set": ["ROS_Clock/ros2_publish_clock.inputs:topicName", "/time"]}, "topics"),
+    ({"set": ["ROS_OdomTF/ros2_publish_transform_tree.inputs:staticPublisher", True]}, "tree"),
+    ({"disconnect": "ROS_OdomTF/ros2_publish_transform_tree.inputs:context"}, "tree"),
+    ({"deactivate": "/turtlebot3_burger/joints/scan_joint"}, "mounted"),
     ({"disconnect": ["ROS_Clock/ros2_publish_clock.inputs:timeStamp"]}, "clock"),
     ({"set": ["ROS_Clock/isaac_read_simulation_time.inputs:resetOnStop", True]}, "clock"),
     ({"set": ["ROS_Clock/ros2_context.inputs:useDomainIDEnvVar", True]}, "topics"),
@@ -142,3 +151,18 @@ WORKS: list[list[Step]] = [
 @pytest.mark.parametrize("steps", WORKS, ids=[str(each[0]) for each in WORKS])
 def test_what_works_is_not_faulted(steps: list[Step]) -> None:
     assert faults(driven(broken("05", steps), the_lab().catalog)) == []
+
+
+# What another author writes, whose reading of the handout is not the builder's, drives as well.
+AUTHORS = {
+    "made by Isaac's menus": Style(names="menu", values="all", editor_api=False),
+    "only wrong defaults written": Style(names="editor", values="needed", list_edits=True),
+    "ports and versions of 4.5": Style(declare="used", old_versions=True, wired_dt=True),
+}
+
+
+@pytest.mark.parametrize("style", AUTHORS.values(), ids=AUTHORS)
+def test_another_author_s_stage_behaves(tmp_path: Path, style: Style) -> None:
+    starter = build_checkpoint(None, "00", tmp_path / "Lab3_00.usda")
+    stage = Usd.Stage.Open(str(one_text_file(tmp_path, starter, "05", style)))
+    assert faults(driven(stage, the_lab().catalog)) == []

@@ -26,7 +26,8 @@ from executor.shapes import Segment, cut, distance, height_at, placed
 
 BODY, ROOT, COLLIDER = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI", "PhysicsCollisionAPI"
 HINGE, SLIDER = "PhysicsRevoluteJoint", "PhysicsPrismaticJoint"
-JOINTS = (HINGE, SLIDER, "PhysicsFixedJoint", "PhysicsSphericalJoint", "PhysicsJoint")
+FIXED = "PhysicsFixedJoint"
+JOINTS = (HINGE, SLIDER, FIXED, "PhysicsSphericalJoint", "PhysicsJoint")
 DRIVE = {HINGE: "drive:angular:physics:", SLIDER: "drive:linear:physics:"}
 TOUCH = 5e-3  # metres between the lowest point of all and that of a wheel that still touches
 STEP_UP = 0.05  # metres that the ground may be above a robot's origin
@@ -35,7 +36,7 @@ SKIRT = 0.05  # metres above the ground at which walls stop a robot
 GRAVITY = 9.81
 
 
-class Joint(Struct):
+class Joint(Struct, eq=False):
     """A joint between two bodies ('' is the world), and where its motion has come to."""
 
     name: str
@@ -49,12 +50,13 @@ class Joint(Struct):
     target_position: float = 0.0
     target_effort: float = 0.0
     position: float = 0.0
+    locked: bool = False  # by another joint between its bodies
     authored: tuple[float, float] = (0.0, 0.0)  # the targets that the stage gives
 
     @property
     def holds(self) -> bool:
         """Whether the drive says how fast the joint turns; else it turns freely."""
-        return self.stiffness > 0 or self.damping > 0
+        return self.locked or self.stiffness > 0 or self.damping > 0
 
     def reset(self) -> None:
         """Turn back, with the targets of the stage."""
@@ -63,7 +65,7 @@ class Joint(Struct):
 
     def speed(self, dt: float) -> float:
         """Return the speed that the drive settles at, implicitly over a step."""
-        if not self.damping:
+        if self.locked or not self.damping:
             return 0.0
         pull = self.stiffness / self.damping
         wanted = self.target_velocity + pull * (self.target_position - self.position)
@@ -389,9 +391,10 @@ def _assembled(bodies: dict[str, Prim], joints: list[Joint]) -> list[Machine]:
 
 
 def _machine(base: str, bodies: dict[str, Prim], ends: dict[str, list[Joint]]) -> Machine:
-    rest, parents, moving = {base: HERE}, {}, {}
-    waiting = deque([base])
-    held = False
+    rest, waiting, held = {base: HERE}, deque([base]), False
+    parents: dict[str, Joint] = {}
+    moving: dict[str, Joint] = {}
+    closing: list[Joint] = []
     while waiting:
         body = waiting.popleft()
         for joint in ends[body]:
@@ -399,14 +402,25 @@ def _machine(base: str, bodies: dict[str, Prim], ends: dict[str, list[Joint]]) -
             other = joint.bodies[1 - number]
             held = held or not other
             if not other or other in rest:
+                tree = (parents.get(body), parents.get(other))
+                closing += [joint] if joint.kind == FIXED and joint not in tree else []
                 continue
             outer, inner = joint.frames[number], joint.frames[1 - number]
             rest[other] = rest[body].then(outer).then(inner.inverse())
             parents[other] = joint
             waiting.append(other)
-            if joint.kind != "PhysicsFixedJoint":
+            if joint.kind != FIXED:
                 moving[joint.name] = joint
+    _lock(closing, parents)
     return Machine(base, bodies[base].world.rigid(), rest, parents, moving, held)
+
+
+def _lock(closing: list[Joint], parents: dict[str, Joint]) -> None:
+    """Lock the joints of bodies that another, fixed joint holds as well."""
+    for joint in closing:
+        for body in joint.bodies:
+            if body in parents and parents[body] is not joint:
+                parents[body].locked = True
 
 
 def _bounds(machine: Machine, points: list[Vector]) -> None:
