@@ -42,7 +42,7 @@ def node(name: str, values: dict[str, Any] | None = None, **targets: str) -> Run
 def world(**known: Any) -> Any:
     """What the functions ask of the world, with an empty stage."""
     given = {
-        "scene": Scene(1.0, "Z", (), {}, ()),
+        "scene": Scene(1.0, "Z", (), {}),
         "network": Network(""),
         "frame": 1,
         "dt": 0.5,
@@ -128,7 +128,7 @@ def test_a_twist_is_held_and_told_once() -> None:
     [("Convert to stage units", (20.0, 0.0, -10.0)), ("Convert to meters", (0.002, 0.0, -0.001))],
 )
 def test_scale_by_the_unit_of_the_stage(conversion: str, result: tuple[float, ...]) -> None:
-    centimetres = world(scene=Scene(0.01, "Z", (), {}, ()))
+    centimetres = world(scene=Scene(0.01, "Z", (), {}))
     values = {"conversion": conversion, "value": (0.2, 0.0, -0.1)}
     scale = node(f"{ISAAC}OgnIsaacScaleToFromStageUnit", values)
     assert scale.compute(centimetres)

@@ -67,7 +67,6 @@ class Scene(Struct, frozen=True):
     up: str
     graphs: tuple[Graph, ...]
     prims: dict[str, Prim]
-    moving: tuple[str, ...]  # prims whose place is animated
 
     def below(self, path: str) -> Iterator[Prim]:
         """Yield a prim and all below it."""
@@ -90,7 +89,6 @@ def read_scene(stage: Usd.Stage) -> Scene:
     graphs: dict[str, Usd.Prim] = {}
     nodes: dict[str, list[Node]] = {}
     prims: dict[str, Prim] = {}
-    moving: list[str] = []
     everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
         path = str(prim.GetPath())
@@ -103,14 +101,11 @@ def read_scene(stage: Usd.Stage) -> Scene:
             _keep_node(prim, path, nodes, time)
         else:
             prims[path] = _prim(prim, path, kind, time, prims)
-            if UsdGeom.Xformable(prim).TransformMightBeTimeVarying():
-                moving.append(path)
     return Scene(
         float(stage.GetMetadata("metersPerUnit")),
         str(stage.GetMetadata("upAxis")),
         tuple(_graph(path, prim, tuple(nodes[path]), time) for path, prim in graphs.items()),
         prims,
-        tuple(moving),
     )
 
 
