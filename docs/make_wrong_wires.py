@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from two_judges import Verdicts, all_faults, known_rows, verdicts
 
+MOST = 2  # of the things that go wrong are told
 PAGE = Path(__file__).with_name("what-a-wrong-wire-does.md")
 INTRODUCTION = """\
 # What a wrong wire does to the robot
@@ -61,7 +62,7 @@ def _told(found: Sequence[Verdicts], end: str, mark: str) -> Iterator[str]:
         graph, _, what = each.fault.partition(mark)
         if what and graph.startswith("ROS_") and each.fault.endswith(end):
             row = next((row for row in known_rows() if row.holds(each.fault)), None)
-            text = row.happens if row is not None else each.says
+            text = row.happens if row is not None else "; ".join(each.says.split("; ")[:MOST])
             yield f"| {graph} | `{what.removesuffix(end)}` | {text} |"
 
 
