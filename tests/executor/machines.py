@@ -309,7 +309,7 @@ class Machines:
             prim.type,
             (bodies[0], bodies[1]),
             (self._frame(prim, 0, ends[0], bodies[0]), self._frame(prim, 1, ends[1], bodies[1])),
-            AXES["XYZ".index(str(prim.values.get("physics:axis") or "X"))],
+            AXES[{"Y": 1, "Z": 2}.get(str(prim.values.get("physics:axis")), 0)],
             said("stiffness"),
             said("damping"),
             0.0,

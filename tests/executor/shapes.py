@@ -53,7 +53,7 @@ def _fan(points: Sequence[Vector]) -> Iterator[Triangle]:
 
 def _lathe(prim: Prim, profile: Sequence[tuple[float, float]]) -> Iterator[Triangle]:
     """Turn a profile of (radius, height) about the axis of the shape."""
-    order = TURN[str(prim.values.get("axis") or "Z")]
+    order = TURN.get(str(prim.values.get("axis")), TURN["Z"])
     rings = []
     for radius, height in profile:
         ring = []
@@ -98,7 +98,7 @@ def _capsule(prim: Prim) -> Iterator[Triangle]:
 
 def _plane(prim: Prim) -> Iterator[Triangle]:
     """Return a square, as large as its collision is endless."""
-    order = TURN[str(prim.values.get("axis") or "Z")]
+    order = TURN.get(str(prim.values.get("axis")), TURN["Z"])
     corners = [(-ENDLESS, -ENDLESS, 0.0), (ENDLESS, -ENDLESS, 0.0)]
     corners += [(ENDLESS, ENDLESS, 0.0), (-ENDLESS, ENDLESS, 0.0)]
     turned = [tuple(each[order.index(k)] for k in range(3)) for each in corners]
