@@ -67,6 +67,17 @@ class Surroundings(Struct):
             for p, q, u, v in self.cuts[height]
         ]
 
+    def beside(self, sensor: str, machines: Any) -> list[Segment]:
+        """Return what the plane of a sensor cuts out of bodies that do not carry it."""
+        own = machines.member.get(machines.body_of(sensor))
+        back = machines.inverse(sensor)
+        found: list[Triangle] = []
+        for body, surface in self.moving.items():
+            if machines.member[body] is not own:
+                place = back.then(machines.place(body))
+                found += [(place.point(a), place.point(b), place.point(c)) for a, b, c in surface]
+        return joined(cut(found, 0.0)) if found else []
+
     def carried(self, sensor: str, machines: Any) -> list[Segment]:
         """Return what the plane of a sensor cuts out of the machine that carries it."""
         if sensor not in self.own:

@@ -13,6 +13,8 @@ from executor.affine import HERE, Affine
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"
 IGNORED = ("Replicator", "Render")
 UNSEEN = ("guide",)
+NO_TIME = Usd.TimeCode.Default()
+TIMELESS = ("physics", "drive:", "isaac:")  # what is parsed once, without a time
 SHAPES = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Mesh", "Plane")
 
 
@@ -104,7 +106,7 @@ def read_scene(stage: Usd.Stage) -> Scene:
     return Scene(
         float(stage.GetMetadata("metersPerUnit")),
         str(stage.GetMetadata("upAxis")),
-        tuple(_graph(path, prim, tuple(nodes[path]), time) for path, prim in graphs.items()),
+        tuple(_graph(path, prim, tuple(nodes[path])) for path, prim in graphs.items()),
         prims,
     )
 
@@ -115,9 +117,9 @@ def _keep_node(prim: Usd.Prim, path: str, nodes: dict[str, list[Node]], time: Us
         nodes[parent].append(_node(prim, path, time))
 
 
-def _graph(path: str, prim: Usd.Prim, nodes: tuple[Node, ...], time: Usd.TimeCode) -> Graph:
+def _graph(path: str, prim: Usd.Prim, nodes: tuple[Node, ...]) -> Graph:
     def said(name: str, default: str) -> str:
-        return str(_value(prim, name, time) or default)
+        return str(_value(prim, name) or default)
 
     return Graph(
         path,
@@ -141,12 +143,12 @@ def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> Node:
             targets[name] = tuple(map(str, prim.GetRelationship(name).GetTargets()))
     return Node(
         path,
-        str(_value(prim, "node:type", time) or ""),
-        int(_value(prim, "node:typeVersion", time) or 0),
+        str(_value(prim, "node:type") or ""),
+        int(_value(prim, "node:typeVersion") or 0),
         inputs,
         targets,
         frozenset(name for name in names if name.startswith("outputs:")),
-        str(_value(prim, "isaac:namespace", time) or ""),
+        str(_value(prim, "isaac:namespace") or ""),
     )
 
 
@@ -160,7 +162,7 @@ def _input(attribute: Usd.Attribute, time: Usd.TimeCode) -> Input:
     return Input(str(attribute.GetTypeName()), plain(attribute.Get(time)), literal, sources)
 
 
-def _value(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Any:
+def _value(prim: Usd.Prim, name: str, time: Usd.TimeCode = NO_TIME) -> Any:
     attribute = prim.GetAttribute(name)
     return plain(attribute.Get(time)) if attribute else None
 
@@ -175,7 +177,7 @@ def _prim(
         if name.startswith(("xformOp", "primvars", "ui:")):
             continue
         if isinstance(each, Usd.Attribute):
-            values[name] = plain(each.Get(time))
+            values[name] = plain(each.Get(NO_TIME if name.startswith(TIMELESS) else time))
         else:
             targets[name] = tuple(map(str, each.GetTargets()))
     if shape:

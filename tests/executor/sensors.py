@@ -259,8 +259,9 @@ def _scan(writer: Writer, world: Any) -> Scan:
         writer.beam.near / unit,
         writer.beam.far / unit,
     )
-    own = world.surroundings.carried(writer.product.sensor, world.machines)
-    seen = sweep(beam, [*world.surroundings.around(at), *own])
+    known, sensor = world.surroundings, writer.product.sensor
+    own = [*known.carried(sensor, world.machines), *known.beside(sensor, world.machines)]
+    seen = sweep(beam, [*known.around(at), *own])
     ranges = [each if each < 0 else each * unit for each in seen]
     if writer.covered < 1.0:
         first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count
