@@ -23,12 +23,14 @@ from two_judges import (
     Verdicts,
     all_faults,
     idle_rows,
+    idle_silence,
     silent,
     unexplained,
     verdicts,
     wrong,
 )
 
+ALL = 1000  # edits of a full run
 PAGE_MAKER = Path(__file__).resolve().parents[1] / "docs" / "make_wrong_wires.py"
 
 
@@ -40,7 +42,7 @@ def fault(number: int) -> Verdicts:
 def main() -> None:
     """Print what is wrong, and how much was tried."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--edits", type=int, default=1000)
+    parser.add_argument("--edits", type=int, default=ALL)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
@@ -51,6 +53,8 @@ def main() -> None:
         edits: list[Silence] = pool.map(silent, numbers, chunksize=8)
     said = [*wrong(found), *(f"no fault is like {each}" for each in idle_rows(found))]
     said += unexplained(edits)
+    if options.edits >= ALL:
+        said += [f"no edit is like {each}" for each in idle_silence(edits)]
     made = runpy.run_path(str(PAGE_MAKER))
     if made["page"](found) != made["PAGE"].read_text(encoding="utf-8"):
         said.append("the page is not true: python docs/make_wrong_wires.py")

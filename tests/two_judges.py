@@ -116,6 +116,11 @@ class Silence(Struct, frozen=True):
     changes: tuple[str, ...]
     rules: tuple[str, ...]
 
+    @property
+    def is_silent(self) -> bool:
+        """Whether the robot does something else and nobody says so."""
+        return bool(self.changes) and not self.rules
+
 
 @cache
 def _unedited() -> Recording:
@@ -153,10 +158,22 @@ def _against_starter(stage: Usd.Stage, number: int) -> tuple[Finding, ...]:
 
 def unexplained(edits: Sequence[Silence]) -> list[str]:
     """Say which edits change what the robot does and are told by nobody."""
-    table = yaml.safe_load(TABLE.read_text(encoding="utf-8"))["silent_edits"] or {}
-    quiet = [each for each in edits if each.changes and not each.rules]
     return [
         f"{each.edit}: silent, though {'; '.join(each.changes[:3])}"
-        for each in quiet
-        if not any(re.search(pattern, each.edit) for pattern in table)
+        for each in edits
+        if each.is_silent and not any(re.search(pattern, each.edit) for pattern in known_silence())
     ]
+
+
+def idle_silence(edits: Sequence[Silence]) -> list[str]:
+    """Return the patterns of the table that no silent edit has."""
+    quiet = [each.edit for each in edits if each.is_silent]
+    return [
+        pattern
+        for pattern in known_silence()
+        if not any(re.search(pattern, each) for each in quiet)
+    ]
+
+
+def known_silence() -> list[str]:
+    return list(yaml.safe_load(TABLE.read_text(encoding="utf-8"))["silent_edits"] or {})
