@@ -79,4 +79,4 @@ def _names(found: Finding, role: str, port: str, roles: Roles) -> bool:
 
 
 def _speaks_of_frame(found: Finding, frame: str) -> bool:
-    return frame in f"{found.message} {found.expected}"
+    return frame in f"{found.prim} {found.message} {found.expected}"

@@ -58,6 +58,14 @@ def test_findings_are_of_known_rules_and_said_once(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
+def test_a_node_has_one_story(path: Path) -> None:
+    findings = [each for each in check_stage(path, "05").findings if each.severity != "note"]
+    deleted = {each.prim for each in findings if each.rule in {"N02", "N03", "N07", "N08", "N09"}}
+    others = [each.prim for each in findings if each.rule[0] in "NPRWT" and each.prim in deleted]
+    assert len(others) == len(set(others))
+
+
+@pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_a_finding_in_a_text_file_has_its_line_where_its_prim_is_written(path: Path) -> None:
     stage = open_stage(path)
     for each in check_stage(path, "05").findings:
@@ -136,14 +144,24 @@ def test_a_controller_that_runs_only_when_a_message_comes() -> None:
     ]
 
 
-def test_one_graph_for_everything_is_taken_for_what_it_holds_most_of() -> None:
+def test_one_graph_for_everything_is_one_finding_and_judged_part_by_part() -> None:
     result = one("c734468427.usd")
     graph = "/World/ActionGraph_01"
-    assert said(result, "G02") == [(graph, None)]
-    assert said(result, "N01") == [(graph, None)]
-    assert said(result, "G01") == [("/World/ROS_Clock", None)]
+    (several,) = [each for each in result.findings if each.rule == "G05"]
+    assert several.prim == graph
+    assert "ROS_Clock, ROS_Drive and ROS_OdomTF" in several.message
+    assert said(result, "G01") == said(result, "G02") == said(result, "N02") == []
+    assert said(result, "N01") == [(graph, None)] * 2
     competing = f"{graph}/ros2_publish_raw_transform_tree_01"
     assert said(result, "T08") == [(competing, "inputs:parentFrameId")]
+
+
+def test_a_missing_robot_names_the_graphs_that_are_missing_with_it() -> None:
+    messages = {
+        each.prim: each.message for each in one("ros2_bridge.usd").findings if each.rule == "S01"
+    }
+    assert messages["/turtlebot3_burger"].endswith("ROS_Drive, ROS_Lidar2D, ROS_Camera, ROS_OdomTF")
+    assert messages["/World"].endswith("missing with it: ROS_Clock")
 
 
 def test_a_robot_as_the_importer_writes_it_has_its_links_elsewhere() -> None:

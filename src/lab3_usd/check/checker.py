@@ -185,7 +185,7 @@ def _graph_subjects(
     """Yield every graph of the checkpoint; `robot` is where the robot stands elsewhere."""
     homes = sensor_homes(lab, stage)
     specs = {name: relocated(spec, homes) for name, spec in lab.graphs.items()}
-    matched = match_all(specs, stage)
+    matched = match_all(specs, stage, lab.catalog.scripts)
     roles = {name: matched[name] for name in checkpoint.graphs}
     lost = lost_graphs(specs, roles, robot, stage)
     for name in checkpoint.graphs:

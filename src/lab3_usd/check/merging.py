@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -24,7 +24,7 @@ class _Host(Struct, frozen=True):
     held: dict[str, Pairs]
 
 
-def match_all(specs: Specs, stage: StageModel) -> dict[str, Roles]:
+def match_all(specs: Specs, stage: StageModel, scripts: Sequence[str] = ()) -> dict[str, Roles]:
     """Find and match every graph of the lab.
 
     One that is nowhere by itself may be part of another: its roles are played by nodes that the
@@ -43,10 +43,10 @@ def match_all(specs: Specs, stage: StageModel) -> dict[str, Roles]:
             if offers:
                 pairs, host = max(offers, key=lambda offer: _count(offer[0]))
                 host.held[name] = pairs
-    found = {name: match(spec, graphs[name]) for name, spec in specs.items()}
+    found = {name: match(spec, graphs[name], scripts) for name, spec in specs.items()}
     for host in hosts:
         if len(host.held) > 1:
-            found |= _shared_out(specs, host)
+            found |= _shared_out(specs, host, scripts)
     return found
 
 
@@ -113,14 +113,14 @@ def _leads_from(node: Node, path: str) -> bool:
     )
 
 
-def _shared_out(specs: Specs, host: _Host) -> dict[str, Roles]:
+def _shared_out(specs: Specs, host: _Host, scripts: Sequence[str]) -> dict[str, Roles]:
     """Return the roles of every graph that the host holds; a node is extra where none needs it."""
     played = {n.path for pairs in host.held.values() for n in pairs.values() if n is not None}
     spare = [node for node in host.graph.nodes if node.path not in played]
     names = tuple(name for name in specs if name in host.held)
     found: dict[str, Roles] = {}
     for name in names:
-        roles = cast(specs[name], host.graph, host.held[name], spare)
+        roles = cast(specs[name], host.graph, host.held[name], spare, scripts)
         spare = []  # what is left over is told once
         found[name] = replace(roles, together=names)
     return found

@@ -36,7 +36,7 @@ def stage_pictures(
     lab = lab_at(lab, robot_homes(lab, stage))
     homes = sensor_homes(lab, stage)
     specs = {name: relocated(spec, homes) for name, spec in lab.graphs.items()}
-    matched = {} if checkpoint is None else match_all(specs, stage)
+    matched = {} if checkpoint is None else match_all(specs, stage, lab.catalog.scripts)
     asked = () if checkpoint is None else checkpoint.graphs
     for name, roles in matched.items():
         if name in asked or roles.graph is not None:

@@ -9,6 +9,8 @@ from lab3_usd.check.finding import Finding, Problem
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import Outcome
 
+_FAMILY = "T"
+
 
 @rule("T20", "lost-frames", scope="outcome", severity="note")
 def lost_frames(outcome: Outcome) -> Iterator[Problem]:
@@ -31,7 +33,7 @@ def lost_frames(outcome: Outcome) -> Iterator[Problem]:
         faults = [each.prim for each in told if is_at_or_below(each.prim, path)]
         yield Problem(
             path,
-            f"not published, for what else is said: {', '.join(lost)}",
+            f"through other faults, not published: {', '.join(lost)}",
             expected=", ".join(lost),
             handout=outcome.subject.lab.frames.handout,
             related=tuple(dict.fromkeys(prim for prim in faults if prim != path)),
@@ -40,7 +42,13 @@ def lost_frames(outcome: Outcome) -> Iterator[Problem]:
 
 def _is_named(requirement: str, told: list[Finding]) -> bool:
     frame = requirement.rpartition("/")[2]
-    return any(frame in f"{each.prim} {each.message} {each.expected}" for each in told)
+    quoted = f"'{frame}'"
+    return any(
+        each.prim.endswith(f"/{frame}")
+        or each.expected == quoted
+        or (each.rule[0] == _FAMILY and quoted in each.message)
+        for each in told
+    )
 
 
 def _publishers(outcome: Outcome) -> Iterator[str]:
