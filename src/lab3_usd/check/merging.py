@@ -31,10 +31,11 @@ def match_all(specs: Specs, stage: StageModel, scripts: Sequence[str] = ()) -> d
     other one does not ask for, and by nodes that both ask for alike (tick, context, time).
     """
     graphs = find_graphs(specs, stage)
+    found = {name: match(spec, graphs[name], scripts) for name, spec in specs.items()}
     hosts = [
-        _Host(graph, {name: assign(specs[name], graph)})
-        for name, graph in graphs.items()
-        if graph is not None and graph.nodes
+        _Host(roles.graph, {name: dict(roles.node_of)})
+        for name, roles in found.items()
+        if roles.graph is not None and roles.graph.nodes
     ]
     for name, spec in specs.items():
         graph = graphs[name]
@@ -43,7 +44,6 @@ def match_all(specs: Specs, stage: StageModel, scripts: Sequence[str] = ()) -> d
             if offers:
                 pairs, host = max(offers, key=lambda offer: _count(offer[0]))
                 host.held[name] = pairs
-    found = {name: match(spec, graphs[name], scripts) for name, spec in specs.items()}
     for host in hosts:
         if len(host.held) > 1:
             found |= _shared_out(specs, host, scripts)
@@ -54,38 +54,38 @@ def _count(pairs: Pairs) -> int:
     return sum(node is not None for node in pairs.values())
 
 
-def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
-    """Return who plays the roles of `spec` in a graph that holds others, None where it does not.
-
-    A node that others ask for as well counts where it is wired to one that only `spec` asks for.
-    """
+def _users(host: _Host, specs: Specs) -> dict[str, list[NodeSpec]]:
+    """Map each node that plays roles to them."""
     users: dict[str, list[NodeSpec]] = {}
     for name, pairs in host.held.items():
         for role, node in pairs.items():
             if node is not None:
                 users.setdefault(node.path, []).append(specs[name].nodes[role])
-    usable = [
-        node for node in host.graph.nodes if _is_free_for(spec, node, users.get(node.path, []))
-    ]
+    return users
+
+
+def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
+    """Return who plays the roles of `spec` in a graph that holds others, None where it does not.
+
+    A node that others ask for as well counts where it is wired to one that only `spec` asks for.
+    """
+    users = _users(host, specs)
+    free = [node for node in host.graph.nodes if node.path not in users]
+    if not any(node.type is not None and says_something(spec, node.type.type) for node in free):
+        return None
+    usable = [node for node in host.graph.nodes if _is_free_for(spec, node, users)]
     pairs = assign(spec, replace(host.graph, nodes=tuple(usable)))
-    own = {node.path for node in pairs.values() if node is not None and node.path not in users}
-    typical = any(
-        node is not None and node.path in own and says_something(spec, spec.nodes[role].type.type)
-        for role, node in pairs.items()
-    )
-    kept = {
-        role: node
-        for role, node in pairs.items()
-        if node is not None and (node.path in own or _touches(node, own, pairs))
-    }
-    enough = len(kept) >= LEAST_SHARE * len(spec.nodes)
-    return pairs if typical and enough else None
+    players = [node for node in pairs.values() if node is not None]
+    own = {node.path for node in players if node.path not in users}
+    kept = [node for node in players if node.path in own or _touches(node, own, pairs)]
+    return pairs if own and len(kept) >= LEAST_SHARE * len(spec.nodes) else None
 
 
-def _is_free_for(spec: GraphSpec, node: Node, users: list[NodeSpec]) -> bool:
-    """Whether nobody else needs the node, or all who do ask the same of it."""
+def _is_free_for(spec: GraphSpec, node: Node, users: Mapping[str, list[NodeSpec]]) -> bool:
+    """Whether nobody else needs the node, or somebody who asks the same of it."""
     kinds = [each for each in spec.nodes.values() if each.type is node.type]
-    return not users or any(_alike(kind, user) for kind in kinds for user in users)
+    others = users.get(node.path, [])
+    return not others or any(_alike(kind, other) for kind in kinds for other in others)
 
 
 def _alike(one: NodeSpec, other: NodeSpec) -> bool:
