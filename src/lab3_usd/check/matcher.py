@@ -9,17 +9,19 @@ from lab3_usd.check.met import source_path
 from lab3_usd.check.model import GraphModel, Node
 from lab3_usd.check.running import effective
 from lab3_usd.check.subject import Roles
-from lab3_usd.spec.catalog import INPUT, Port
+from lab3_usd.spec.catalog import INPUT, Port, Scripts
 from lab3_usd.spec.spec import GraphSpec
 
+NO_SCRIPTS = Scripts((), ())
 
-def match(spec: GraphSpec, graph: GraphModel | None, scripts: Sequence[str] = ()) -> Roles:
+
+def match(spec: GraphSpec, graph: GraphModel | None, scripts: Scripts = NO_SCRIPTS) -> Roles:
     """Assign the graph's nodes to roles of the same type.
 
     Among all assignments the one is taken that leaves the fewest differences in wires, values
     and targets; then the fewest in names, then in values alone; then the first in the order of
     roles and paths. Prim names decide nothing else, the order of the nodes decides nothing. A node
-    of one of the types in `scripts` stands in no other's place.
+    that runs one of `scripts` stands in no other's place.
     """
     if graph is None:
         return Roles(None, dict.fromkeys(spec.nodes), {})
@@ -31,7 +33,7 @@ def cast(
     graph: GraphModel,
     node_of: Pairs,
     offered: Sequence[Node],
-    scripts: Sequence[str] = (),
+    scripts: Scripts = NO_SCRIPTS,
 ) -> Roles:
     """Return the roles as assigned, and what the other nodes are; `offered` may be extra nodes."""
     taken = {node.path for node in node_of.values() if node is not None}
@@ -117,9 +119,9 @@ def _played(sources: Sequence[str], players: Mapping[str, Node]) -> list[str]:
     )
 
 
-def _has_a_job(node: Node, scripts: Sequence[str]) -> bool:
+def _has_a_job(node: Node, scripts: Scripts) -> bool:
     """Whether the node talks to ROS 2 or runs a script, and so stands in nobody's place."""
-    return node.type_name in scripts or (node.type is not None and bool(node.type.role))
+    return scripts.runs(node.type_name) or (node.type is not None and bool(node.type.role))
 
 
 def _retyped(spec: GraphSpec, pairs: Pairs, extra: Sequence[Node]) -> dict[str, Node]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.assignment import Pairs, assign
 from lab3_usd.check.candidates import LEAST_SHARE, find_graphs, says_something
-from lab3_usd.check.matcher import cast, match
+from lab3_usd.check.matcher import NO_SCRIPTS, cast, match
 from lab3_usd.check.model import GraphModel, Node, StageModel
 from lab3_usd.check.subject import Roles
+from lab3_usd.spec.catalog import Scripts
 from lab3_usd.spec.spec import GraphSpec, NodeSpec
 
 Specs = Mapping[str, GraphSpec]
@@ -24,7 +25,7 @@ class _Host(Struct, frozen=True):
     held: dict[str, Pairs]
 
 
-def match_all(specs: Specs, stage: StageModel, scripts: Sequence[str] = ()) -> dict[str, Roles]:
+def match_all(specs: Specs, stage: StageModel, scripts: Scripts = NO_SCRIPTS) -> dict[str, Roles]:
     """Find and match every graph of the lab.
 
     One that is nowhere by itself may be part of another: its roles are played by nodes that the
@@ -113,7 +114,7 @@ def _leads_from(node: Node, path: str) -> bool:
     )
 
 
-def _shared_out(specs: Specs, host: _Host, scripts: Sequence[str]) -> dict[str, Roles]:
+def _shared_out(specs: Specs, host: _Host, scripts: Scripts) -> dict[str, Roles]:
     """Return the roles of every graph that the host holds; a node is extra where none needs it."""
     played = {n.path for pairs in host.held.values() for n in pairs.values() if n is not None}
     spare = [node for node in host.graph.nodes if node.path not in played]
