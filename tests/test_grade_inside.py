@@ -18,7 +18,7 @@ from grade_files import cut_wire, stage, starter, submission
 from pxr import Sdf
 
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.grade import cluster, confine, worker, worker_process
+from lab3_usd.grade import cluster, confine, process_end, worker, worker_process
 from lab3_usd.grade.judge import Course, Task, judge_task
 from lab3_usd.grade.limits import Limits
 from lab3_usd.grade.outcome import status_of
@@ -501,7 +501,7 @@ def test_how_it_ended_is_known_where_nothing_more_is(
     ended: Any = Ended()
     ended.status = status
     there = worker_process.Worker(ended, tmp_path / "scratch", Limits())
-    assert worker_process._how_it_ended(there)[0] == how
+    assert process_end.how_it_ended(ended, 1)[0] == how
     worker_process.end_worker(there)
 
 

@@ -16,7 +16,7 @@ import pytest
 from grade_files import starter, submission
 from pxr import Sdf, Tf
 
-from lab3_usd.grade import scratch, worker_process
+from lab3_usd.grade import scratch, surroundings, worker_process
 from lab3_usd.grade.confine import fence_files
 from lab3_usd.grade.judge import Task
 from lab3_usd.grade.limits import MEGABYTE, Limits
@@ -491,8 +491,8 @@ def test_the_environment_of_a_worker_holds_no_plugin_path_and_no_secret(
 ) -> None:
     for name in ("PXR_PLUGINPATH_NAME", "PYTHONPATH", "AWS_SECRET_ACCESS_KEY", "https_proxy"):
         monkeypatch.setenv(name, str(tmp_path))
-    known = worker_process._environment(tmp_path)
-    assert set(known) <= {*worker_process._KEPT, "HOME", "TMPDIR", "PXR_WORK_THREAD_LIMIT"}
+    known = surroundings.environment(tmp_path)
+    assert set(known) <= {*surroundings._KEPT, "HOME", "TMPDIR", "PXR_WORK_THREAD_LIMIT"}
 
 
 WRITES = """

@@ -1,16 +1,10 @@
-"""One worker process seen from outside: start it, ask it, end it, and know how it ended.
-
-Two threads hold the ends of its pipes, and nobody else touches them: whatever a worker does with
-its side, time runs out over it, and it is killed before anybody waits for its end.
-"""
+"""A worker process seen from outside: start, ask and end it. Two threads alone touch its pipes."""
 
 from __future__ import annotations
 
 import contextlib
 import json
-import os
 import queue
-import signal
 import subprocess
 import sys
 import threading
@@ -23,26 +17,22 @@ from typing import IO, Any, NoReturn
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from lab3_usd.data import PACKAGE
 from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.limits import MEGABYTE, Limits
-from lab3_usd.grade.outcome import CRASHED, OUT_OF_MEMORY, OUT_OF_TIME, TOO_LARGE
+from lab3_usd.grade.outcome import OUT_OF_TIME, TOO_LARGE
+from lab3_usd.grade.process_end import END_SECONDS, how_it_ended, kill
 from lab3_usd.grade.scratch import make_scratch, remove_scratch
+from lab3_usd.grade.surroundings import environment, module_path
 
 Json = dict[str, Any]
 _START_SECONDS = 120.0
 _POLL_SECONDS = 0.2
-_END_SECONDS = 2.0  # for a worker that closed its pipe to end, and for a killed one to be gone
 _LEAST_COUNTED = 1024  # bytes; millions of short lines take memory too
 # `-I` keeps the working directory, which holds a stranger's files, off the path of modules.
 # `-B`: a worker writes to its own folder alone, so that no cache is written beside the program.
 _MAIN = "import sys; sys.path[:0] = {path!r}; from lab3_usd.grade.worker import main; main()"
-_KEPT = ("PATH", "LANG", "LC_ALL", "LD_LIBRARY_PATH", "SYSTEMROOT", "TZ")
 _STDERR = "stderr.txt"
 STOPPED, NONSENSE = "stopped", "answered nonsense"
-CLOSED = "stopped answering"
-# Nothing in a file sends these: somebody outside does, or a system that is short of memory.
-_FROM_OUTSIDE = {"SIGKILL", "SIGTERM", "SIGINT", "SIGHUP"}
 
 
 class WorkerError(Lab3Error):
@@ -50,14 +40,10 @@ class WorkerError(Lab3Error):
 
 
 class DiedError(Exception):
-    """A worker ended or was ended before it answered; `how` says it in a few words."""
+    """A worker ended or was ended before it answered."""
 
     def __init__(self, how: str, file: str, *, innocent: bool = False, seconds: float = 0) -> None:
-        """Keep how it ended, and the file that it was reading, '' before the first.
-
-        `innocent` is what nothing in the task can have brought about; `seconds` is how long the
-        worker had the task.
-        """
+        """Keep how and over which file; `innocent` is what nothing in the task brought about."""
         super().__init__(how)
         self.how = how
         self.file = file
@@ -79,9 +65,8 @@ class PoolSettings(Struct, frozen=True):
 class Worker:
     """A worker process, the folder it may write to, and the lines that it says.
 
-    After its last line comes None, or why the rest is not read. `said` counts its bytes since it
-    was asked; `peak` is the memory that it had when it was ready, which is inherited from the
-    process that started it.
+    After the last comes None, or why the rest is not read. `said` counts bytes since it was asked,
+    `peak` those of memory when it was ready, as inherited from the process that started it.
     """
 
     process: subprocess.Popen[bytes]
@@ -107,7 +92,7 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never) ->
         WorkerError: it does not get ready, or `stopped` became true.
     """
     scratch = make_scratch("lab3-grade-")
-    command = [sys.executable, "-I", "-B", "-c", _MAIN.format(path=_module_path())]
+    command = [sys.executable, "-I", "-B", "-c", _MAIN.format(path=module_path())]
     with (scratch / _STDERR).open("wb") as errors:
         process = subprocess.Popen(  # noqa: S603 - our own module
             command,
@@ -115,7 +100,7 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never) ->
             stdout=subprocess.PIPE,
             stderr=errors,
             cwd=scratch,
-            env=_environment(scratch),
+            env=environment(scratch),
             start_new_session=True,
         )
     worker = Worker(process, scratch, settings.limits)
@@ -133,23 +118,10 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never) ->
 
 
 def _threads(worker: Worker) -> Iterable[threading.Thread]:
-    pipes = ((_speak, worker.process.stdin), (_listen, worker.process.stdout))
-    for hold, pipe in pipes:
+    for hold, pipe in ((_speak, worker.process.stdin), (_listen, worker.process.stdout)):
         thread = threading.Thread(target=hold, args=(worker, pipe), daemon=True)
         thread.start()
         yield thread
-
-
-def _module_path() -> list[str]:
-    """Return where a worker finds this package, and what this process finds beside it."""
-    ours = str(PACKAGE.parent)
-    return [ours, *(path for path in sys.path if path and path != ours and Path(path).is_dir())]
-
-
-def _environment(scratch: Path) -> dict[str, str]:
-    """Return next to nothing: no plugin path, no search path, no proxy, no secret."""
-    kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
-    return kept | {"HOME": str(scratch), "TMPDIR": str(scratch), "PXR_WORK_THREAD_LIMIT": "1"}
 
 
 def _settings_message(settings: PoolSettings, scratch: Path) -> Json:
@@ -252,7 +224,9 @@ class _Turn:
         if isinstance(line, str):
             self.fail(line)
         if line is None:
-            how, innocent = _how_it_ended(self.worker)
+            # What it had when it was ready is inherited from whoever started it.
+            memory = max(self.worker.limits.memory // 2, self.worker.peak)
+            how, innocent = how_it_ended(self.worker.process, memory)
             self.fail(how, innocent=innocent)
         try:
             said = json.loads(line)
@@ -263,69 +237,12 @@ class _Turn:
         return said
 
 
-def _how_it_ended(worker: Worker) -> tuple[str, bool]:
-    """Say how a worker ended that closed its pipe, and whether that came from outside."""
-    until = time.monotonic() + _END_SECONDS
-    while not (ended := _has_ended(worker.process)) and time.monotonic() < until:
-        time.sleep(_POLL_SECONDS / 10)
-    _kill(worker.process)
-    if not ended:
-        return CLOSED, False
-    status, peak = _figures(worker.process)
-    if peak > max(worker.limits.memory // 2, worker.peak):
-        return OUT_OF_MEMORY, False
-    if status >= 0:
-        return f"ended the worker (status {status})", False
-    try:
-        name = signal.Signals(-status).name
-    except ValueError:
-        name = f"signal {-status}"
-    return (f"ended by {name}", True) if name in _FROM_OUTSIDE else (f"{CRASHED} ({name})", False)
-
-
-def _has_ended(process: subprocess.Popen[bytes]) -> bool:
-    """Whether a process has ended; its figures stay where they are, as long as that is possible."""
-    if not hasattr(os, "waitid") or process.returncode is not None:
-        return process.poll() is not None
-    try:
-        flags = os.WEXITED | os.WNOHANG | os.WNOWAIT
-        return os.waitid(os.P_PID, process.pid, flags) is not None
-    except ChildProcessError:
-        return True
-
-
-def _kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process and everything it started; a process that was waited for has no group."""
-    if process.returncode is None:
-        with contextlib.suppress(OSError):
-            if hasattr(os, "killpg"):
-                os.killpg(process.pid, signal.SIGKILL)
-            else:
-                process.kill()
-
-
-def _figures(process: subprocess.Popen[bytes]) -> tuple[int, int]:
-    """Return the exit status of a process that has ended, and the most memory that it had.
-
-    The memory is in bytes, 0 where it is not known.
-    """
-    if not hasattr(os, "wait4") or process.returncode is not None:
-        return process.wait(), 0
-    try:
-        _, status, usage = os.wait4(process.pid, 0)
-    except ChildProcessError:
-        return process.wait(), 0
-    process.returncode = os.waitstatus_to_exitcode(status)
-    scale = 1 if sys.platform == "darwin" else 1024
-    return process.returncode, usage.ru_maxrss * scale
-
-
 def end_worker(worker: Worker) -> None:
     """End a worker, whatever it is doing, and remove its folder."""
-    _kill(worker.process)
+    kill(worker.process)
     with contextlib.suppress(subprocess.TimeoutExpired):  # it hangs in the kernel; it may
-        worker.process.wait(_END_SECONDS)
+        worker.process.wait(END_SECONDS)
     worker.tasks.put(None)
     for thread in worker.threads:
-        thread.join(_END_SECONDS)
+        thread.join(END_SECONDS)
     remove_scratch(worker.scratch)
