@@ -100,7 +100,8 @@ class NodeType(Struct, frozen=True):
     type has one message only. `role` is publisher, subscriber, helper (publishes as well),
     service, or '' for types that do not talk to ROS. `articulation` names the relationships at
     and below whose prims an articulation is looked for; `step_limits` the inputs that must be 0
-    while the input of `time_step` is.
+    while the input of `time_step` is. In a stage in metres a node gives what comes into its inputs
+    `same_in_metres` as it is.
     """
 
     type: str
@@ -120,6 +121,7 @@ class NodeType(Struct, frozen=True):
     time_step: tuple[str, ...] = ()
     step_limits: tuple[str, ...] = ()
     drives: DrivePorts | None = None
+    same_in_metres: tuple[str, ...] = ()
 
     def input(self, short: str) -> Port | None:
         """Return the input `short`; a dynamic input that this type can grow counts."""

@@ -82,6 +82,7 @@ class _TypeEntry(Struct, forbid_unknown_fields=True):
     time_step: tuple[str, ...] = ()
     step_limits: tuple[str, ...] = ()
     drives: _DrivesEntry | None = None
+    same_in_metres: tuple[str, ...] = ()
 
 
 class _AttributeEntry(Struct, forbid_unknown_fields=True):
@@ -183,6 +184,7 @@ def _node_type(name: str, entry: _TypeEntry, usd_types: Mapping[str, str]) -> No
         time_step=_named(entry.time_step, INPUT, ports, f"{where}: time_step"),
         step_limits=_named(entry.step_limits, INPUT, ports, f"{where}: step_limits"),
         drives=_drive_ports(entry.drives, ports, f"{where}: drives"),
+        same_in_metres=_named(entry.same_in_metres, INPUT, ports, f"{where}: same_in_metres"),
     )
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import lru_cache
 
+from msgspec.structs import replace
+
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.met import same_value
 from lab3_usd.check.model import Node
@@ -40,7 +42,8 @@ def kept_default_changed(subject: GraphSubject) -> Iterator[Problem]:
         wired = spec.type.port(fault.port)
         if wired is not None and fault.kind == "unasked" and _is_kept_from_wires(subject, wired):
             source = short_source(fault.actual)
-            yield _kept_problem(fault.node, spec, wired, f"wired from {source}")
+            problem = _kept_problem(fault.node, spec, wired, f"wired from {source}")
+            yield replace(problem, hint=f"delete the wire from {source}")
 
 
 def _is_kept_from_wires(subject: GraphSubject, port: Port) -> bool:

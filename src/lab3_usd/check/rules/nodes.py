@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.absence import strays
+from lab3_usd.check.all_the_same import without_node
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import DEACTIVATED, OUTSIDE, OVER, Absent, Node, StageModel
 from lab3_usd.check.registry import rule
@@ -65,9 +66,10 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
     for spec in _missing(subject.spec, subject.roles):
         there = absent.get(spec.role)
         why = "" if there is None else f": {there.path} is {there.reason}"
+        spared = without_node(subject, spec.role)
         yield Problem(
             prim="" if graph is None else graph.path,
-            message=f"node {titled(spec)} ({spec.role}) is missing{why}",
+            message=f"node {titled(spec)} ({spec.role}) is missing{why}{spared}",
             expected=spec.type.type,
             handout=spec.handout,
             related=() if there is None else (there.path,),

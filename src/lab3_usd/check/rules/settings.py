@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
+from lab3_usd.check.all_the_same import with_setting
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.met import setting_met, setting_value
 from lab3_usd.check.model import Node
@@ -58,6 +59,8 @@ def setting_problem(found: Found, message: str) -> Problem:
     """Return the problem of one setting, with how to set it right."""
     setting, wanted = found.setting, shown(found.setting.value)
     port = setting.port.partition(":")[2]
+    wires = ", ".join(map(short_source, found.node.sources(setting.port)))
+    first = f"delete the wire from {wires}, then " if wires else ""
     return Problem(
         prim=found.node.path,
         property=setting.port,
@@ -65,7 +68,7 @@ def setting_problem(found: Found, message: str) -> Problem:
         expected=wanted,
         actual=shown(found.value),
         handout=setting.handout,
-        hint=f"select {titled(found.spec)} and set {port} to {wanted} in the Property panel",
+        hint=f"{first}select {titled(found.spec)} and set {port} to {wanted} in the Property panel",
     )
 
 
@@ -128,6 +131,7 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
             continue
         what = shown(found.value) if found.value is not None else _wired(found)
         message = f"{port} is {what}, expected {shown(found.setting.value)}"
+        message += with_setting(subject, found.spec.role, found.setting, found.value)
         yield setting_problem(found, message)
 
 

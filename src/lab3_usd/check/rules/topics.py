@@ -141,8 +141,10 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
     live, played = live_nodes(subject.stage, subject.lab), played_roles(subject)
     for endpoint in endpoints(subject.stage, subject.lab):
         path = endpoint.node.path
-        wired = any(True for _ in live_sources(endpoint.node, PROFILE, live))
-        if wired and path in played:
+        sources = [
+            f"{node.name}.{port}" for node, port in live_sources(endpoint.node, PROFILE, live)
+        ]
+        if sources and path in played:
             yield Problem(
                 path,
                 f"the QoS profile of {endpoint.topic} comes by a wire",
@@ -150,6 +152,7 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
                 expected="the default",
                 actual="a profile Isaac Sim refuses" if endpoint.qos is None else str(endpoint.qos),
                 handout="G6",
+                hint=f"delete the wire from {', '.join(sources)} and leave the profile empty",
             )
 
 

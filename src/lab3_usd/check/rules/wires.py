@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.all_the_same import without_wire
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.settings import settings_of
@@ -48,8 +49,7 @@ def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
 
     Why: without its execution wire a node never computes; without data it works on zeros: a
     publisher without time stamps everything 0. One without a context is in the domain that the
-    environment names in `ROS_DOMAIN_ID`, else in 0, whatever the graph's context says. Isaac Sim
-    says nothing.
+    environment names in `ROS_DOMAIN_ID`, else in 0, whatever the graph's context says.
 
     Fix: open the graph in Window > Graph Editors > Action Graph, drag from the source port to the
     input named here, and look that a wire stays attached.
@@ -60,7 +60,7 @@ def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
         message = f"{fault.port} is not wired, expected {short_source(fault.expected)}"
         if fault.elsewhere is not None:
             message += f"; that wire goes into {short_source(fault.elsewhere)} instead"
-        yield _problem(fault, message, _connect(fault))
+        yield _problem(fault, message + without_wire(subject, fault.wire), _connect(fault))
 
 
 def _explain(fault: WireFault) -> str:
@@ -84,7 +84,7 @@ def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
     vector: the robot never turns.
     """
     for fault in _faults(subject, "wrong", "bypass"):
-        yield _problem(fault, _explain(fault), _connect(fault))
+        yield _problem(fault, _explain(fault) + without_wire(subject, fault.wire), _connect(fault))
 
 
 @rule("W03", "dead-source", scope="graph")
@@ -92,9 +92,8 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
     """An input is wired from a node or port that does not exist.
 
     Why: nothing can come over such a wire, and Isaac Sim may drop it when it loads the stage: the
-    input is as good as not wired. Deleting or renaming a node outside the editor leaves these
-    behind, and so does a port that the type does not have: a Constant Token gives its value from
-    `inputs:value`.
+    input is as good as not wired. Deleting or renaming a node outside the editor leaves these, and
+    so does a port that the type lacks: a Constant Token gives its value from `inputs:value`.
 
     Fix: delete the wire and drag a new one from the port named here; a leftover beside a good
     wire can be left or removed with Disconnect.
@@ -104,7 +103,7 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
     for fault in _faults(subject, "dead"):
         expected, actual = short_source(fault.expected), _source(fault)
         message = f"{fault.port} is wired from {actual}, which does not exist, expected {expected}"
-        yield _problem(fault, message, _connect(fault))
+        yield _problem(fault, message + without_wire(subject, fault.wire), _connect(fault))
 
 
 @rule("W04", "second-source", scope="graph")
@@ -170,8 +169,7 @@ def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
     """A required input is wired from a node of another graph.
 
     Why: each Action Graph is evaluated by itself; a context or time stamp from another graph may
-    be read before it is made, or be that of the frame before. The node may then use the domain of
-    the environment, or stamp 0.
+    be read before it is made, and the node may use the environment's domain, or stamp 0.
 
     Fix: wire it from the node of that type in the same graph.
 
@@ -206,8 +204,7 @@ def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
 def incompatible_wire(subject: GraphSubject) -> Iterator[Problem]:
     """A wire joins two ports whose types do not go together.
 
-    Why: nothing useful comes over a wire between a signal and data, or between data of different
-    shape, and Isaac Sim may drop it when it loads the stage.
+    Why: nothing useful comes over it, and Isaac Sim may drop it when it loads the stage.
 
     Fix: delete the wire.
 
