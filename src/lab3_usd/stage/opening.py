@@ -73,18 +73,19 @@ def in_plain_words(path: Path | str, *kinds: type[Exception]) -> Iterator[None]:
         raise StageError(message) from error
 
 
+@quiet()
 def open_stage(path: Path) -> Usd.Stage:
     """Open the composed stage with all payloads loaded.
 
     Raises:
         StageError: one line that says why the file cannot be opened, and what to do.
     """
-    with quiet(), in_plain_words(path, Tf.ErrorException, RuntimeError, UnicodeError):
+    with in_plain_words(path, Tf.ErrorException, RuntimeError, UnicodeError):
         stage = opener.get()(path)
-    if stage is None:
-        message = f"{path}: usd-core opens no stage from it; save it again from Isaac Sim"
-        raise StageError(message)
-    hold_at_start(stage)
+        if stage is None:
+            message = f"{path}: usd-core opens no stage from it; save it again from Isaac Sim"
+            raise StageError(message)
+        hold_at_start(stage)
     return stage
 
 
