@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
-from typing import Literal, Union
+from typing import Literal
 
 from msgspec import Struct, field
 
-Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated at run time
+from lab3_usd.spec.graph_form import GraphForm
+from lab3_usd.spec.values import Value as Value  # noqa: PLC0414 - the catalog's own word
+
 INPUT = "inputs:"
 OUTPUT = "outputs:"
 
@@ -159,58 +161,6 @@ class NodeType(Struct, frozen=True):
         if first is None or not number.isdecimal():
             return None
         return Port(INPUT + short, first.ogn_type, first.usd_type, accepts=first.accepts)
-
-
-class GraphAttribute(Struct, frozen=True):
-    """An attribute of a graph prim: how it is saved, and which values are as good.
-
-    `unwritten` is what it means that a file leaves it out, None where it must be there.
-    """
-
-    name: str
-    usd_type: str
-    value: Value
-    accepted: tuple[Value, ...] = ()
-    required: bool = False
-    unwritten: Value | None = None
-    handout: str | None = None
-
-
-class Evaluation(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which graphs Isaac Sim evaluates while it plays, and which of their nodes compute.
-
-    `mode`, `stage` and `evaluator` are attributes of a graph prim, the lists hold values of theirs.
-    A graph whose mode is `by_reference` needs a prim whose relationship `reference` names it; one
-    whose stage is `on_demand` needs an event of that stage. In a graph whose evaluator is one of
-    `all_nodes` every node computes, in another those that a signal reaches.
-    """
-
-    mode: str
-    reference: str
-    stage: str
-    evaluator: str
-    by_reference: tuple[str, ...]
-    on_demand: tuple[str, ...]
-    all_nodes: tuple[str, ...]
-
-
-class GraphForm(Struct, frozen=True):
-    """How Isaac Sim saves graph and node prims."""
-
-    type: str
-    node_type: str
-    gui_api: str
-    attributes: tuple[GraphAttribute, ...]
-    evaluation: Evaluation
-    ignored_below: tuple[str, ...]
-
-    def ignores(self, path: str) -> bool:
-        """Whether the application made what stands at this path, for itself."""
-        return any(f"{path}/".startswith(f"{top}/") for top in self.ignored_below)
-
-    def value(self, name: str) -> Value | None:
-        """Return the value with which an Action Graph is saved."""
-        return next((each.value for each in self.attributes if each.name == name), None)
 
 
 class Scripts(Struct, frozen=True):

@@ -15,17 +15,14 @@ from lab3_usd.spec.catalog import (
     Catalog,
     DrivePorts,
     Dynamic,
-    Evaluation,
-    GraphAttribute,
-    GraphForm,
     NodeType,
     Port,
     Scripts,
     TfPorts,
-    Value,
 )
+from lab3_usd.spec.graph_form import GraphEntry, graph_form
 from lab3_usd.spec.records import record
-from lab3_usd.spec.values import known_type, typed
+from lab3_usd.spec.values import Value, known_type, typed
 
 FILE = "node_types.yaml"
 _RELATIONSHIP = "rel"
@@ -85,24 +82,6 @@ class _TypeEntry(Struct, forbid_unknown_fields=True):
     same_in_metres: tuple[str, ...] = ()
 
 
-class _AttributeEntry(Struct, forbid_unknown_fields=True):
-    type: str
-    value: Any
-    accepted: tuple[Any, ...] | None = None
-    required: bool = False
-    unwritten: Any = None
-    handout: str | None = None
-
-
-class _GraphEntry(Struct, forbid_unknown_fields=True):
-    type: str
-    node_type: str
-    gui_api: str
-    attributes: dict[str, _AttributeEntry]
-    evaluation: Evaluation
-    ignored_below: tuple[str, ...]
-
-
 class _EventEntry(Struct, forbid_unknown_fields=True):
     stage: str = ""
 
@@ -114,7 +93,7 @@ class _CatalogFile(Struct, forbid_unknown_fields=True):
     lookalikes: dict[str, str]
     events: dict[str, _EventEntry]
     scripts: Scripts
-    graph: _GraphEntry
+    graph: GraphEntry
     types: dict[str, _TypeEntry]
 
 
@@ -125,37 +104,14 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
         SpecError: names the file, the type and the port that are wrong.
     """
     said = record(data, _CatalogFile, FILE)
-    form = said.graph
     return Catalog(
         types={name: _node_type(name, each, said.usd_types) for name, each in said.types.items()},
-        graph=GraphForm(
-            type=form.type,
-            node_type=form.node_type,
-            gui_api=form.gui_api,
-            attributes=tuple(_graph_attribute(*each) for each in form.attributes.items()),
-            evaluation=form.evaluation,
-            ignored_below=form.ignored_below,
-        ),
+        graph=graph_form(said.graph, f"{FILE}: graph"),
         prefixes=said.prefixes,
         renamed=said.renamed,
         lookalikes=said.lookalikes,
         events={name: event.stage for name, event in said.events.items()},
         scripts=said.scripts,
-    )
-
-
-def _graph_attribute(name: str, entry: _AttributeEntry) -> GraphAttribute:
-    where = f"{FILE}: graph: {name}"
-    accepted = (entry.value,) if entry.accepted is None else entry.accepted
-    unwritten = entry.unwritten
-    return GraphAttribute(
-        name=name,
-        usd_type=entry.type,
-        value=typed(entry.value, entry.type, where),
-        accepted=tuple(typed(value, entry.type, where) for value in accepted),
-        required=entry.required,
-        unwritten=None if unwritten is None else typed(unwritten, entry.type, where),
-        handout=entry.handout,
     )
 
 

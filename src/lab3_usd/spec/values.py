@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Union
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.catalog import Value
+
+Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated at run time
 
 _RANGES = {
     "uchar": (0, 2**8 - 1),

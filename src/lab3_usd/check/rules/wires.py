@@ -18,7 +18,6 @@ def _faults(subject: GraphSubject, *kinds: str) -> Iterator[WireFault]:
 
 
 def _problem(fault: WireFault, message: str, hint: str | None = None) -> Problem:
-    related = () if fault.elsewhere is None else (fault.elsewhere,)
     return Problem(
         prim=fault.node.path,
         property=fault.port,
@@ -26,7 +25,7 @@ def _problem(fault: WireFault, message: str, hint: str | None = None) -> Problem
         expected=fault.expected,
         actual=fault.actual,
         handout=None if fault.wire is None else fault.wire.handout,
-        related=related,
+        related=() if fault.elsewhere is None else (fault.elsewhere,),
         hint=hint,
     )
 
@@ -246,5 +245,4 @@ def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: a second source `isaac_read_simulation_time_01` of a deleted node.
     """
     for fault in _faults(subject, "leftover"):
-        actual = _source(fault)
-        yield _problem(fault, f"{fault.port} has a leftover wire from {actual}, which is gone")
+        yield _problem(fault, f"{fault.port} has a leftover wire from {_source(fault)}, now gone")
