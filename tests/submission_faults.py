@@ -95,6 +95,12 @@ def collide_not(stage: Usd.Stage) -> None:
     UsdPhysics.CollisionAPI(stage.GetPrimAtPath(WALL)).CreateCollisionEnabledAttr(False)  # noqa: FBT003 - pxr takes no keyword
 
 
+def damp(stage: Usd.Stage) -> None:
+    prim = stage.GetPrimAtPath(f"{ROBOT}/base_link")
+    name = "physxRigidBody:linearDamping"
+    prim.CreateAttribute(name, Sdf.ValueTypeNames.Float).Set(50.0)
+
+
 def hide(stage: Usd.Stage) -> None:
     UsdGeom.Imageable(stage.GetPrimAtPath(WALL)).MakeInvisible()
 
@@ -352,6 +358,7 @@ CHANGED = [
         set_value("/Environment/Lights/Sun", "inputs:intensity", 1.0),
         "U06 08:/Environment/Lights/Sun",
     ),
+    case("base damped", edit("08", damp), f"U07 08:{ROBOT}/base_link"),
     case("wall unseen", edit("08", hide), f"U06 08:{WALL}"),
     case("mass", edit("08", heavy), f"S04 08:{ROBOT}/base_link", LOST),
     case(
