@@ -23,7 +23,7 @@ def test_what_is_no_node_below_a_graph_is_a_prim_of_the_scene() -> None:
     wall = place("ROS_Clock/wall")
     stage = read({"define": ["ROS_Clock/wall", "Cube"]}, {"schema": [wall, "PhysicsCollisionAPI"]})
     assert stage.prims[wall].type == "Cube"
-    assert wall in {each.path for each in stage.colliders}
+    assert wall in {each.path for each in stage.colliders.below("/")}
     assert wall not in {node.path for node in stage.nodes()}
 
 

@@ -7,8 +7,9 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.check.model import Matrix
 from lab3_usd.check.poses import IDENTITY
-from lab3_usd.stage.colliders import find_colliders
+from lab3_usd.spec.loader import load_lab
 from lab3_usd.stage.places import Places
+from lab3_usd.stage.reader import read_model
 from lab3_usd.stage.transforms import local_transform
 
 Op = UsdGeom.XformOp
@@ -167,5 +168,5 @@ def test_a_shape_whose_size_was_blocked_is_no_reason_to_fail() -> None:
         prim.ApplyAPI(UsdPhysics.CollisionAPI)
         for name in names:
             prim.GetAttribute(name).Block()
-    boxes = list(find_colliders(stage.GetPseudoRoot().GetChildren(), {}, Places()))
+    boxes = list(read_model(stage, load_lab(), "stage.usda").colliders.below("/"))
     assert {box.low for box in boxes} == {(0.0, 0.0, 0.0)}

@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.model import Node, Prim, StageModel
+from lab3_usd.check.paths import is_at_or_below
 
-
-def is_at_or_below(path: str, top: str) -> bool:
-    """Whether `path` is the prim `top` or one below it; everything is below '/'."""
-    if not path.startswith(top):
-        return False
-    rest = path[len(top) :]
-    return not rest or rest[0] == "/" or top.endswith("/")
+__all__ = [
+    "hides_below",
+    "hides_outside",
+    "hides_place",
+    "is_at_or_below",
+    "is_hidden",
+    "strays",
+    "why_absent",
+    "with_it",
+]
 
 
 def why_absent(stage: StageModel, path: str) -> str:

@@ -6,10 +6,10 @@ that was saved after a run has the robot, and all of its bodies, wherever it had
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 from lab3_usd.check.absence import hides_place, is_at_or_below, is_hidden
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.model import Matrix, Prim
 from lab3_usd.check.physics import FIXED, bodies, joints
 from lab3_usd.check.poses import (
@@ -95,7 +95,7 @@ def _base(subject: StageSubject) -> str:
     return base if subject.stage.prim(base) is not None else str(robot["path"])
 
 
-@lru_cache(maxsize=1)  # both wheels ask for the same, twice
+@once_per_stage
 def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
     """Map the base, and each body that fixed joints tie to it, to where it stands on the base."""
     found = {_base(subject): IDENTITY}

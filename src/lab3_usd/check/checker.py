@@ -70,15 +70,15 @@ def check_stage(
     if found not in lab.checkpoints:
         message = f"there is no checkpoint '{found}'; known are {', '.join(lab.checkpoints)}"
         raise UsageError(message)
-    from lab3_usd.stage.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
     from lab3_usd.stage.reader import read_model  # noqa: PLC0415
 
     try:
-        stage = open_stage(Path(path))
-        model = read_model(stage, lab, str(path))
+        with quiet():
+            stage = open_stage(Path(path))
+            judged = judge(lab, lab.checkpoints[found], read_model(stage, lab, str(path)))
     except StageError as error:
         return unreadable(str(path), found, str(error))
-    judged = judge(lab, lab.checkpoints[found], model)
     return _result(str(path), found, judged, stage)
 
 
@@ -99,7 +99,19 @@ class Judgement(Struct, frozen=True):
 
 
 def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
-    """Run every rule over a stage that was read."""
+    """Run every rule over a stage, which is read as they ask.
+
+    Raises:
+        StageError: the file turns out to be damaged.
+    """
+    try:
+        return _judge(lab, checkpoint, stage)
+    finally:
+        # What rules derive holds what they were given, and so the stage.
+        stage.derived.clear()
+
+
+def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     live = {node.path: node for node in stage.nodes()}
     homes = robot_homes(lab, stage)
     placed = lab_at(lab, homes)
@@ -145,12 +157,18 @@ class _Run(Struct, frozen=True):
     crashes: list[Crash]
 
     def rule(self, found: Rule, subject: Any) -> None:  # noqa: ANN401 - the scope decides
-        """Run one rule; a rule that crashes is recorded, never a pass."""
+        """Run one rule; a rule that crashes is recorded, never a pass.
+
+        Raises:
+            StageError: the file turns out to be damaged, which is no fault of the rule.
+        """
         try:
             for problem in found.check(subject):
                 finding = finding_of(found, problem)
                 if not any(_is_same(finding, told) for told in self.findings):
                     self.findings.append(finding)
+        except StageError:
+            raise
         except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
             self.crashes.append(Crash(found.id, f"{type(error).__name__}: {error}"))
 

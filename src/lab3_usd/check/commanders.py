@@ -114,7 +114,7 @@ def _aims_at_robot(node: Node, ports: DrivePorts, stage: StageModel, lab: Lab, l
         return bool(aim) and (is_at_or_below(aim, robot) or is_at_or_below(robot, aim))
     roots = [
         prim.path
-        for prim in stage.prims.values()
-        if prim.present and ARTICULATION_API in prim.apis and is_at_or_below(prim.path, robot)
+        for prim in stage.with_api(ARTICULATION_API)
+        if prim.present and is_at_or_below(prim.path, robot)
     ]
     return bool(aim) and any(is_at_or_below(root, aim) for root in roots)

@@ -10,7 +10,7 @@ from lab3_usd.check.frame_names import frame_name, unique_names
 from lab3_usd.check.hidden_frames import Hidden, hidden_at, is_unknown
 from lab3_usd.check.link_tree import Links, above, expansion
 from lab3_usd.check.model import Node, StageModel
-from lab3_usd.check.physics import BODY_API
+from lab3_usd.check.physics import BODY_API, bodies_below
 from lab3_usd.check.pose_tree import articulation, names_in_turn
 from lab3_usd.spec.catalog import TfPorts
 from lab3_usd.spec.spec import Lab
@@ -128,7 +128,7 @@ def _bodies_above(paths: Sequence[str], node: Node, stage: StageModel) -> dict[s
     """
     if not computes(node):
         return {}
-    bodies = {path for path, prim in stage.prims.items() if prim.present and BODY_API in prim.apis}
+    bodies = set(bodies_below(stage, "/"))
     still = (path for path in (*paths, parent_prim(node)) if path not in bodies)
     found = (above(path, bodies) for path in still)
     return {path: frame_name(path, stage) for path in found if path}

@@ -7,7 +7,6 @@ given, or a publisher (as before 6.0) looks at prims of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
@@ -21,6 +20,7 @@ from lab3_usd.check.computed_frames import (
     parent_frame,
     tf_ports,
 )
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.hidden_frames import Hidden, is_unknown
 from lab3_usd.check.model import Node, StageModel
 from lab3_usd.check.running import (
@@ -82,7 +82,7 @@ class Sent(Struct, frozen=True):
     hidden: tuple[Hidden, ...] = ()
 
 
-@lru_cache(maxsize=1)  # every rule of one stage asks for the same
+@once_per_stage
 def sent_frames(stage: StageModel, lab: Lab) -> tuple[Sent, ...]:
     """Return what each publisher of the TF tree sends.
 

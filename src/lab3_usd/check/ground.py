@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
 
 from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.model import Collider, Prim, StageModel
-from lab3_usd.check.physics import BODY_API, PLANE, collides
+from lab3_usd.check.physics import PLANE, collides
 from lab3_usd.check.posing import vector
 from lab3_usd.check.subject import StageSubject
 
@@ -19,8 +20,8 @@ _LIGHT_API = re.compile(r"^(Mesh|Volume)?LightAPI$")
 
 def planes(stage: StageModel, robot: str) -> Iterator[Prim]:
     """Yield the endless planes beside the robot that other shapes bump into."""
-    for prim in stage.prims.values():
-        is_outside = prim.type == PLANE and not is_at_or_below(prim.path, robot)
+    for prim in stage.of_type(PLANE):
+        is_outside = not is_at_or_below(prim.path, robot)
         if is_outside and (collides(prim) or _collides_above(stage, prim.path)):
             yield prim
 
@@ -37,15 +38,9 @@ def boxes(subject: StageSubject) -> Iterator[Collider]:
     robot = subject.lab.scene["robot"]
     x, y, z = vector(robot["pose"]["translate"])
     reach = z + subject.lab.scene["tolerance"]["root_position"]
-    for box in subject.stage.colliders:
-        is_fixed = not is_at_or_below(box.path, robot["path"]) and not _moves(subject.stage, box)
-        if is_fixed and _covers(box, x, y) and box.low[2] <= reach:
+    for box in subject.stage.colliders.fixed_beside(robot["path"]):
+        if _covers(box, x, y) and box.low[2] <= reach:
             yield box
-
-
-def _moves(stage: StageModel, box: Collider) -> bool:
-    body = stage.prims.get(box.body)
-    return body is not None and BODY_API in body.apis
 
 
 def _covers(box: Collider, x: float, y: float) -> bool:
@@ -55,8 +50,12 @@ def _covers(box: Collider, x: float, y: float) -> bool:
 def has_ground(subject: StageSubject) -> bool:
     """Whether anything fixed can carry the robot."""
     robot = subject.lab.scene["robot"]["path"]
-    live = [box for box in boxes(subject) if _is_on(subject.stage, box)]
-    return any(True for _ in planes(subject.stage, robot)) or bool(live)
+    found = itertools.chain(planes(subject.stage, robot), _live_boxes(subject))
+    return any(True for _ in found)
+
+
+def _live_boxes(subject: StageSubject) -> Iterator[Collider]:
+    return (box for box in boxes(subject) if _is_on(subject.stage, box))
 
 
 def _is_on(stage: StageModel, box: Collider) -> bool:
@@ -73,12 +72,13 @@ def ground_height(subject: StageSubject) -> float | None:
         if prim.world
     ]
     step = robot["pose"]["translate"][2] + _STEP
-    tops = [box.high[2] for box in boxes(subject) if _is_on(stage, box)]
+    tops = [box.high[2] for box in _live_boxes(subject)]
     if any(top > step for top in tops) and not heights:
         return None
     return max([*heights, *(top for top in tops if top <= step)], default=None)
 
 
-def is_light(prim: Prim) -> bool:
-    """Whether the prim shines."""
-    return _LIGHT.search(prim.type) is not None or any(map(_LIGHT_API.match, prim.apis))
+def lights(stage: StageModel) -> Iterator[Prim]:
+    """Yield the prims that shine, in the scene or not."""
+    yield from stage.of_type(lambda name: _LIGHT.search(name) is not None)
+    yield from stage.with_api(lambda name: _LIGHT_API.match(name) is not None)

@@ -6,11 +6,11 @@ link another one hangs; what a robot lists as its links plays no part.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.model import Prim, StageModel
-from lab3_usd.check.physics import ARTICULATION_API, BODIES, BODY_API, is_joint
+from lab3_usd.check.physics import ARTICULATION_API, BODIES, bodies_below, is_joint
 
 ROBOT_API = "IsaacRobotAPI"
 LINK_API = "IsaacLinkAPI"
@@ -30,7 +30,7 @@ def expansion(target: Prim, stage: StageModel, parent: str = "") -> Links | None
     of an articulation, the prim `parent` is left out, below which the others hang.
     """
     if ARTICULATION_API in target.apis:
-        bodies = [prim.path for prim in _subtree(target, stage) if BODY_API in prim.apis]
+        bodies = bodies_below(stage, target.path)
         if bodies:
             return {path: above(path, bodies) for path in bodies}
     links = _robot(target, stage) if ROBOT_API in target.apis else {}
@@ -39,11 +39,12 @@ def expansion(target: Prim, stage: StageModel, parent: str = "") -> Links | None
 
 def _robot(robot: Prim, stage: StageModel) -> Links:
     parents = joint_parents(robot, stage)
-    links = {path for path, prim in stage.prims.items() if LINK_API in prim.apis and prim.present}
+    links = {prim.path for prim in stage.with_api(LINK_API) if prim.present}
     return {
         prim.path: parents.get(prim.path, "") if prim.path in links else above(prim.path, links)
-        for prim in _subtree(robot, stage)
-        if FRAME_APIS & set(prim.apis) and not _NO_FRAMES & set(prim.apis)
+        for prim in stage.with_api(FRAME_APIS.__contains__)
+        if prim.present and is_at_or_below(prim.path, robot.path)
+        if not _NO_FRAMES & set(prim.apis)
     }
 
 
@@ -64,10 +65,3 @@ def above(path: str, paths: Iterable[str]) -> str:
     """Return the nearest prim above `path` that is one of `paths`, '' for none."""
     found = (each for each in paths if path.startswith(f"{each}/"))
     return max(found, key=len, default="")
-
-
-def _subtree(top: Prim, stage: StageModel) -> Iterator[Prim]:
-    """Yield the prim and those below it, parents first, as they are traversed."""
-    for path, prim in stage.prims.items():
-        if prim.present and is_at_or_below(path, top.path):
-            yield prim

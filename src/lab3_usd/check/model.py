@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Literal
+from collections.abc import Hashable, Iterable, Iterator, Mapping
+from typing import Any, Literal
 
 from msgspec import Struct, field
+from msgspec.structs import force_setattr
 
+from lab3_usd.check.prims import Asked, Collider, Colliders, Matrix, Prim, Prims
 from lab3_usd.spec.catalog import NodeType, Value
 
-Matrix = tuple[float, ...]  # 16 numbers in rows, as USD multiplies: row vectors, translation last
+__all__ = ["Collider", "Colliders", "Matrix", "Prim", "Prims"]  # from `prims.py`
 
 
 class PortState(Struct, frozen=True):
@@ -117,42 +119,6 @@ class GraphModel(Struct, frozen=True):
         return self.path.rpartition("/")[2]
 
 
-class Prim(Struct, frozen=True):
-    """A prim that is no node.
-
-    `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
-    `attributes` holds the values that rules ask about, `relationships` their targets. `local`
-    and `world` are transforms in stage units, None where the prim has no place. `authored` names
-    the attributes with a value of their own.
-    """
-
-    path: str
-    type: str
-    apis: tuple[str, ...]
-    active: bool = True
-    defined: bool = True
-    attributes: Mapping[str, Value] = field(default_factory=dict)
-    relationships: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    local: Matrix | None = None
-    world: Matrix | None = None
-    authored: frozenset[str] = frozenset()
-
-    @property
-    def name(self) -> str:
-        """The prim name."""
-        return self.path.rpartition("/")[2]
-
-    @property
-    def parent(self) -> str:
-        """The path of the parent prim; '' for a prim at the root."""
-        return self.path.rpartition("/")[0]
-
-    @property
-    def present(self) -> bool:
-        """Whether the prim is part of the scene."""
-        return self.active and self.defined
-
-
 class Unresolved(Struct, frozen=True):
     """An asset that the stage asks for and that cannot be found from here.
 
@@ -193,20 +159,12 @@ class Moving(Struct, frozen=True):
     then: str
 
 
-class Collider(Struct, frozen=True):
-    """The box around one collision shape in world space, in metres, and the body it moves with."""
-
-    path: str
-    body: str
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
-
-
 class StageModel(Struct, frozen=True, eq=False):
     """Everything the rules know of one stage.
 
-    Two models are the same only when they are one: what is derived from one is remembered by it.
-    `instances` are the paths of the prims that are instances.
+    Two models are the same only when they are one. `derived` holds what was worked out from this
+    one (see `derived.py`), so that it goes when the model goes. `instances` are the paths of the
+    prims that are instances.
     """
 
     up_axis: str
@@ -217,11 +175,16 @@ class StageModel(Struct, frozen=True, eq=False):
     orphans: tuple[Node, ...] = ()
     absent: tuple[Absent, ...] = ()
     unresolved: tuple[Unresolved, ...] = ()
-    colliders: tuple[Collider, ...] = ()
+    colliders: Colliders = field(default_factory=Colliders)
     muted: tuple[Muted, ...] = ()
     instances: tuple[str, ...] = ()
     scripts: tuple[Script, ...] = ()
     moving: tuple[Moving, ...] = ()
+    derived: dict[Hashable, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Let a model that is made of another start without anything derived."""
+        force_setattr(self, "derived", {})
 
     def nodes(self) -> Iterator[Node]:
         """Yield every live node, graph by graph, then those outside every graph."""
@@ -234,6 +197,26 @@ class StageModel(Struct, frozen=True, eq=False):
         """Return the prim at `path` when it is part of the scene."""
         found = self.prims.get(path)
         return found if found is not None and found.present else None
+
+    @property
+    def _asked(self) -> Prims:
+        return self.prims if isinstance(self.prims, Prims) else Prims(self.prims)
+
+    def of_type(self, asked: Asked) -> Iterable[Prim]:
+        """Return the prims of the types asked for, in the scene or not."""
+        return self._asked.of_type(asked)
+
+    def with_api(self, asked: Asked) -> Iterable[Prim]:
+        """Return the prims that carry a schema asked for, in the scene or not."""
+        return self._asked.with_api(asked)
+
+    def named(self, asked: Asked) -> Iterable[Prim]:
+        """Return the prims whose own name is asked for, in the scene or not."""
+        return self._asked.named(asked)
+
+    def below(self, top: str) -> Iterable[Prim]:
+        """Return the prim at `top` and those below it, parents first, in the scene or not."""
+        return self._asked.below(top)
 
     def unresolved_above(self, path: str) -> Unresolved | None:
         """Return the missing asset that could hold the prim at `path`, None where none could."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import lru_cache
-
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.model import Prim, StageModel
+from lab3_usd.check.paths import is_at_or_below
 from lab3_usd.spec.catalog import Value
 
 BODY_API = "PhysicsRigidBodyAPI"
@@ -46,7 +45,18 @@ def is_articulated(prim: Prim) -> bool:
 
 def is_joint(prim: Prim) -> bool:
     """Whether the prim is a joint of any kind."""
-    return prim.type.endswith(_JOINT_END)
+    return is_joint_type(prim.type)
+
+
+def is_joint_type(name: str) -> bool:
+    """Whether the prims of a type are joints."""
+    return name.endswith(_JOINT_END)
+
+
+def bodies_below(stage: StageModel, top: str) -> list[str]:
+    """Return the paths of the rigid bodies of the scene at and below a prim, parents first."""
+    found = (prim for prim in stage.with_api(BODY_API) if is_at_or_below(prim.path, top))
+    return [prim.path for prim in found if prim.present]
 
 
 def bodies(prim: Prim) -> tuple[str, str]:
@@ -55,20 +65,14 @@ def bodies(prim: Prim) -> tuple[str, str]:
     return first, second
 
 
-@lru_cache(maxsize=1)  # every rule about joints asks for the same
+@once_per_stage
 def joints(stage: StageModel) -> tuple[Prim, ...]:
     """Return the joints that are part of the scene and switched on."""
     return tuple(
         prim
-        for prim in stage.prims.values()
-        if is_joint(prim) and prim.present and not is_switched_off(prim, JOINT_ENABLED)
+        for prim in stage.of_type(is_joint_type)
+        if prim.present and not is_switched_off(prim, JOINT_ENABLED)
     )
-
-
-def below(stage: StageModel, top: str) -> Iterator[Prim]:
-    """Yield every prim at or below `top`, in the scene or not."""
-    inside = f"{top.rstrip('/')}/"
-    return (prim for path, prim in stage.prims.items() if path == top or path.startswith(inside))
 
 
 def number(value: Value | None) -> float | None:

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.frame_names import frame_name
 from lab3_usd.check.link_tree import Links
 from lab3_usd.check.model import Prim, StageModel
-from lab3_usd.check.physics import ARTICULATION_API, BODIES, BODY_API, is_joint
+from lab3_usd.check.physics import ARTICULATION_API, BODIES, bodies_below, is_joint_type
 
 
 def articulation(root: Prim, stage: StageModel) -> Links | None:
@@ -23,11 +22,7 @@ def articulation(root: Prim, stage: StageModel) -> Links | None:
     children: dict[str, list[str]] = {}
     for child, parent in parents.items():
         children.setdefault(parent, []).append(child)
-    ahead = [
-        _top(path, parents)
-        for path, prim in stage.prims.items()
-        if prim.present and BODY_API in prim.apis and is_at_or_below(path, root.path)
-    ]
+    ahead = [_top(path, parents) for path in bodies_below(stage, root.path)]
     links: Links = {}
     while ahead:
         path = ahead.pop(0)
@@ -49,8 +44,8 @@ def _top(path: str, parents: Links) -> str:
 def _parents(stage: StageModel) -> Links:
     """Map each body to the one its joint hangs it on."""
     found: Links = {}
-    for joint in stage.prims.values():
-        if joint.present and is_joint(joint):
+    for joint in stage.of_type(is_joint_type):
+        if joint.present:
             parent, child = (joint.relationships.get(name, ()) for name in BODIES)
             if parent and child and stage.prim(parent[0]) and stage.prim(child[0]):
                 found.setdefault(child[0], parent[0])

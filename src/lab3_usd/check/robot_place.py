@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from lab3_usd.check.absence import hides_below, is_at_or_below, is_hidden
 from lab3_usd.check.candidates import moved, relocated
 from lab3_usd.check.model import Prim, StageModel
-from lab3_usd.check.physics import BODY_API, is_articulated
+from lab3_usd.check.physics import bodies_below, is_articulated
 from lab3_usd.check.sensor_place import is_named
 from lab3_usd.check.subject import Roles
 from lab3_usd.spec.spec import GraphSpec, Lab
@@ -44,8 +44,8 @@ def _robot(lab: Lab, stage: StageModel) -> str | None:
     links = lab.scene["robot"]["links"]
     name = lab.scene["robot"]["path"].rpartition("/")[2]
     held: dict[str, int] = {}
-    for prim in stage.prims.values():
-        if prim.name in links and stage.prim(prim.path) is not None and stage.prim(prim.parent):
+    for prim in stage.named(links.__contains__):
+        if prim.present and stage.prim(prim.parent):
             held[prim.parent] = held.get(prim.parent, 0) + 1
     offers = sorted(
         (-count, path.rpartition("/")[2] != name, path)
@@ -58,7 +58,7 @@ def _robot(lab: Lab, stage: StageModel) -> str | None:
 def _namesake(lab: Lab, stage: StageModel) -> str | None:
     """Return the first prim of the robot's name whose links an asset may hold that is missing."""
     name = lab.scene["robot"]["path"].rpartition("/")[2]
-    named = (prim for prim in stage.prims.values() if is_named(prim.name, [name]) and prim.active)
+    named = (prim for prim in stage.named(lambda each: is_named(each, [name])) if prim.active)
     return min((prim.path for prim in named if hides_below(stage, prim.path)), default=None)
 
 
@@ -82,15 +82,15 @@ def _is_there(stage: StageModel, path: str) -> bool:
 
 def namesakes(stage: StageModel, root: str, name: str) -> tuple[str, ...]:
     """Return the prims below the robot that have the name of a missing link."""
-    prims = (prim for prim in stage.prims.values() if prim.name == name and prim.present)
+    prims = (prim for prim in stage.named(name) if prim.present)
     has_type = (prim.path for prim in prims if prim.type == "Xform")
     return tuple(sorted(found for found in has_type if is_at_or_below(found, root)))
 
 
 def _strange_bodies(links: tuple[str, ...], root: str, stage: StageModel) -> Iterator[Prim]:
-    for _, prim in sorted(stage.prims.items()):
-        is_beside = prim.parent == root and prim.present and prim.name not in links
-        if is_beside and BODY_API in prim.apis:
+    for path in sorted(bodies_below(stage, root)):
+        prim = stage.prims[path]
+        if prim.parent == root and prim.name not in links:
             yield prim
 
 

@@ -6,9 +6,9 @@ Everything that asks whether something happens asks here: rules, topics, frames 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import Literal
 
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.finding import Severity
 from lab3_usd.check.model import GraphModel, Node, StageModel
 from lab3_usd.spec.catalog import INPUT, OUTPUT, Value
@@ -22,7 +22,7 @@ _Followers = dict[str, list[str]]
 _SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
 
 
-@lru_cache(maxsize=1)  # every rule of one stage asks for the same
+@once_per_stage
 def live_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
     """Return the nodes of all active graphs by path, leaving out what the application made."""
     return {
@@ -33,7 +33,7 @@ def live_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
     }
 
 
-@lru_cache(maxsize=1)  # every rule of one stage asks for the same
+@once_per_stage
 def run_states(stage: StageModel, lab: Lab) -> dict[str, State]:
     """Return how surely each node runs while the timeline plays, by path.
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import Any
 
 from msgspec import Struct
 
 from lab3_usd.check.absence import hides_place, is_at_or_below, is_hidden, why_absent, with_it
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Matrix, Prim, StageModel
 from lab3_usd.check.poses import IDENTITY, relative
@@ -92,8 +92,8 @@ def candidates(lab: Lab, stage: StageModel, name: str) -> Iterator[Prim]:
     spec = lab.scene[name]
     robot: str = lab.scene["robot"]["path"]
     wanted = spec["path"].rpartition("/")[2]
-    for prim in stage.prims.values():
-        if prim.type == spec["type"] and prim.present:
+    for prim in stage.of_type(spec["type"]):
+        if prim.present:
             is_known = spec.get("recognised") == "anywhere" or is_at_or_below(prim.path, robot)
             if is_known or (prim.name == wanted and is_used(stage, prim)):
                 yield prim
@@ -155,15 +155,16 @@ def lidars(subject: StageSubject, right: str = "") -> Iterator[Prim]:
     names = subject.lab.scene["forbidden"]["lidar"]["names"]
     typed = {prim.path for prim in candidates(subject.lab, subject.stage, "lidar")}
     told = ""
-    for path, prim in sorted(subject.stage.prims.items()):
-        is_lidar = path in typed or (prim.present and is_named(prim.name, names))
+    named = subject.stage.named(lambda each: is_named(each, names))
+    found = typed | {prim.path for prim in named if prim.present}
+    for path in sorted(found):
         is_right = bool(right) and is_at_or_below(right, path)
-        if is_lidar and not is_right and not (told and is_at_or_below(path, told)):
+        if not is_right and not (told and is_at_or_below(path, told)):
             told = path
-            yield prim
+            yield subject.stage.prims[path]
 
 
-@lru_cache(maxsize=1)  # two rules ask for the same
+@once_per_stage
 def second_lidars(subject: StageSubject) -> tuple[Prim, ...]:
     """Return the lidars beside the one that the checkpoint asks for, where there is that one."""
     place = sensor_place(subject, "lidar")

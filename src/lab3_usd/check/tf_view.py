@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 
 from msgspec import Struct
 
@@ -17,6 +16,7 @@ from lab3_usd.check.computed_frames import (
     parent_prim,
     tf_ports,
 )
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.frames import Edge, hidden_frames, published_edges
 from lab3_usd.check.hidden_frames import Hidden, is_unknown
 from lab3_usd.check.link_tree import FRAME_APIS
@@ -56,7 +56,7 @@ class TfView(Struct, frozen=True):
         return self.subject.lab.frames.forbidden_edge[1]
 
 
-@lru_cache(maxsize=1)  # every rule of one stage asks for the same
+@once_per_stage
 def tf_view(subject: StageSubject) -> TfView:
     """Compute what the frame rules look at."""
     stage, lab = subject.stage, subject.lab

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.topics import Endpoint, endpoints, resolve
 from lab3_usd.spec.spec import NodeSpec
@@ -67,7 +67,7 @@ def _graph_of(endpoint: Endpoint) -> str:
     return endpoint.node.path.rpartition("/")[0]
 
 
-@lru_cache(maxsize=1)  # every rule of one stage asks for the same
+@once_per_stage
 def copied_graphs(subject: StageSubject) -> set[str]:
     """Return the paths of the graphs that publish a topic again."""
     return {_graph_of(again) for again, _ in published_again(subject)}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from functools import lru_cache
 from typing import Literal
 
 from msgspec import Struct
 
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.model import Node, StageModel
 from lab3_usd.check.names import resolved_topic
 from lab3_usd.check.qos import QUEUE, Qos, qos_of
@@ -67,7 +67,7 @@ def resolve(namespace: str, written: str) -> str | None:
     return name if _VALID.match(name) else None
 
 
-@lru_cache(maxsize=1)  # every rule of one stage asks for the same
+@once_per_stage
 def endpoints(stage: StageModel, lab: Lab) -> tuple[Endpoint, ...]:
     """Return every topic of every node in an active graph, in the order of topic and node."""
     live, running = live_nodes(stage, lab), running_nodes(stage, lab)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 from typing import Any
 
 from msgspec import Struct
 
 from lab3_usd.check.absence import is_at_or_below, is_hidden
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.model import Prim, StageModel
-from lab3_usd.check.physics import BODIES, BODY_API, REVOLUTE, below, bodies, is_joint, joints
+from lab3_usd.check.physics import BODIES, BODY_API, REVOLUTE, bodies, is_joint, joints
 from lab3_usd.check.subject import StageSubject
 
 
@@ -43,7 +43,7 @@ class WheelJoint(Struct, frozen=True, eq=False):
         return prim if prim is not None and prim.present and prim.type == REVOLUTE else None
 
 
-@lru_cache(maxsize=1)  # every rule of one stage asks for the same
+@once_per_stage
 def wheel_joints(subject: StageSubject) -> list[WheelJoint]:
     """Return the wheel joints in the order of the scene file."""
     robot = subject.lab.scene["robot"]
@@ -57,7 +57,7 @@ def wheel_joints(subject: StageSubject) -> list[WheelJoint]:
 
 
 def _find(stage: StageModel, root: str, name: str, link: str) -> Prim | None:
-    named = [prim for prim in below(stage, root) if prim.name == name]
+    named = [prim for prim in stage.named(name) if is_at_or_below(prim.path, root)]
     for prim in sorted(named, key=lambda prim: (not prim.present, not is_joint(prim), prim.path)):
         return prim
     for prim in joints(stage):

@@ -3,56 +3,110 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
+from functools import cache
 
-from pxr import Gf, Usd
+from pxr import Gf, Usd, Vt
 
-from lab3_usd.check.model import Collider, Matrix, Prim
+from lab3_usd.check.paths import is_at_or_below
+from lab3_usd.check.prims import Collider, Colliders, Matrix, Prim, Prims
+from lab3_usd.stage.opening import in_plain_words
 from lab3_usd.stage.places import Places
+from lab3_usd.stage.prims import DAMAGE, RIGID_BODY, Details
 
 _Corner = tuple[float, float, float]
 _Box = tuple[_Corner, _Corner]
 
-
-RIGID_BODY = "PhysicsRigidBodyAPI"
+_COLLISION = "PhysicsCollisionAPI"
 _AXIS_NAMES = ("X", "Y", "Z")
 # The shapes of UsdGeom by type name; whether round ones end in half balls.
 _ROUND = {"Cylinder": False, "Capsule": True, "Cone": False}
+_PARTS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 
-def find_colliders(
-    prims: Iterable[Usd.Prim], read: Mapping[str, Prim], places: Places
-) -> Iterator[Collider]:
-    """Yield the world box of each collision prim that has a shape of its own or shapes below.
+class OpenColliders(Colliders):
+    """The boxes around the collision prims of an open stage, each measured when it is asked for.
 
-    `read` holds the prims of the stage that were read, by path. Planes have no box. The bodies
-    are the nearest ancestors that are rigid bodies, '' for none. Cylinders, spheres and capsules
-    are taken as round, so that a wheel turned about its axle stands as high as one that is not;
-    cones as the cylinders around them.
+    A collision prim has the box of its own shape and of the shapes below it. Planes have none.
+    The bodies are the nearest ancestors that are rigid bodies, '' for none. Cylinders, spheres and
+    capsules are taken as round, so that a wheel turned about its axle stands as high as one that
+    is not; cones as the cylinders around them.
     """
-    for prim in prims:
-        metres = float(prim.GetStage().GetMetadata("metersPerUnit"))
-        boxes = [box for shape in _shapes(prim) for box in [_world_box(shape, places)] if box]
-        if boxes:
-            low, high = _union(boxes)
+
+    def __init__(self, prims: Prims, details: Details) -> None:
+        """Measure the prims of a stage."""
+        self._prims = prims
+        self._details = details
+        self._boxes: dict[str, _Box | None] = {}
+        self._bodies: dict[str, str] = {"": ""}
+        self._metres = float(details.stage.GetMetadata("metersPerUnit"))
+
+    def below(self, top: str) -> Iterator[Collider]:
+        """Yield the boxes of the shapes at and below a prim."""
+        return (
+            box
+            for prim in self._colliding()
+            if is_at_or_below(prim.path, top)
+            for box in self._measured(prim)
+        )
+
+    def fixed_beside(self, top: str) -> Iterator[Collider]:
+        """Yield the boxes of the shapes that no body moves, without those of `below`."""
+        return (
+            box
+            for prim in self._colliding()
+            if not is_at_or_below(prim.path, top) and not self._body(prim.path)
+            for box in self._measured(prim)
+        )
+
+    def _colliding(self) -> Iterator[Prim]:
+        return (prim for prim in self._prims.with_api(_COLLISION) if prim.present)
+
+    def _body(self, path: str) -> str:
+        """Return the nearest rigid body at or above a path."""
+        if len(self._bodies) == 1:
+            self._bodies.update((prim.path, prim.path) for prim in self._prims.with_api(RIGID_BODY))
+        above = []
+        while path not in self._bodies:
+            above.append(path)
+            path = path.rpartition("/")[0]
+        self._bodies.update(dict.fromkeys(above, self._bodies[path]))
+        return self._bodies[path]
+
+    def _measured(self, prim: Prim) -> Iterator[Collider]:
+        """Yield the box of a collision prim that has a shape of its own or shapes below."""
+        path = prim.path
+        if path not in self._boxes:
+            with in_plain_words(self._details.name, *DAMAGE):
+                self._measure(self._details.stage.GetPrimAtPath(path))
+        box = self._boxes[path]
+        if box is not None:
+            low, high = (_scaled(corner, self._metres) for corner in box)
+            yield Collider(path, self._body(path), low, high)
+
+    def _measure(self, top: Usd.Prim) -> None:
+        """Measure a collision prim and those below it, each shape once."""
+        places = self._details.places
+        if not top.GetAllChildrenNames() and not top.IsInstance():
+            self._boxes[str(top.GetPath())] = _world_box(top, places)
+            return
+        open_boxes: list[list[_Box]] = [[]]
+        prims = iter(Usd.PrimRange.PreAndPostVisit(top, _PARTS))
+        for prim in prims:
             path = str(prim.GetPath())
-            body = _body_above(path, read)
-            yield Collider(path, body, _scaled(low, metres), _scaled(high, metres))
-
-
-def _shapes(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    if not prim.GetAllChildrenNames() and not prim.IsInstance():
-        return iter((prim,))
-    return iter(Usd.PrimRange(prim, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
-
-
-def _body_above(path: str, read: Mapping[str, Prim]) -> str:
-    while path:
-        prim = read.get(path)
-        if prim is not None and RIGID_BODY in prim.apis:
-            return path
-        path = path.rpartition("/")[0]
-    return ""
+            if not prims.IsPostVisit():
+                known = path in self._boxes
+                box = self._boxes[path] if known else _world_box(prim, places)
+                open_boxes.append([] if box is None else [box])
+                if known:
+                    prims.PruneChildren()
+                continue
+            boxes = open_boxes.pop()
+            box = _union(boxes) if boxes else None
+            open_boxes[-1] += [] if box is None else [box]
+            if prim == top or _COLLISION in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+                self._boxes[path] = box
+        self._boxes.setdefault(str(top.GetPath()), None)
 
 
 def _world_box(prim: Usd.Prim, places: Places) -> _Box | None:
@@ -63,24 +117,36 @@ def _world_box(prim: Usd.Prim, places: Places) -> _Box | None:
         return _around(places.world(prim), _number(prim, "radius"), 0.0, 0, has_balls=True)
     if kind == "Cube":
         return _cube_box(places.world(prim), _number(prim, "size") / 2)
-    points = prim.GetAttribute("points")
-    values = points.Get() if points else None
-    if not values:
+    attribute = prim.GetAttribute("points")
+    points = attribute.Get() if attribute else None
+    if not points or not isinstance(points, Vt.Vec3fArray):
         return None
-    matrix = Gf.Matrix4d(*places.world(prim))
-    return _bounds([_moved(matrix, Gf.Vec3d(point)) for point in values])
+    return _box_of_points(points, Gf.Matrix4d(*places.world(prim)))
+
+
+def _box_of_points(points: Vt.Vec3fArray, matrix: Gf.Matrix4d) -> _Box:
+    """Return the box around points, which may be many thousand: usd-core works it out."""
+    from pxr import UsdGeom  # noqa: PLC0415 - takes as long to load as judging a stage
+
+    mesh = UsdGeom.Mesh(_scratch().GetPrimAtPath("/points"))
+    mesh.GetPointsAttr().Set(points)
+    extent = UsdGeom.Boundable.ComputeExtentFromPlugins(mesh, Usd.TimeCode.Default(), matrix)
+    low, high = ((corner[0], corner[1], corner[2]) for corner in extent)
+    return low, high
+
+
+@cache
+def _scratch() -> Usd.Stage:
+    """Return a stage with a mesh that takes any points, as usd-core measures none by themselves."""
+    stage = Usd.Stage.CreateInMemory()
+    stage.DefinePrim("/points", "Mesh")
+    return stage
 
 
 def _number(prim: Usd.Prim, name: str) -> float:
     """Return a size of a shape, the schema's own where the file names none; 0 for what is none."""
     value = prim.GetAttribute(name).Get()
     return float(value) if isinstance(value, (int, float)) else 0.0
-
-
-def _moved(matrix: Gf.Matrix4d, point: Gf.Vec3d) -> _Corner:
-    # Plain tuples, because iterating over a Gf type is twenty times as slow.
-    moved = matrix.Transform(point)
-    return moved[0], moved[1], moved[2]
 
 
 def _cube_box(matrix: Matrix, half: float) -> _Box:

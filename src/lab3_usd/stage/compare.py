@@ -20,7 +20,6 @@ from lab3_usd.stage.compare_prims import Known, known
 from lab3_usd.stage.compare_terms import Terms, classifier
 from lab3_usd.stage.missing import find_unresolved
 from lab3_usd.stage.opening import open_stage, quiet, remembered
-from lab3_usd.stage.own_text import own_texts, texts_of
 
 
 @quiet()
@@ -81,13 +80,10 @@ def _signature(missing: Unresolved) -> tuple[str, str]:
 def _changes(pair: Pair) -> Iterator[Change]:
     gone: list[Usd.Prim] = []
     skipped = None
-    texts = texts_of(pair.stage)
     for path, was in _listed(pair.starter):
         if skipped is not None and path.HasPrefix(skipped):
             continue
         skipped = None
-        if was.text and was.text == texts.get(was.path):
-            continue  # it is written as it was, below a prim that is there
         if _is_ignored(path, pair):
             skipped = path
             continue
@@ -106,12 +102,7 @@ def _changes(pair: Pair) -> Iterator[Change]:
 @lru_cache(maxsize=2)
 def _listed(starter: Usd.Stage) -> tuple[tuple[Sdf.Path, Known], ...]:
     prims = Usd.PrimRange(starter.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-    texts = own_texts(starter)
-    return tuple(
-        (prim.GetPath(), known(prim, texts.get(str(prim.GetPath()), "")))
-        for prim in prims
-        if not prim.IsPseudoRoot()
-    )
+    return tuple((prim.GetPath(), known(prim)) for prim in prims if not prim.IsPseudoRoot())
 
 
 def _is_ignored(path: Sdf.Path, pair: Pair) -> bool:

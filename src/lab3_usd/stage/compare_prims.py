@@ -22,20 +22,17 @@ from lab3_usd.stage.compare_terms import (
 )
 from lab3_usd.stage.compare_values import same_value, show
 
-_ASSET = "@"
 _SCHEMAS = "apiSchemas"
 
 
 class Known(Struct, frozen=True, eq=False):
     """What one prim of a starter is and holds: attributes in the order of `names`.
 
-    One starter is compared with the stages of a whole class, so it is asked once. `text` is all
-    that the starter says of the prim itself; empty where that is not all there is to it.
+    One starter is compared with the stages of a whole class, so it is asked once.
     """
 
     prim: Usd.Prim
     path: str
-    text: str
     kind: str
     form: Any
     names: list[str]
@@ -43,12 +40,11 @@ class Known(Struct, frozen=True, eq=False):
     targets: Mapping[str, list[Sdf.Path]]
 
 
-def known(prim: Usd.Prim, text: str = "") -> Known:
+def known(prim: Usd.Prim) -> Known:
     """Read a prim of a starter."""
     return Known(
         prim,
         str(prim.GetPath()),
-        "" if _ASSET in text else text,  # the same asset path may lead elsewhere
         prim.GetTypeName(),
         prim.GetPrimTypeInfo(),
         prim.GetAuthoredPropertyNames(),

@@ -18,7 +18,7 @@ class Places:
 
     def __init__(self) -> None:
         """Start with nothing known but the root."""
-        self._worlds = {"/": IDENTITY}
+        self._places: dict[str, tuple[Matrix | None, Matrix]] = {"/": (None, IDENTITY)}
 
     def of(self, prim: Usd.Prim, path: str) -> tuple[Matrix | None, Matrix]:
         """Return the local transform (None where none is authored) and the world transform.
@@ -26,27 +26,21 @@ class Places:
         Every Xform has the order of its operations by its schema; only one that a layer states
         says where the prim stands.
         """
-        parent = self._above(prim, path.rpartition("/")[0] or "/")
-        if not prim.GetAttribute(ORDER).HasAuthoredValue():
-            self._worlds[path] = parent
-            return None, parent
-        local, is_reset = local_transform(prim)
-        world = local if is_reset else multiply(local, parent)
-        self._worlds[path] = world
-        return local, world
-
-    def know(self, path: str, world: Matrix) -> None:
-        """Take the world transform of a prim as it is known from before."""
-        self._worlds[path] = world
+        ahead = []
+        while path not in self._places:
+            ahead.append((prim, path))
+            prim, path = prim.GetParent(), path.rpartition("/")[0] or "/"
+        for each, place in reversed(ahead):
+            self._places[place] = self._place(each, self._places[path][1])
+            path = place
+        return self._places[path]
 
     def world(self, prim: Usd.Prim) -> Matrix:
-        """Return the world transform of a prim that was met before, else compute it."""
-        path = str(prim.GetPath())
-        if path not in self._worlds:
-            self.of(prim, path)
-        return self._worlds[path]
+        """Return the world transform of a prim."""
+        return self.of(prim, str(prim.GetPath()))[1]
 
-    def _above(self, prim: Usd.Prim, path: str) -> Matrix:
-        if path not in self._worlds:
-            self.of(prim.GetParent(), path)
-        return self._worlds[path]
+    def _place(self, prim: Usd.Prim, parent: Matrix) -> tuple[Matrix | None, Matrix]:
+        if not prim.GetAttribute(ORDER).HasAuthoredValue():
+            return None, parent
+        local, is_reset = local_transform(prim)
+        return local, local if is_reset else multiply(local, parent)

@@ -13,9 +13,9 @@ from lab3_usd.check.physics import (
     BODIES,
     BODY_API,
     JOINT_ENABLED,
-    below,
     bodies,
     is_articulated,
+    is_joint_type,
     is_switched_off,
     joints,
 )
@@ -43,7 +43,11 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
     base = subject.stage.prim(target)
     if root is None or base is None:
         return
-    found = [prim for prim in below(subject.stage, root.path) if is_articulated(prim)]
+    found = [
+        prim
+        for prim in subject.stage.with_api(ARTICULATION_API)
+        if is_articulated(prim) and is_at_or_below(prim.path, root.path)
+    ]
     right = [prim for prim in (base, root) if prim in found]
     for prim in found:
         if prim not in right[:1]:
@@ -158,7 +162,7 @@ def _let_go(subject: StageSubject, links: list[str]) -> list[str]:
     """Return the links that joints of the file name which are switched off or deactivated."""
     return [
         _link_of(body, links)
-        for prim in subject.stage.prims.values()
+        for prim in subject.stage.of_type(lambda name: not name or is_joint_type(name))
         if not prim.present or is_switched_off(prim, JOINT_ENABLED)
         for body in bodies(prim)
     ]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 
 from msgspec.structs import replace
 
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.met import same_value
 from lab3_usd.check.model import Node
@@ -67,7 +67,7 @@ def _kept_problem(node: Node, spec: NodeSpec, port: Port, actual: str) -> Proble
 _Changed = tuple[Node, NodeSpec, Port, Value | None]
 
 
-@lru_cache(maxsize=8)  # every rule asks for the same, graph after graph
+@once_per_stage
 def _changed(subject: GraphSubject) -> tuple[_Changed, ...]:
     return tuple(_find_changed(subject))
 

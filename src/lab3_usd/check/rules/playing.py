@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.model import Moving
-from lab3_usd.check.physics import BODY_API
+from lab3_usd.check.physics import bodies_below
 from lab3_usd.check.registry import rule
 from lab3_usd.check.running import live_nodes
 from lab3_usd.check.subject import StageSubject
@@ -67,13 +67,11 @@ def _severity_of_place(path: str, subject: StageSubject) -> Severity | None:
     stage, scene = subject.stage, subject.lab.scene
     robot = scene["robot"]["path"]
     sensors = [scene[name]["path"] for name in subject.checkpoint.sensors]
-    prims = (prim for prim in stage.prims.values() if prim.present)
-    bodies = [prim.path for prim in prims if BODY_API in prim.apis]
-    parts = [robot, *sensors, *(body for body in bodies if is_at_or_below(body, robot))]
+    parts = [robot, *sensors, *bodies_below(stage, robot)]
     if any(is_at_or_below(part, path) for part in parts):
         return "error"
-    solid = [*bodies, *(collider.path for collider in stage.colliders)]
-    return "warning" if any(is_at_or_below(part, path) for part in solid) else None
+    is_solid = bool(bodies_below(stage, path)) or any(True for _ in stage.colliders.below(path))
+    return "warning" if is_solid else None
 
 
 def _rates(path: str, subject: StageSubject) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lab3_usd.check.absence import hides_place, is_at_or_below
+from lab3_usd.check.absence import hides_place
 from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.ground import ground_height
 from lab3_usd.check.model import Collider, StageModel
@@ -90,7 +90,7 @@ def _lows(subject: StageSubject) -> dict[str, float]:
     lows: dict[str, float] = {}
     for name, link in spec["links"].items():
         path = f"{spec['path']}/{name}"
-        shapes = [box.low[2] for box in stage.colliders if _carries(box, path, stage)]
+        shapes = [box.low[2] for box in stage.colliders.below(path) if _is_on(box, stage)]
         prim = stage.prim(path)
         if prim is not None and hides_place(stage, prim):
             continue
@@ -101,10 +101,9 @@ def _lows(subject: StageSubject) -> dict[str, float]:
     return lows
 
 
-def _carries(box: Collider, path: str, stage: StageModel) -> bool:
-    """Whether the shape belongs to the link and is switched on."""
+def _is_on(box: Collider, stage: StageModel) -> bool:
     prim = stage.prim(box.path)
-    return is_at_or_below(box.path, path) and prim is not None and collides(prim)
+    return prim is not None and collides(prim)
 
 
 @rule("S22", "starts-elsewhere", scope="stage", severity="note")

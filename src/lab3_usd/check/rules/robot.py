@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from lab3_usd.check.absence import hides_below, is_hidden
+from lab3_usd.check.absence import hides_below, is_at_or_below, is_hidden
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Prim
 from lab3_usd.check.physics import (
@@ -16,7 +16,6 @@ from lab3_usd.check.physics import (
     KINEMATIC,
     MASS,
     MASS_API,
-    below,
     collides,
     is_switched_off,
     number,
@@ -110,12 +109,14 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
     """
     stage = subject.stage
     for prim, spec in _links(subject):
-        parts = list(below(stage, prim.path))
+        shapes = stage.with_api(COLLISION_API)
+        parts = [part for part in shapes if is_at_or_below(part.path, prim.path)]
         if not spec.get("collision") or any(map(collides, parts)):
             continue
-        off = [part for part in parts if part.present and COLLISION_API in part.apis]
+        off = [part for part in parts if part.present]
         if hides_below(stage, prim.path):
-            off = [part for part in parts if is_switched_off(part, COLLISION_ENABLED)]
+            below = stage.below(prim.path)
+            off = [part for part in below if is_switched_off(part, COLLISION_ENABLED)]
             if not off:
                 continue
         site = off[0].path if off else prim.path

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
 
 from msgspec.structs import replace
 
 from lab3_usd.check.all_the_same import with_setting
+from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.met import setting_met, setting_value
 from lab3_usd.check.model import Node
@@ -40,7 +40,7 @@ class Found(NamedTuple):
         return setting_met(self.node, self.setting, self.value)
 
 
-@lru_cache(maxsize=8)  # every rule asks for the same, graph after graph
+@once_per_stage
 def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
     """Return every setting of every matched node."""
     return tuple(_find_settings(subject))

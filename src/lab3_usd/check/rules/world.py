@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 
 from lab3_usd.check.absence import hides_outside, is_at_or_below, why_absent
 from lab3_usd.check.finding import Problem
-from lab3_usd.check.ground import boxes, has_ground, is_light
+from lab3_usd.check.ground import boxes, has_ground, lights
 from lab3_usd.check.model import Prim
 from lab3_usd.check.physics import COLLISION_API, COLLISION_ENABLED, PLANE, SCENE
 from lab3_usd.check.registry import rule
@@ -38,15 +38,15 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
             off.path, message, COLLISION_ENABLED, expected, None, handout, related=related
         )
         return
-    yield _missing(subject, "ground", "a ground with collision", lambda prim: prim.type == PLANE)
+    planes = subject.stage.of_type(PLANE)
+    yield _missing(subject, "ground", "a ground with collision", planes)
 
 
 def _silent_ground(subject: StageSubject) -> Prim | None:
     """Return what would be ground if it collided."""
     robot = subject.lab.scene["robot"]["path"]
-    planes = [prim for prim in subject.stage.prims.values() if prim.present and prim.type == PLANE]
-    for prim in planes:
-        if not is_at_or_below(prim.path, robot):
+    for prim in subject.stage.of_type(PLANE):
+        if prim.present and not is_at_or_below(prim.path, robot):
             return prim
     return next((subject.stage.prims[box.path] for box in boxes(subject)), None)
 
@@ -61,10 +61,11 @@ def light(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the only DistantLight deactivated.
     """
-    if any(prim.present and is_light(prim) for prim in subject.stage.prims.values()):
+    found = list(lights(subject.stage))
+    if any(prim.present for prim in found):
         return
     if not _is_elsewhere(subject) and not _is_told_by_ground(subject):
-        yield _missing(subject, "light", "a light", is_light)
+        yield _missing(subject, "light", "a light", found)
 
 
 @rule("S15", "physics-scene", scope="stage")
@@ -77,9 +78,9 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/physicsScene` deleted.
     """
-    found = [prim for prim in subject.stage.prims.values() if prim.type == SCENE]
+    found = list(subject.stage.of_type(SCENE))
     if not any(prim.present for prim in found) and not _is_elsewhere(subject):
-        yield _missing(subject, "physics_scene", "a physics scene", lambda prim: prim.type == SCENE)
+        yield _missing(subject, "physics_scene", "a physics scene", found)
 
 
 @rule("S16", "observation-camera", scope="stage", severity="warning")
@@ -97,18 +98,10 @@ def observation_camera(subject: StageSubject) -> Iterator[Problem]:
     parent = subject.stage.prims.get(subject.lab.scene["world"]["graph_parent"]["path"])
     if (parent is not None and not parent.present) or _is_elsewhere(subject):
         return
-    cameras = {
-        prim.path: prim
-        for prim in subject.stage.prims.values()
-        if _is_camera(prim, subject) and not is_at_or_below(prim.path, robot)
-    }
-    if not any(prim.present for prim in cameras.values()):
-        title = "an observation camera"
-        yield _missing(subject, "observation_camera", title, lambda prim: prim.path in cameras)
-
-
-def _is_camera(prim: Prim, subject: StageSubject) -> bool:
-    return prim.type == str(subject.lab.scene["camera"]["type"])
+    kind: str = subject.lab.scene["camera"]["type"]
+    cameras = [prim for prim in subject.stage.of_type(kind) if not is_at_or_below(prim.path, robot)]
+    if not any(prim.present for prim in cameras):
+        yield _missing(subject, "observation_camera", "an observation camera", cameras)
 
 
 def _is_elsewhere(subject: StageSubject) -> bool:
@@ -129,13 +122,11 @@ def _is_told_by_ground(subject: StageSubject) -> bool:
     )
 
 
-def _missing(
-    subject: StageSubject, part: str, title: str, is_part: Callable[[Prim], bool]
-) -> Problem:
+def _missing(subject: StageSubject, part: str, title: str, parts: Iterable[Prim]) -> Problem:
     """Say that a part is missing: at the prim that is switched off, else where it usually is."""
     usual = _usual(subject, part)
     handout = subject.lab.scene["world"][part]["handout"]
-    off = [prim.path for prim in subject.stage.prims.values() if not prim.present and is_part(prim)]
+    off = [prim.path for prim in parts if not prim.present]
     top = subject.stage.prims.get(usual)
     if top is not None and not top.present:
         off = [usual]

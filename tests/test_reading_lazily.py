@@ -1,0 +1,251 @@
+"""A stage is read as it is asked: the same answers, little read, and nothing kept open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+
+from lab3_usd.check import derived
+from lab3_usd.check.checker import check_stage, judge
+from lab3_usd.check.model import Prims, StageModel
+from lab3_usd.check.rules import world
+from lab3_usd.spec.loader import load_lab
+from lab3_usd.stage import colliders, prims
+from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.ports import DamagedError
+from lab3_usd.stage.prims import EVERYTHING
+from lab3_usd.stage.reader import read_model, read_stage
+
+LAB = load_lab()
+FORM = LAB.catalog.graph
+LEFT_OUT = ["", "/", "//", "World", "/World/", "/World/../World", "/World.x", "/a b", "/World{v=a}"]
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_checkpoint(None, "05", tmp_path_factory.mktemp("built") / "Lab3_05_x.usda")
+
+
+def odd(path: Path) -> Usd.Stage:
+    """The stage with instances, prims that are off, and what the application makes for itself."""
+    stage = Usd.Stage.Open(Sdf.Layer.OpenAsAnonymous(str(path)))
+    stage.DefinePrim("/Thing/part", "Cube").ApplyAPI(UsdPhysics.RigidBodyAPI)
+    for name in ("/World/one", "/World/two"):
+        prim = stage.DefinePrim(name, "Xform")
+        prim.GetReferences().AddInternalReference("/Thing")
+        prim.SetInstanceable(True)  # noqa: FBT003 - USD's signature
+    stage.DefinePrim("/Render/Camera_1", "Camera")
+    stage.DefinePrim("/Renderer/Camera_1", "Camera")
+    stage.OverridePrim("/World/only_over")
+    stage.DefinePrim("/World/off/below", "Cube")
+    stage.GetPrimAtPath("/World/off").SetActive(False)  # noqa: FBT003 - USD's signature
+    stage.DefinePrim("/World/stray", FORM.node_type)
+    stage.DefinePrim("/World/stray/below", "Cube")
+    return stage
+
+
+def eager(stage: Usd.Stage, model: StageModel) -> Prims:
+    """Every prim that counts, found by looking at each."""
+    paths = [
+        str(prim.GetPath())
+        for prim in Usd.PrimRange(stage.GetPseudoRoot(), EVERYTHING)
+        if not prim.IsPseudoRoot() and prim.GetTypeName() != FORM.node_type
+    ]
+    return Prims({path: model.prims[path] for path in paths if not FORM.ignores(path)})
+
+
+QUESTIONS: dict[str, Callable[[Prims], object]] = {
+    "all": lambda asked: [*asked.values()],
+    "a type": lambda asked: [*asked.of_type("Xform")],
+    "joints": lambda asked: [*asked.of_type(lambda name: name.endswith("Joint"))],
+    "bodies": lambda asked: [*asked.with_api("PhysicsRigidBodyAPI")],
+    "two schemas": lambda asked: [*asked.with_api(lambda name: name.startswith("Physics"))],
+    "a name": lambda asked: [*asked.named("Camera_1")],
+    "names": lambda asked: [*asked.named(lambda name: "wheel" in name)],
+    "below": lambda asked: [*asked.below("/turtlebot3_burger")],
+    "below a node": lambda asked: [*asked.below("/World/stray")],
+    "below an instance": lambda asked: [*asked.below("/World/two")],
+    "below everything": lambda asked: [*asked.below("/")],
+    "below nothing": lambda asked: [*asked.below("/nowhere")],
+    "count": len,
+}
+
+
+@pytest.mark.parametrize("question", QUESTIONS.values(), ids=QUESTIONS)
+def test_every_question_gets_the_answer_of_looking_at_each_prim(
+    built: Path, question: Callable[[Prims], object]
+) -> None:
+    stage = odd(built)
+    model = read_model(stage, LAB, "x")
+    assert isinstance(model.prims, Prims)
+    expected = question(eager(stage, model))
+    assert question(model.prims) == expected
+
+
+def test_prims_are_there_by_their_own_paths_only(built: Path) -> None:
+    model = read_model(odd(built), LAB, "x")
+    for path in (*LEFT_OUT, "/Render/Camera_1", "/World/stray", "/World/off/below"):
+        assert path not in model.prims
+    prototypes = [each for each in model.prims if "Prototype" in each]
+    assert prototypes == []
+    for path in ("/World/two/part", "/Renderer/Camera_1", "/World/off", "/World/only_over"):
+        assert model.prims[path].path == path
+        assert model.prims[path] is model.prims[path]
+    assert not model.prims["/World/off"].present
+    assert not model.prims["/World/only_over"].present
+
+
+def test_of_a_large_scene_little_is_read(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Usd.Stage.Open(Sdf.Layer.OpenAsAnonymous(str(built)))
+    for number in range(500):
+        cube = UsdGeom.Cube.Define(stage, f"/Furniture/box_{number}")
+        UsdPhysics.MassAPI.Apply(cube.GetPrim()).CreateMassAttr(1.0)
+    read: list[str] = []
+    names = prims.property_names
+
+    def noted(prim: Usd.Prim) -> list[str]:
+        read.append(str(prim.GetPath()))
+        return names(prim)
+
+    monkeypatch.setattr(prims, "property_names", noted)
+    judge(LAB, LAB.checkpoints["05"], read_model(stage, LAB, "x"))
+    assert len(read) == len(set(read))
+    assert not any(path.startswith("/Furniture") for path in read)
+
+
+def test_a_file_that_changes_is_read_again(built: Path, tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_05_x.usda"
+    path.write_text(built.read_text())
+    first = check_stage(path)
+    assert Sdf.Layer.Find(str(path)) is None
+    path.write_text(built.read_text().replace("OnPlaybackTick", "OnTick"))
+    second = check_stage(path)
+    assert (first.verdict, second.verdict) == ("pass", "fail")
+    assert Sdf.Layer.Find(str(path)) is None
+
+
+def test_a_model_holds_its_file_open_and_nothing_else_does(built: Path) -> None:
+    model = read_stage(built, LAB)
+    [*model.prims.values()][-1].attributes  # noqa: B018 - which reads them
+    [*model.colliders.below("/")]
+    judge(LAB, LAB.checkpoints["05"], model)
+    assert Sdf.Layer.Find(str(built)) is not None
+    del model
+    assert Sdf.Layer.Find(str(built)) is None
+
+
+def test_what_is_derived_stays_with_the_model(built: Path) -> None:
+    calls: list[StageModel] = []
+
+    @derived.once_per_stage
+    def count(stage: StageModel) -> int:
+        calls.append(stage)
+        return len(calls)
+
+    one, other = (read_model(odd(built), LAB, "x") for _ in range(2))
+    assert [count(one), count(one), count(other), count(one)] == [1, 1, 2, 1]
+
+
+def test_damage_that_shows_while_a_rule_reads_is_told_of_the_file(
+    built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def damaged(prim: Usd.Prim) -> list[str]:
+        message = f"{prim.GetPath()} has a property without a name"
+        raise DamagedError(message)
+
+    assert check_stage(built).verdict == "pass"
+    monkeypatch.setattr(prims, "property_names", damaged)
+    result = check_stage(built)
+    assert result.verdict == "unreadable"
+    assert result.crashes == ()
+    assert [each.rule for each in result.findings] == ["F01"]
+
+
+def test_a_rule_that_fails_of_itself_is_still_a_crash(
+    built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(_: StageModel) -> None:
+        raise ValueError
+
+    monkeypatch.setattr(world, "lights", failing)
+    result = check_stage(built)
+    assert result.verdict == "fail"
+    assert [each.rule for each in result.crashes] == ["S14"]
+
+
+def rocks(depth: int) -> Usd.Stage:
+    """Collision groups in each other, with a turned mesh and a box at every depth."""
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    path = ""
+    for level in range(depth):
+        path += f"/group_{level}"
+        group = UsdGeom.Xform.Define(stage, path)
+        group.AddTranslateOp().Set(Gf.Vec3d(1, 0, 0))
+        UsdPhysics.CollisionAPI.Apply(group.GetPrim())
+        mesh = UsdGeom.Mesh.Define(stage, f"{path}/rock")
+        mesh.AddRotateZOp().Set(45.0)
+        mesh.GetPointsAttr().Set([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 2)])
+    return stage
+
+
+def test_a_group_has_the_box_of_all_in_it() -> None:
+    model = read_model(rocks(3), LAB, "x")
+    boxes = {each.path: each for each in model.colliders.below("/")}
+    assert list(boxes) == ["/group_0", "/group_0/group_1", "/group_0/group_1/group_2"]
+    half = 0.5**0.5
+    for level, box in enumerate(boxes.values(), start=1):
+        assert box.low == pytest.approx((level - half, 0, 0), abs=1e-6)
+        assert box.high == pytest.approx((3 + half, 2 * half, 2), abs=1e-6)
+
+
+@pytest.mark.parametrize("top", ["/", "/group_0/group_1/group_2"])
+def test_no_shape_is_measured_twice(top: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    measured: list[str] = []
+    around = colliders._world_box
+
+    def noted(prim: Usd.Prim, places: object) -> object:
+        measured.append(str(prim.GetPath()))
+        return around(prim, places)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(colliders, "_world_box", noted)
+    model = read_model(rocks(40), LAB, "x")
+    [*model.colliders.below(top)]
+    [*model.colliders.below("/")]
+    meshes = [path for path in measured if path.endswith("rock")]
+    assert len(meshes) == len(set(meshes)) == 40
+
+
+def test_points_of_no_shape_have_no_box() -> None:
+    stage = rocks(1)
+    for name, kind, values in (
+        ("empty", Sdf.ValueTypeNames.Point3fArray, []),
+        ("doubles", Sdf.ValueTypeNames.DoubleArray, [1.0, 2.0]),
+    ):
+        prim = stage.DefinePrim(f"/{name}", "Cloud")
+        prim.CreateAttribute("points", kind).Set(values)
+        prim.ApplyAPI(UsdPhysics.CollisionAPI)
+    boxes = read_model(stage, LAB, "x").colliders.below("/")
+    assert [each.path for each in boxes] == ["/group_0"]
+
+
+def test_what_a_body_moves_is_not_fixed() -> None:
+    stage = rocks(2)
+    stage.GetPrimAtPath("/group_0/group_1").ApplyAPI(UsdPhysics.RigidBodyAPI)
+    found = read_model(stage, LAB, "x").colliders
+    assert [each.path for each in found.fixed_beside("/nowhere")] == ["/group_0"]
+    assert [each.path for each in found.fixed_beside("/group_0")] == []
+    assert [each.body for each in found.below("/")] == ["", "/group_0/group_1"]
+
+
+def test_prims_may_be_nested_as_deep_as_they_like() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    path = "/a" * 1500
+    stage.DefinePrim(path, "Cube").ApplyAPI(UsdPhysics.CollisionAPI)
+    UsdPhysics.CollisionAPI.Apply(stage.GetPrimAtPath("/a"))
+    model = read_model(stage, LAB, "x")
+    assert [each.path for each in model.colliders.below("/")] == ["/a", path]
+    assert model.prims[path.rpartition("/")[0]].world is not None
