@@ -37,6 +37,15 @@ from lab3_usd.commands.options import split_rules
 )
 @click.option("--exit-zero", is_flag=True, help="Exit 0 whatever is found.")
 @click.option("--require-evidence", is_flag=True, help="Missing evidence is an error.")
+@click.option(
+    "--jobs",
+    "-j",
+    type=click.IntRange(1, 256),
+    default=1,
+    metavar="N",
+    show_default=True,
+    help="Judge N files or submissions at once, each in a process of its own.",
+)
 @click.option("--quiet", "-q", is_flag=True, help="Only the summary lines.")
 @click.option("--verbose", "-v", is_flag=True, help="Also why each rule matters.")
 @click.option("--statistics", is_flag=True, help="Count the faults by rule.")

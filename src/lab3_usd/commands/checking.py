@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping
-from functools import lru_cache
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import closing
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from msgspec.structs import replace
 
-from lab3_usd.check.checker import UNREADABLE, check_stage, checkpoint_of, ordered
-from lab3_usd.check.finding import Finding, Report, StageResult, Submission, Verdict
-from lab3_usd.commands.options import checkpoint_number, chosen, wants_color, width
+from lab3_usd.check.checker import UNREADABLE
+from lab3_usd.check.finding import Finding, Report, StageResult, Submission
+from lab3_usd.commands.judging import (
+    Entry,
+    Judged,
+    checkpoint_at,
+    crashed_entry,
+    judge_entry,
+    verdict_of,
+)
+from lab3_usd.commands.options import chosen, wants_color, width
 from lab3_usd.errors import UsageError
 from lab3_usd.report.formats import Options, format_named, render
 from lab3_usd.spec.loader import load_lab
 from lab3_usd.spec.spec import Lab
 
-if TYPE_CHECKING:
-    from lab3_usd.check.unchanged import Starter
-
 EXIT_FOUND = 1
 EXIT_CRASH = 3
 STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
-_Judged = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
 
 
 def run(paths: list[str], options: Mapping[str, Any]) -> int:
@@ -42,9 +47,8 @@ def run(paths: list[str], options: Mapping[str, Any]) -> int:
     work = [entry for path in paths for entry in _plan(path, options, lab)]
     results: list[StageResult] = []
     submissions: list[Submission] = []
-    with _progress(work, options) as bar:
-        for entry in bar:
-            found, about = _judge(entry, options, lab)
+    with closing(_judged(work, options)) as judged, _progress(judged, len(work), options) as bar:
+        for found, about in bar:
             results += (_filtered(result, options) for result in found)
             submissions += (_filtered_submission(each, options) for each in about)
     report = Report(tuple(results), tuple(submissions))
@@ -77,106 +81,41 @@ def _check_output(paths: Iterable[str], options: Mapping[str, Any]) -> None:
         raise UsageError(message)
 
 
-def _plan(path: str, options: Mapping[str, Any], lab: Lab) -> Iterator[tuple[str, bool]]:
-    """Yield what a path names: stage files, or a folder that is a submission (True)."""
+def _plan(path: str, options: Mapping[str, Any], lab: Lab) -> Iterator[Entry]:
+    """Yield what a path names: stage files, or a folder that is a submission."""
     if not Path(path).is_dir():
-        _checkpoint(path, options, lab)
-        yield path, False
+        checkpoint_at(path, options, lab)
+        yield Entry(path, is_submission=False)
         return
     from lab3_usd.check.folder import is_submission  # noqa: PLC0415 - only for folders
 
     if is_submission(Path(path)):
-        yield path, True
+        yield Entry(path, is_submission=True)
         return
     files = sorted(each for each in Path(path).iterdir() if each.suffix.lower() in STAGE_ENDINGS)
     if not files:
         message = f"{path}: holds no stage and is no submission (no work/ and no Lab3_NN files)"
         raise UsageError(message)
     for file in files:
-        _checkpoint(str(file), options, lab)
-        yield str(file), False
+        checkpoint_at(str(file), options, lab)
+        yield Entry(str(file), is_submission=False)
 
 
-def _checkpoint(path: str, options: Mapping[str, Any], lab: Lab) -> str:
-    """Return the checkpoint to judge a file at."""
-    given = options["checkpoint"]
-    if given is not None:
-        return checkpoint_number(given, lab.checkpoints)
-    found = checkpoint_of(Path(path).name, lab)
-    if found is None:
-        message = f"{path}: the name gives no checkpoint (Lab3_NN); give one with --checkpoint"
-        raise UsageError(message)
-    return found
+def _judged(work: list[Entry], options: Mapping[str, Any]) -> Generator[Judged]:
+    """Yield what is said of each entry, in order, judged in as many processes as asked for."""
+    jobs = min(options["jobs"], len(work))
+    if jobs < 2:  # noqa: PLR2004
+        yield from (judge_entry(options, entry) for entry in work)
+        return
+    from lab3_usd.commands.processes import in_processes  # noqa: PLC0415 - only with --jobs
 
-
-def _judge(entry: tuple[str, bool], options: Mapping[str, Any], lab: Lab) -> _Judged:
-    path, is_folder = entry
-    if is_folder:
-        return _judge_folder(path, options)
-    checkpoint = _checkpoint(path, options, lab)
-    result = check_stage(path, checkpoint, lab)
-    if options["starter"] is not None:
-        result = _against_starter(result, options["starter"], lab)
-    if lab.checkpoints[checkpoint].localization:
-        result = _with(result, [*_about_maps(checkpoint, options, lab)])
-    return (result,), ()
-
-
-def _judge_folder(path: str, options: Mapping[str, Any]) -> _Judged:
-    from lab3_usd.check.folder import FolderSettings, check_folder  # noqa: PLC0415
-
-    settings = FolderSettings(
-        starter=_path(options["starter"]),
-        maps=_path(options["maps"]),
-        require_evidence=options["require_evidence"],
-    )
-    found = check_folder(Path(path), settings)
-    return found.results, (found.submission,)
-
-
-def _path(text: str | None) -> Path | None:
-    return None if text is None else Path(text)
-
-
-def _against_starter(result: StageResult, starter: str, lab: Lab) -> StageResult:
-    from lab3_usd.check.unchanged import against_starter  # noqa: PLC0415 - only with --starter
-
-    return against_starter(result, _starter(starter, lab), lab)
-
-
-@lru_cache(maxsize=1)
-def _starter(path: str, lab: Lab) -> Starter:
-    """Open the starter once for all the stages that are compared with it."""
-    from lab3_usd.check.unchanged import open_starter  # noqa: PLC0415
-
-    return open_starter(Path(path), lab)
-
-
-def _about_maps(checkpoint: str, options: Mapping[str, Any], lab: Lab) -> Iterable[Finding]:
-    from lab3_usd.check.folder import lone_stage_notes, map_findings  # noqa: PLC0415
-
-    if options["maps"] is None:
-        return lone_stage_notes(checkpoint, lab)
-    return map_findings(Path(options["maps"]), lab)
-
-
-def _with(result: StageResult, more: list[Finding]) -> StageResult:
-    if not more:
-        return result
-    findings = ordered((*result.findings, *more))
-    return replace(result, findings=findings, verdict=_verdict(result, findings))
-
-
-def _verdict(result: StageResult, findings: Iterable[Finding]) -> Verdict:
-    if result.verdict == "unreadable":
-        return "unreadable"
-    has_errors = any(each.severity == "error" for each in findings)
-    return "fail" if has_errors or result.crashes else "pass"
+    judge, crashed = (partial(each, dict(options)) for each in (judge_entry, crashed_entry))
+    yield from in_processes(judge, crashed, work, jobs)
 
 
 def _filtered(result: StageResult, options: Mapping[str, Any]) -> StageResult:
     findings = _wanted(result.findings, options)
-    return replace(result, findings=findings, verdict=_verdict(result, findings))
+    return replace(result, findings=findings, verdict=verdict_of(result, findings))
 
 
 def _filtered_submission(found: Submission, options: Mapping[str, Any]) -> Submission:
@@ -192,10 +131,10 @@ def _wanted(findings: tuple[Finding, ...], options: Mapping[str, Any]) -> tuple[
     )
 
 
-def _progress(work: list[tuple[str, bool]], options: Mapping[str, Any]) -> Any:  # noqa: ANN401
+def _progress(judged: Iterable[Judged], count: int, options: Mapping[str, Any]) -> Any:  # noqa: ANN401
     """Show a bar on standard error while many files are judged, on a terminal only."""
-    hidden = options["quiet"] or len(work) < 3 or not sys.stderr.isatty()  # noqa: PLR2004
-    return click.progressbar(work, label="checking", file=sys.stderr, hidden=hidden)
+    hidden = options["quiet"] or count < 3 or not sys.stderr.isatty()  # noqa: PLR2004
+    return click.progressbar(judged, count, label="checking", file=sys.stderr, hidden=hidden)
 
 
 def _rendered(report: Report, options: Mapping[str, Any]) -> str:
@@ -226,10 +165,10 @@ def _write(text: str, output: str | None) -> None:
 
 
 def _crashed(report: Report) -> bool:
-    return any(each.crashes for each in _judged(report))
+    return any(each.crashes for each in _parts(report))
 
 
-def _judged(report: Report) -> Iterator[StageResult | Submission]:
+def _parts(report: Report) -> Iterator[StageResult | Submission]:
     yield from report.results
     yield from report.submissions
 
@@ -238,5 +177,5 @@ def _status(report: Report, options: Mapping[str, Any]) -> int:
     if _crashed(report):
         return EXIT_CRASH
     bad = ("error", "warning") if options["fail_on"] == "warning" else ("error",)
-    found = any(finding.severity in bad for each in _judged(report) for finding in each.findings)
+    found = any(finding.severity in bad for each in _parts(report) for finding in each.findings)
     return EXIT_FOUND if found else 0
