@@ -53,6 +53,28 @@ def test_reversed_inputs_of_the_array() -> None:
     assert_words(finding, "the wrong way round")
 
 
+@pytest.mark.parametrize(
+    ("node", "words"),
+    [
+        ("ros2_publish_odometry", "signals once after Play: that opens the topic, and nothing is"),
+        ("isaac_compute_odometry", "signals only once after Play"),
+    ],
+)
+def test_a_wire_from_what_signals_once(node: str, words: str) -> None:
+    once = "ROS_OdomTF/once"
+    extra, finding = told(
+        {"copy": ["ROS_Camera/isaac_run_one_simulation_frame", once]},
+        {"connect": [f"{once}.inputs:execIn", "ROS_OdomTF/on_playback_tick.outputs:tick"]},
+        {"connect": [f"ROS_OdomTF/{node}.inputs:execIn", f"{once}.outputs:step"]},
+    )
+    found = sorted([extra, finding], key=lambda each: each.rule)
+    assert [(each.rule, each.prim) for each in found] == [
+        ("N02", place(once)),
+        ("W02", place(f"ROS_OdomTF/{node}")),
+    ]
+    assert_words(found[1], words, "expected")
+
+
 def test_tokens_and_inputs_both_reversed_are_right_again() -> None:
     array = "ROS_Drive/make_array"
     steps = (

@@ -169,6 +169,21 @@ def test_a_graph_that_is_not_evaluated_publishes_nothing(changes: dict[str, obje
     assert edges(m.only(graph)) == ()
 
 
+def test_a_transform_that_is_signalled_once_is_not_sent() -> None:
+    graph = raw_graph()
+    (raw,) = (each for each in graph.nodes if each.type and each.type.tf)
+    tick = raw.sources("inputs:execIn")[0]
+    once = m.node("/Graph/tf/once", "isaacsim.core.nodes.OgnIsaacRunOneSimulationFrame")
+    others = [each for each in graph.nodes if each is not raw]
+    nodes = (
+        m.wired(raw, "inputs:execIn", f"{once.path}.outputs:step"),
+        m.wired(once, "inputs:execIn", tick),
+        *others,
+    )
+    assert edges(m.only(graph)) != ()
+    assert edges(m.only(replace(graph, nodes=nodes))) == ()
+
+
 def test_graphs_that_the_application_makes_do_not_count() -> None:
     assert edges(m.only(raw_graph("/Replicator/tf"))) == ()
     assert len(edges(m.only(raw_graph("/Replicators/tf")))) == 1

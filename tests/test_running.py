@@ -167,3 +167,85 @@ def test_what_a_node_computes_nobody_knows() -> None:
 def test_a_push_graph_of_an_instance_may_run() -> None:
     push = replace(graph(None, evaluator__type="push"), instanced=True)
     assert state_of(m.only(push)) == "may run"
+
+
+# ---- what signals once
+
+
+ONCE = "isaacsim.core.nodes.OgnIsaacRunOneSimulationFrame"
+KIT_ONCE = "omni.graph.action.Once"
+CONTROLLER = "isaacsim.core.nodes.IsaacArticulationController"
+TWIST = "isaacsim.ros2.bridge.ROS2SubscribeTwist"
+
+
+def node_behind(kind: str, path: str, source: str, *outputs: str) -> Node:
+    """A node that one output triggers, with outputs of its own that no catalog tells."""
+    made = m.wired(m.node(path, kind), "inputs:execIn", source)
+    more = {f"outputs:{name}": PortState(f"outputs:{name}") for name in outputs}
+    return replace(made, ports={**made.ports, **more})
+
+
+def behind(kind: str, output: str, *sources: str, then: str = ODOMETRY) -> str:
+    """The state of a node behind an output of a node that the tick triggers."""
+    gate = node_behind(kind, f"{PLACE}/gate", f"{PLACE}/root.outputs:tick", "once", "after")
+    given = graph(TICK, gate)
+    ports = (f"{gate.path}.outputs:{output}", *sources)
+    sender = m.wired(m.node(SENDER, then), "inputs:execIn", *ports)
+    return state_of(m.only(replace(given, nodes=(sender, *given.nodes[1:]))))
+
+
+@pytest.mark.parametrize(
+    ("kind", "output", "then", "expected"),
+    [
+        (ONCE, "step", ODOMETRY, "does not run"),
+        ("omni.isaac.core_nodes.OgnIsaacRunOneSimulationFrame", "step", TWIST, "does not run"),
+        (ONCE, "step", GATE, "runs"),
+        (ONCE, "step", CONTROLLER, "runs"),
+        (ONCE, "step", "isaacsim.ros2.bridge.ROS2RtxLidarHelper", "runs"),
+        (KIT_ONCE, "once", ODOMETRY, "does not run"),
+        (KIT_ONCE, "after", ODOMETRY, "runs"),
+        (KIT_ONCE, "once", "some.Node", "runs"),
+        (GATE, "execOut", ODOMETRY, "runs"),
+    ],
+)
+def test_what_is_signalled_once_opens_a_topic_and_sends_nothing(
+    kind: str, output: str, then: str, expected: str
+) -> None:
+    assert behind(kind, output, then=then) == expected
+
+
+def test_a_second_source_that_signals_with_every_frame_is_enough() -> None:
+    assert behind(ONCE, "step", f"{PLACE}/root.outputs:tick") == "runs"
+
+
+def test_a_publisher_at_the_end_of_a_chain_of_single_signals_sends_nothing() -> None:
+    once = node_behind(ONCE, f"{PLACE}/once", f"{PLACE}/root.outputs:tick")
+    between = node_behind(GATE, f"{PLACE}/between", f"{once.path}.outputs:step")
+    given = graph(TICK, once, between)
+    sender = m.wired(given.nodes[0], "inputs:execIn", f"{between.path}.outputs:execOut")
+    stage = m.only(replace(given, nodes=(sender, *given.nodes[1:])))
+    assert (state_of(stage), state_of(stage, between.path)) == ("does not run", "runs")
+
+
+def test_a_single_signal_that_can_be_had_again_is_no_single_one() -> None:
+    once = node_behind(KIT_ONCE, f"{PLACE}/once", f"{PLACE}/root.outputs:tick", "once")
+    once = m.wired(once, "inputs:reset", f"{PLACE}/root.outputs:tick")
+    given = graph(TICK, once)
+    sender = m.wired(given.nodes[0], "inputs:execIn", f"{once.path}.outputs:once")
+    assert state_of(m.only(replace(given, nodes=(sender, *given.nodes[1:])))) == "runs"
+
+
+def test_a_single_signal_of_a_doubtful_event_makes_nothing_surer() -> None:
+    root = replace(m.node(f"{PLACE}/custom", CUSTOM), ports={"outputs:go": PortState("outputs:go")})
+    once = node_behind(ONCE, f"{PLACE}/once", f"{PLACE}/root.outputs:tick")
+    given = graph(TICK, root, once)
+    signals = (f"{once.path}.outputs:step", f"{root.path}.outputs:go")
+    sender = m.wired(given.nodes[0], "inputs:execIn", *signals)
+    assert state_of(m.only(replace(given, nodes=(sender, *given.nodes[1:])))) == "may run"
+
+
+def test_a_push_graph_signals_nothing_once() -> None:
+    once = m.node(f"{PLACE}/once", ONCE)
+    given = graph(None, once, evaluator__type="push")
+    sender = m.wired(given.nodes[0], "inputs:execIn", f"{once.path}.outputs:step")
+    assert state_of(m.only(replace(given, nodes=(sender, *given.nodes[1:])))) == "runs"

@@ -98,6 +98,16 @@ def test_a_stranger_is_not_blamed_for_a_wrong_topic_of_the_lab() -> None:
     assert sites(m.with_node(stage, m.valued(clock, TOPIC, "imu"))) == []
 
 
+def test_a_publisher_that_is_signalled_once_is_no_second_one() -> None:
+    once = "isaacsim.core.nodes.OgnIsaacRunOneSimulationFrame"
+    graph = driven("/Graph/a/step", once)
+    clock = m.node("/Graph/a/clock", "isaacsim.ros2.bridge.ROS2PublishClock")
+    for source, expected in (("step.outputs:step", []), ("tick.outputs:tick", [clock.path])):
+        again = m.wired(clock, "inputs:execIn", f"/Graph/a/{source}")
+        found = sites(m.stage(replace(graph, nodes=(*graph.nodes, again))))
+        assert found == [("Q01", path, TOPIC) for path in expected]
+
+
 def test_several_publishers_of_the_tree_are_normal() -> None:
     graph = driven("/Graph/tf/sender", RAW_TYPE, parentFrameId="base_link", childFrameId="imu")
     assert sites(m.stage(graph)) == []

@@ -238,6 +238,20 @@ def test_a_node_that_no_event_reaches_never_publishes() -> None:
     assert of(stage, "ros2_publish_clock").rate == "never"
 
 
+def test_a_node_that_is_signalled_once_never_publishes() -> None:
+    stage = m.stage()
+    clock = m.role(stage, "ros2_publish_clock", "ROS_Clock")
+    place = clock.path.rpartition("/")[0]
+    once = m.node(f"{place}/once", "isaacsim.core.nodes.OgnIsaacRunOneSimulationFrame")
+    stage = m.with_node(
+        stage, m.wired(once, "inputs:execIn", f"{place}/on_playback_tick.outputs:tick")
+    )
+    stage = m.with_node(stage, m.wired(clock, "inputs:execIn", f"{once.path}.outputs:step"))
+    found = of(stage, "ros2_publish_clock")
+    assert (found.runs, found.rate) == (False, "never")
+    assert of(stage, LIDAR).runs
+
+
 def test_what_an_unknown_event_starts_perhaps_publishes() -> None:
     stage = m.stage()
     tick = m.role(stage, "on_playback_tick", "ROS_Clock")

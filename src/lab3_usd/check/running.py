@@ -18,7 +18,8 @@ from lab3_usd.spec.spec import Lab
 State = Literal["runs", "may run"]
 ENABLED = "inputs:enabled"
 Nodes = Mapping[str, Node]
-_Followers = dict[str, list[str]]
+_Followers = Mapping[str, list[str]]
+_OPENED_FIRST = ("publisher", "subscriber")
 _SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
 
 
@@ -40,7 +41,8 @@ def run_states(stage: StageModel, lab: Lab) -> dict[str, State]:
     A node runs when a signal of an event reaches it over execution wires in a graph that is
     evaluated, and it may run when the event is one of which nobody knows whether it fires. In a
     graph whose evaluator takes no signals every node runs. A node that is switched off passes no
-    signal on. Nodes that are not named do not run.
+    signal on. A publisher or subscriber that is signalled a single time does not run: the first
+    signal opens it, the second would have it work. Nodes that are not named do not run.
     """
     live = live_nodes(stage, lab)
     computing: dict[str, Node] = {}
@@ -54,9 +56,9 @@ def run_states(stage: StageModel, lab: Lab) -> dict[str, State]:
             states.update(_starts(graph, nodes, lab))
         else:
             states.update(dict.fromkeys(nodes, _pace(graph, lab)))
-    followers = _followers(computing)
-    for state in _SUREST_FIRST:
-        _spread(state, states, followers, live)
+    for followers in _followers(computing, lab):
+        for state in _SUREST_FIRST:
+            _spread(state, states, followers, live)
     return {path: states[path] for path in computing if path in states}
 
 
@@ -144,13 +146,30 @@ def _spread(state: State, states: dict[str, State], followers: _Followers, live:
                 ahead.append(follower)
 
 
-def _followers(nodes: Nodes) -> _Followers:
-    """Map each node to those that its execution outputs trigger."""
-    followers: _Followers = {}
+def _followers(nodes: Nodes, lab: Lab) -> tuple[_Followers, _Followers]:
+    """Map each node to those that it triggers time and again, and to those that it may run once."""
+    lasting: dict[str, list[str]] = {}
+    once: dict[str, list[str]] = {}
     for node in nodes.values():
-        for source in signal_sources(node, nodes):
-            followers.setdefault(source.path, []).append(node.path)
-    return followers
+        for source, port in _signals(node, nodes):
+            if not signals_once(source, port, nodes, lab):
+                lasting.setdefault(source.path, []).append(node.path)
+            if not is_opened_first(node):
+                once.setdefault(source.path, []).append(node.path)
+    return lasting, once
+
+
+def signals_once(node: Node, port: str, nodes: Nodes, lab: Lab) -> bool:
+    """Whether an output of a node signals a single time after Play."""
+    once = lab.catalog.once.get(lab.catalog.modern(node.type_name))
+    if once is None or port.removeprefix(OUTPUT) not in once.outputs:
+        return False
+    return not once.again or not any(live_sources(node, INPUT + once.again, nodes))
+
+
+def is_opened_first(node: Node) -> bool:
+    """Whether the first signal only opens the node's topic, and it works from the second on."""
+    return node.type is not None and node.type.role in _OPENED_FIRST
 
 
 def signal_inputs(node: Node) -> Iterator[str]:
@@ -162,11 +181,16 @@ def signal_inputs(node: Node) -> Iterator[str]:
 
 def signal_sources(node: Node, nodes: Nodes) -> Iterator[Node]:
     """Yield the nodes that trigger this one, or may where a type is unknown."""
+    return (source for source, _ in _signals(node, nodes))
+
+
+def _signals(node: Node, nodes: Nodes) -> Iterator[tuple[Node, str]]:
+    """Yield the outputs that trigger this node, or may where a type is unknown."""
     for port in signal_inputs(node):
         for source, source_port in live_sources(node, port, nodes):
             known = None if source.type is None else source.type.port(source_port)
             if source_port.startswith(OUTPUT) and (known is None or known.is_execution):
-                yield source
+                yield source, source_port
 
 
 def is_switched_on(node: Node, live: Nodes) -> bool:

@@ -178,11 +178,19 @@ class Scripts(Struct, frozen=True):
         return next((api for api in apis if api in self.apis), None)
 
 
+class Once(Struct, frozen=True, forbid_unknown_fields=True):
+    """The outputs of a type that signal a single time, unless something is wired into `again`."""
+
+    outputs: tuple[str, ...]
+    again: str = ""
+
+
 class Catalog(Struct, frozen=True):
     """Every node type the lab knows, by its name in 6.0.1, and the names that mean another.
 
     `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
-    in which it does, '' where a stage does not tell whether it will.
+    in which it does, '' where a stage does not tell whether it will. `once` are the types with
+    outputs that signal a single time after Play.
     """
 
     types: Mapping[str, NodeType]
@@ -191,6 +199,7 @@ class Catalog(Struct, frozen=True):
     renamed: Mapping[str, str]
     lookalikes: Mapping[str, str]
     events: Mapping[str, str]
+    once: Mapping[str, Once]
     scripts: Scripts
 
     def modern(self, name: str) -> str:

@@ -16,6 +16,7 @@ from lab3_usd.spec.catalog import (
     DrivePorts,
     Dynamic,
     NodeType,
+    Once,
     Port,
     Scripts,
     TfPorts,
@@ -92,6 +93,7 @@ class _CatalogFile(Struct, forbid_unknown_fields=True):
     renamed: dict[str, str]
     lookalikes: dict[str, str]
     events: dict[str, _EventEntry]
+    once: dict[str, Once]
     scripts: Scripts
     graph: GraphEntry
     types: dict[str, _TypeEntry]
@@ -111,6 +113,7 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
         renamed=said.renamed,
         lookalikes=said.lookalikes,
         events={name: event.stage for name, event in said.events.items()},
+        once=said.once,
         scripts=said.scripts,
     )
 

@@ -8,6 +8,7 @@ from lab3_usd.check.all_the_same import without_wire
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.settings import settings_of
+from lab3_usd.check.running import is_opened_first, signals_once
 from lab3_usd.check.say import short_source, title_of
 from lab3_usd.check.subject import GraphSubject
 from lab3_usd.check.wire_fault import WireFault
@@ -62,12 +63,23 @@ def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
         yield _problem(fault, message + without_wire(subject, fault.wire), _connect(fault))
 
 
-def _explain(fault: WireFault) -> str:
+def _explain(fault: WireFault, subject: GraphSubject) -> str:
     expected, actual = short_source(fault.expected), _source(fault)
     message = f"{fault.port} is wired from {actual}, expected {expected}"
     if fault.kind == "bypass":
         message += f"; the wire goes past {expected.partition('.')[0]}"
-    return message
+    return message + _told_once(fault, subject)
+
+
+def _told_once(fault: WireFault, subject: GraphSubject) -> str:
+    """Say what a signal does that comes a single time; '' where it comes time and again."""
+    prim, _, port = str(fault.actual).rpartition(".")
+    source = subject.live.get(prim)
+    if source is None or not signals_once(source, port, subject.live, subject.lab):
+        return ""
+    if is_opened_first(fault.node):
+        return ", which signals once after Play: that opens the topic, and nothing is ever sent"
+    return ", which signals only once after Play"
 
 
 @rule("W02", "wrong-source", scope="graph")
@@ -75,7 +87,9 @@ def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
     """A required input is wired from the wrong node or port.
 
     Why: the node computes with another quantity, often one that is always zero: y instead of x
-    of a velocity, a vector that was not scaled, the linear velocity for the angular one.
+    of a velocity, a vector that was not scaled, the linear velocity for the angular one. An
+    execution input runs the node at another moment, or once: a publisher that is signalled a single
+    time opens its topic and never sends.
 
     Fix: delete the wire in the Action Graph editor and drag a new one from the port named here.
 
@@ -83,7 +97,8 @@ def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
     vector: the robot never turns.
     """
     for fault in _faults(subject, "wrong", "bypass"):
-        yield _problem(fault, _explain(fault) + without_wire(subject, fault.wire), _connect(fault))
+        message = _explain(fault, subject) + without_wire(subject, fault.wire)
+        yield _problem(fault, message, _connect(fault))
 
 
 @rule("W03", "dead-source", scope="graph")
