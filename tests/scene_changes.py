@@ -199,3 +199,13 @@ def collider(wheel: str) -> str:
 
 def drive(part: str) -> str:
     return f"drive:angular:physics:{part}"
+
+
+def slab(stage: Usd.Stage) -> None:
+    """Stand on a flat box instead of the plane."""
+    stage.RemovePrim(FLOOR)
+    cube = UsdGeom.Cube.Define(stage, "/World/Slab")
+    cube.CreateSizeAttr(1)
+    cube.AddTranslateOp().Set(Gf.Vec3d(0, 0, -0.05))
+    cube.AddScaleOp().Set(Gf.Vec3f(20, 20, 0.1))
+    cube.GetPrim().AddAppliedSchema("PhysicsCollisionAPI")

@@ -119,6 +119,14 @@ MOVES: dict[str, tuple[Edit, str]] = {
         f"{ROBOT}/joints/more",
     ),
     "a wall that falls": (with_api(WALL, "PhysicsRigidBodyAPI"), WALL),
+    "walls that fall": (
+        with_api("/Environment/Walls", "PhysicsRigidBodyAPI"),
+        "/Environment/Walls",
+    ),
+    "a wall that could be kinematic": (
+        both(with_api(WALL, "PhysicsRigidBodyAPI"), switch(WALL, "physics:kinematicEnabled")),
+        WALL,
+    ),
 }
 
 
@@ -161,6 +169,13 @@ STAYS: dict[str, Edit] = {
         define("/World/Box", "Cube"), with_api("/World/Box", "PhysicsCollisionAPI")
     ),
     "a shape that is only seen": define(f"{BASE}/antenna", "Cylinder"),
+    "a wall that stays": both(
+        with_api(WALL, "PhysicsRigidBodyAPI"), switch(WALL, "physics:kinematicEnabled", on=True)
+    ),
+    "a wall whose body is off": both(
+        with_api(WALL, "PhysicsRigidBodyAPI"), switch(WALL, "physics:rigidBodyEnabled")
+    ),
+    "a switch of no body": switch(WALL, "physics:kinematicEnabled", on=True),
     "a joint that is off": several(
         weld(f"{ROBOT}/joints/more", body0=BASE, body1=FOOT),
         switch(f"{ROBOT}/joints/more", "physics:jointEnabled"),

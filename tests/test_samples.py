@@ -9,9 +9,11 @@ from breaking import broken, correct_stage, judged, place, the_lab
 from pxr import Sdf, Usd
 
 from lab3_usd.check.checker import check_stage
+from lab3_usd.check.unchanged import against_starter, open_starter
 from lab3_usd.stage.builder import build_checkpoint
 from lab3_usd.stage.compare import compare_starter
 from lab3_usd.stage.samples import changes_after_start, hold_at_start
+from lab3_usd.stage.starter import build_starter
 
 LIDAR = "/turtlebot3_burger/base_scan/Lidar2D"
 TOPIC = "ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:topicName"
@@ -103,6 +105,39 @@ def test_a_wall_that_moves_later_is_a_warning() -> None:
     attribute.Set((3.0, 3.0, 0.0), 30)
     found = [(f.rule, f.prim) for f in judged(stage, "05").findings if f.severity == "warning"]
     assert found == [("S30", str(attribute.GetPrim().GetPath()))]
+
+
+@pytest.mark.parametrize(
+    ("place", "first", "then"),
+    [
+        ("/turtlebot3_burger.xformOp:translate", (1.8, 0, 0), (0, 0, 0)),
+        ("/turtlebot3_burger/base_scan.xformOp:translate", (-0.032, 0, 0.182), (0, 0, 3)),
+        ("/turtlebot3_burger/base_link.physics:mass", 0.825735, 3.0),
+    ],
+)
+@pytest.mark.parametrize("checkpoint", ["00", "05"])
+def test_samples_of_the_given_starter_are_nobodys_fault(
+    tmp_path: Path, place: str, first: object, then: object, checkpoint: str
+) -> None:
+    starter = tmp_path / "starter.usda"
+    build_starter(starter)
+    layer = Sdf.Layer.FindOrOpen(str(starter))
+    layer.SetTimeSample(place, 0, first)
+    layer.SetTimeSample(place, 50, then)
+    layer.Save()
+    path = build_checkpoint(starter, checkpoint, tmp_path / f"Lab3_{checkpoint}.usda")
+    assert against(starter, path, checkpoint) == []
+    stage = Sdf.Layer.FindOrOpen(str(path))
+    stage.SetTimeSample(place, 50, first)
+    stage.SetTimeSample(place, 60, (7, 7, 7) if isinstance(then, tuple) else 9.0)
+    stage.Save()
+    assert "S30" in against(starter, path, checkpoint)
+
+
+def against(starter: Path, path: Path, checkpoint: str) -> list[str]:
+    result = check_stage(path, checkpoint)
+    found = against_starter(result, open_starter(starter, the_lab()), the_lab()).findings
+    return [each.rule for each in found if each.severity != "note"]
 
 
 def test_a_stage_without_samples_is_left_alone() -> None:

@@ -34,6 +34,7 @@ from scene_changes import (
     remove,
     rotated,
     several,
+    slab,
     switch,
     turn,
     undefine,
@@ -54,7 +55,7 @@ FAULTS = scene_sabotage()
 LINK_LEFT = f"{ROBOT}/wheel_left_link"
 CHECKPOINTS = tuple(load_lab().checkpoints)
 # Faults that no item of the handout asks for by itself.
-ELSEWHERE = {"F02", "F03", "S16", "S22", "C08", "C10", "L10"}
+ELSEWHERE = {"F02", "F03", "S16", "S22", "C08", "C10", "F04", "L10", "S30"}
 
 
 def errors(found: list[Finding]) -> list[Finding]:
@@ -147,16 +148,6 @@ def instanced(stage: Usd.Stage) -> None:
             prim = stage.GetPrimAtPath(f"{ROBOT}/{link}/{part}")
             if prim:
                 prim.SetInstanceable(True)  # noqa: FBT003 - no keyword
-
-
-def slab(stage: Usd.Stage) -> None:
-    """Stand on a flat box instead of the plane."""
-    stage.RemovePrim(FLOOR)
-    cube = UsdGeom.Cube.Define(stage, "/World/Slab")
-    cube.CreateSizeAttr(1)
-    cube.AddTranslateOp().Set(Gf.Vec3d(0, 0, -0.05))
-    cube.AddScaleOp().Set(Gf.Vec3f(20, 20, 0.1))
-    cube.GetPrim().AddAppliedSchema("PhysicsCollisionAPI")
 
 
 def mesh_room(stage: Usd.Stage) -> None:
@@ -342,13 +333,6 @@ def test_a_ground_beside_the_robot_carries_nothing() -> None:
     slab(stage)
     put("/World/Slab", TRANSLATE, Gf.Vec3d(-15, 0, -0.05))(stage)
     assert told(stage, "00") == [("S13", "/Environment", None)]
-
-
-def test_a_moving_ground_is_no_ground() -> None:
-    stage = built("00")
-    slab(stage)
-    with_api("/World/Slab", "PhysicsRigidBodyAPI")(stage)
-    assert [each[0] for each in told(stage, "00")] == ["S13"]
 
 
 def test_a_link_below_the_ground_is_named() -> None:

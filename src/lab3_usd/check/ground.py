@@ -8,7 +8,17 @@ from collections.abc import Iterator
 
 from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.model import Collider, Prim, StageModel
-from lab3_usd.check.physics import PLANE, collides
+from lab3_usd.check.physics import (
+    BODY_API,
+    BODY_ENABLED,
+    FIXED,
+    KINEMATIC,
+    PLANE,
+    bodies,
+    collides,
+    is_switched_off,
+    joints,
+)
 from lab3_usd.check.posing import vector
 from lab3_usd.check.subject import StageSubject
 
@@ -19,7 +29,11 @@ _LIGHT_API = re.compile(r"^(Mesh|Volume)?LightAPI$")
 
 
 def planes(stage: StageModel, robot: str) -> Iterator[Prim]:
-    """Yield the endless planes beside the robot that other shapes bump into."""
+    """Yield the endless fixed planes beside the robot that other shapes bump into."""
+    return (each for each in _solid_planes(stage, robot) if moving_body(stage, each.path) is None)
+
+
+def _solid_planes(stage: StageModel, robot: str) -> Iterator[Prim]:
     for prim in stage.of_type(PLANE):
         is_outside = not is_at_or_below(prim.path, robot)
         if is_outside and (collides(prim) or _collides_above(stage, prim.path)):
@@ -35,12 +49,54 @@ def _collides_above(stage: StageModel, path: str) -> bool:
 
 def boxes(subject: StageSubject) -> Iterator[Collider]:
     """Yield the fixed shapes that lie below the place where the starter has the robot."""
+    stage = subject.stage
+    return (each for each in _boxes_below(subject) if moving_body(stage, each.path) is None)
+
+
+def _boxes_below(subject: StageSubject) -> Iterator[Collider]:
     robot = subject.lab.scene["robot"]
     x, y, z = vector(robot["pose"]["translate"])
     reach = z + subject.lab.scene["tolerance"]["root_position"]
-    for box in subject.stage.colliders.fixed_beside(robot["path"]):
+    for box in subject.stage.colliders.beside(robot["path"]):
         if _covers(box, x, y) and box.low[2] <= reach:
             yield box
+
+
+def moving_body(stage: StageModel, path: str, known: frozenset[str] = frozenset()) -> Prim | None:
+    """Return the rigid body that what stands at a path moves with, None where it stays.
+
+    Kinematic bodies stay, and so do those that a fixed joint ties to what stays. `known` are bodies
+    that are being asked about already: they end the search where bodies are tied in a ring.
+    """
+    while path:
+        prim = stage.prim(path)
+        if prim is not None and BODY_API in prim.apis and not is_switched_off(prim, BODY_ENABLED):
+            is_driven = prim.attributes.get(KINEMATIC) is True
+            is_tied = path not in known and _is_tied(stage, path, known | {path})
+            return None if is_driven or is_tied else prim
+        path = path.rpartition("/")[0]
+    return None
+
+
+def _is_tied(stage: StageModel, body: str, known: frozenset[str]) -> bool:
+    """Whether a fixed joint ties a body to the world, or to what stays."""
+    for joint in joints(stage):
+        ends = bodies(joint)
+        others = [end for end in ends if not is_at_or_below(end, body)]
+        if joint.type == FIXED and len(others) == 1:
+            is_there = not others[0] or stage.prim(others[0]) is not None
+            if is_there and moving_body(stage, others[0], known) is None:
+                return True
+    return False
+
+
+def falling_ground(subject: StageSubject) -> tuple[Prim, Prim] | None:
+    """Return what would carry the robot if it did not move, and the body that it moves with."""
+    stage, robot = subject.stage, subject.lab.scene["robot"]["path"]
+    paths = [prim.path for prim in _solid_planes(stage, robot)]
+    paths += [box.path for box in _boxes_below(subject) if _is_on(stage, box)]
+    found = ((stage.prims[path], moving_body(stage, path)) for path in paths)
+    return next(((prim, body) for prim, body in found if body is not None), None)
 
 
 def _covers(box: Collider, x: float, y: float) -> bool:

@@ -139,7 +139,7 @@ class Colliders:
         del top
         return ()
 
-    def fixed_beside(self, top: str) -> Iterable[Collider]:
-        """Return the boxes of the shapes that no body moves, without those of `below`."""
+    def beside(self, top: str) -> Iterable[Collider]:
+        """Return the boxes of the shapes that are not `below` a prim."""
         del top
         return ()

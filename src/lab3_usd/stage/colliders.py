@@ -50,12 +50,12 @@ class OpenColliders(Colliders):
             for box in self._measured(prim)
         )
 
-    def fixed_beside(self, top: str) -> Iterator[Collider]:
-        """Yield the boxes of the shapes that no body moves, without those of `below`."""
+    def beside(self, top: str) -> Iterator[Collider]:
+        """Yield the boxes of the shapes that are not `below` a prim."""
         return (
             box
             for prim in self._colliding()
-            if not is_at_or_below(prim.path, top) and not self._body(prim.path)
+            if not is_at_or_below(prim.path, top)
             for box in self._measured(prim)
         )
 

@@ -8,11 +8,13 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from lab3_usd.check.changes import Change, Difference
+from lab3_usd.check.physics import BODY_ENABLED, KINEMATIC
 from lab3_usd.stage.compare_terms import Terms, applied, is_physical, pattern
 from lab3_usd.stage.compare_values import same_value, show
 
 _BINDING = "material:binding"
 _PURPOSE = "physics"
+_SWITCHES = (BODY_ENABLED, KINEMATIC)
 _ENDS = ("physics:body0", "physics:body1")
 
 
@@ -22,18 +24,29 @@ def added_differences(prim: Usd.Prim, twin: Usd.Prim, terms: Terms) -> Iterator[
     if _is_unknown(path, terms):
         return
     is_robots = path == terms.root or path.startswith(f"{terms.root}/")
+    idle = () if is_robots or not _stays(twin, terms) else (terms.rules.body, *_SWITCHES)
     before = applied(prim)
     for api in applied(twin):
-        if api not in before and api.startswith(terms.rules.acting):
+        if api not in (*before, *idle) and api.startswith(terms.rules.acting):
             yield Difference("added", "", "", f"{api} was added", physics=False)
     is_judged = is_robots or is_physical(prim, terms.rules)
-    for name in twin.GetAuthoredPropertyNames():
-        if prim.HasProperty(name) and prim.GetProperty(name).IsAuthored():
-            continue
+    for name in _new_properties(prim, twin):
         if name.startswith(_BINDING):
             yield from _bound(prim, twin, name, terms)
-        elif is_judged and _counts(prim, twin, name, terms):
+        elif is_judged and name not in idle and _counts(prim, twin, name, terms):
             yield from _property(twin, name, prim, terms)
+
+
+def _new_properties(prim: Usd.Prim, twin: Usd.Prim) -> Iterator[str]:
+    for name in twin.GetAuthoredPropertyNames():
+        if not prim.HasProperty(name) or not prim.GetProperty(name).IsAuthored():
+            yield name
+
+
+def _stays(prim: Usd.Prim, terms: Terms) -> bool:
+    """Whether the prim is no body, or one that nothing moves."""
+    is_off = _value(prim, BODY_ENABLED) is False or _value(prim, KINEMATIC) is True
+    return is_off or terms.rules.body not in applied(prim)
 
 
 def _is_unknown(path: str, terms: Terms) -> bool:

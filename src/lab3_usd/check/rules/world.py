@@ -6,9 +6,16 @@ from collections.abc import Iterable, Iterator
 
 from lab3_usd.check.absence import hides_outside, is_at_or_below, why_absent
 from lab3_usd.check.finding import Problem
-from lab3_usd.check.ground import boxes, has_ground, lights
+from lab3_usd.check.ground import boxes, falling_ground, has_ground, lights
 from lab3_usd.check.model import Prim
-from lab3_usd.check.physics import COLLISION_API, COLLISION_ENABLED, PLANE, SCENE
+from lab3_usd.check.physics import (
+    BODY_API,
+    BODY_ENABLED,
+    COLLISION_API,
+    COLLISION_ENABLED,
+    PLANE,
+    SCENE,
+)
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import StageSubject
 
@@ -17,14 +24,18 @@ from lab3_usd.check.subject import StageSubject
 def ground(subject: StageSubject) -> Iterator[Problem]:
     """Nothing fixed with a collision lies below the robot.
 
-    Why: at Play the robot falls for ever (A5).
+    Why: at Play the robot falls for ever (A5); a ground that is a rigid body falls with it.
 
-    Fix: activate the ground plane or tick Collision Enabled on it; a ground that was deleted comes
-    with the supplied file, or with Create > Physics > Ground Plane.
+    Fix: activate the ground plane, tick Collision Enabled on it, or remove its Rigid Body; a ground
+    that was deleted comes with the supplied file, or with Create > Physics > Ground Plane.
 
     Example: the collision plane below `/Environment` deactivated.
     """
     if has_ground(subject) or _is_elsewhere(subject):
+        return
+    falling = falling_ground(subject)
+    if falling is not None:
+        yield _falls(subject, *falling)
         return
     off = _silent_ground(subject)
     if off is not None:
@@ -40,6 +51,19 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
         return
     planes = subject.stage.of_type(PLANE)
     yield _missing(subject, "ground", "a ground with collision", planes)
+
+
+def _falls(subject: StageSubject, ground: Prim, body: Prim) -> Problem:
+    return Problem(
+        body.path,
+        f"the ground does not carry the robot: {ground.name} falls with the rigid body {body.name}",
+        BODY_ENABLED,
+        "no rigid body",
+        BODY_API,
+        subject.lab.scene["world"]["ground"]["handout"],
+        related=tuple({_usual(subject, "ground"), ground.path} - {body.path}),
+        hint=f"remove Rigid Body from {body.name} in the Property panel",
+    )
 
 
 def _silent_ground(subject: StageSubject) -> Prim | None:
