@@ -6,18 +6,22 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
+from lab3_usd import cli
 from lab3_usd.check import derived
 from lab3_usd.check.checker import check_stage, judge
 from lab3_usd.check.model import Prims, StageModel
 from lab3_usd.check.rules import world
 from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage import colliders, prims
+from lab3_usd.spec.spec import Lab
+from lab3_usd.stage import colliders, opening, prims, reader
 from lab3_usd.stage.builder import build_checkpoint
 from lab3_usd.stage.ports import DamagedError
 from lab3_usd.stage.prims import EVERYTHING
 from lab3_usd.stage.reader import read_model, read_stage
+from lab3_usd.stage.starter import build_starter
 
 LAB = load_lab()
 FORM = LAB.catalog.graph
@@ -176,7 +180,7 @@ def test_a_rule_that_fails_of_itself_is_still_a_crash(
     assert [each.rule for each in result.crashes] == ["S14"]
 
 
-def rocks(depth: int) -> Usd.Stage:
+def rocks(depth: int, times: int = 1) -> Usd.Stage:
     """Collision groups in each other, with a turned mesh and a box at every depth."""
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -188,12 +192,13 @@ def rocks(depth: int) -> Usd.Stage:
         UsdPhysics.CollisionAPI.Apply(group.GetPrim())
         mesh = UsdGeom.Mesh.Define(stage, f"{path}/rock")
         mesh.AddRotateZOp().Set(45.0)
-        mesh.GetPointsAttr().Set([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 2)])
+        mesh.GetPointsAttr().Set([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 2)] * times)
     return stage
 
 
-def test_a_group_has_the_box_of_all_in_it() -> None:
-    model = read_model(rocks(3), LAB, "x")
+@pytest.mark.parametrize("times", [1, 100])
+def test_a_group_has_the_box_of_all_in_it(times: int) -> None:
+    model = read_model(rocks(3, times), LAB, "x")
     boxes = {each.path: each for each in model.colliders.below("/")}
     assert list(boxes) == ["/group_0", "/group_0/group_1", "/group_0/group_1/group_2"]
     half = 0.5**0.5
@@ -249,3 +254,47 @@ def test_prims_may_be_nested_as_deep_as_they_like() -> None:
     model = read_model(stage, LAB, "x")
     assert [each.path for each in model.colliders.below("/")] == ["/a", path]
     assert model.prims[path.rpartition("/")[0]].world is not None
+
+
+@pytest.mark.parametrize("more", [(), ("--starter", "STARTER"), ("--format", "html")])
+def test_a_command_reads_each_stage_once(
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: tuple[str, ...]
+) -> None:
+    starter = tmp_path / "starter.usda"
+    build_starter(starter)
+    opened: list[str] = []
+    read: list[str] = []
+    open_first, read_first = opening.opener.get(), reader._read_model
+
+    def noted_open(path: Path) -> Usd.Stage:
+        opened.append(path.name)
+        return open_first(path)
+
+    def noted_read(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
+        read.append(Path(path).name)
+        return read_first(stage, lab, path)
+
+    monkeypatch.setattr(reader, "_read_model", noted_read)
+    token = opening.opener.set(noted_open)
+    arguments = [str(starter) if each == "STARTER" else each for each in more]
+    CliRunner().invoke(cli.lab3, ["check", str(built), str(built), *arguments])
+    opening.opener.reset(token)
+    names = [built.name, starter.name] if "--starter" in more else [built.name]
+    assert (opened, read) == (names, names)
+    assert opening.memory.get() is None
+    assert Sdf.Layer.Find(str(built)) is None
+    assert Sdf.Layer.Find(str(starter)) is None
+
+
+def test_only_the_last_stages_stay_open(built: Path, tmp_path: Path) -> None:
+    paths = [tmp_path / f"{name}.usda" for name in "abc"]
+    for path in paths:
+        path.write_text(built.read_text())
+    with opening.kept_open():
+        models = [read_stage(path, LAB) for path in paths]
+        assert read_stage(paths[1], LAB) is not models[1]  # forgotten with the first
+        assert read_stage(paths[2], LAB) is read_stage(paths[2], LAB)
+        del models
+        assert Sdf.Layer.Find(str(paths[0])) is None
+        assert Sdf.Layer.Find(str(paths[2])) is not None
+    assert Sdf.Layer.Find(str(paths[2])) is None

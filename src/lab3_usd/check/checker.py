@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
-from msgspec.structs import replace
 
 from lab3_usd.check.candidates import relocated
 from lab3_usd.check.diagnosis import diagnose
@@ -21,6 +20,7 @@ from lab3_usd.check.finding import (
     StageResult,
     Verdict,
 )
+from lab3_usd.check.located import located
 from lab3_usd.check.merging import match_all
 from lab3_usd.check.model import Node, StageModel
 from lab3_usd.check.registry import Rule, rules_of
@@ -220,7 +220,11 @@ def _graph_subjects(
 
 
 def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageResult:  # noqa: ANN401
-    findings = ordered(_with_places(judged.findings, path, stage))
+    findings = judged.findings
+    # Notes ask for no repair: a stage that passes is not read a second time for them.
+    if any(each.severity != "note" for each in findings):
+        findings = tuple(located(findings, path, stage))
+    findings = ordered(findings)
     has_errors = any(each.severity == "error" for each in findings)
     verdict: Verdict = "fail" if has_errors or judged.crashes else "pass"
     return StageResult(
@@ -239,19 +243,3 @@ def ordered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(
         sorted(findings, key=lambda each: (each.prim, each.property or "", each.rule, each.message))
     )
-
-
-def _with_places(findings: tuple[Finding, ...], path: str, stage: Any) -> Iterator[Finding]:  # noqa: ANN401
-    """Add layer, line and column where there is something to repair.
-
-    Notes alone ask for no repair: a stage that passes is not read a second time for them.
-    """
-    if all(each.severity == "note" for each in findings):
-        yield from findings
-        return
-    from lab3_usd.stage.lines import locate  # noqa: PLC0415 - only when it is needed
-
-    places = locate(stage, path, [(each.prim, each.property) for each in findings])
-    for each in findings:
-        place = places[each.prim, each.property]
-        yield replace(each, layer=place.layer or None, line=place.line, column=place.column)

@@ -13,6 +13,7 @@ from lab3_usd.check.changes import Site
 from lab3_usd.check.checker import judge, ordered
 from lab3_usd.check.finding import Finding, Requirement, StageResult
 from lab3_usd.check.judged import Judged, run_family
+from lab3_usd.check.located import located
 from lab3_usd.check.requirements import score
 from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_items import scene_items
@@ -128,19 +129,4 @@ def _compared(
     stage = open_stage(path)
     subject = replace(compare_starter(starter.stage, stage, lab, checkpoint), blamed=blamed)
     judged = run_family("starter", _FAMILY, subject)
-    return replace(judged, findings=tuple(_with_lines(judged.findings, path, stage)))
-
-
-def _with_lines(
-    findings: tuple[Finding, ...],
-    path: Path,
-    stage: Any,  # noqa: ANN401 - pxr has no types
-) -> Iterator[Finding]:
-    if not findings:
-        return
-    from lab3_usd.stage.lines import locate  # noqa: PLC0415 - only when there is something to place
-
-    places = locate(stage, str(path), [(each.prim, each.property) for each in findings])
-    for each in findings:
-        place = places[each.prim, each.property]
-        yield replace(each, layer=place.layer or None, line=place.line, column=place.column)
+    return replace(judged, findings=tuple(located(judged.findings, path, stage)))

@@ -20,6 +20,7 @@ from lab3_usd.commands.judging import (
     checkpoint_at,
     crashed_entry,
     judge_entry,
+    open_starter_once,
     verdict_of,
 )
 from lab3_usd.commands.options import chosen, wants_color, width
@@ -45,15 +46,24 @@ def run(paths: list[str], options: Mapping[str, Any]) -> int:
     _check_inputs(paths, options)
     _check_output(paths, options)
     work = [entry for path in paths for entry in _plan(path, options, lab)]
+    from lab3_usd.stage.opening import kept_open  # noqa: PLC0415 - pxr, only when it is needed
+
+    # The comparison with the starter, and some formats, look at the stage again.
+    with kept_open():
+        report = _judged_all(work, options)
+        _write(_rendered(report, options), options["output"])
+    open_starter_once.cache_clear()
+    return 0 if options["exit_zero"] and not _crashed(report) else _status(report, options)
+
+
+def _judged_all(work: list[Entry], options: Mapping[str, Any]) -> Report:
     results: list[StageResult] = []
     submissions: list[Submission] = []
     with closing(_judged(work, options)) as judged, _progress(judged, len(work), options) as bar:
         for found, about in bar:
             results += (_filtered(result, options) for result in found)
             submissions += (_filtered_submission(each, options) for each in about)
-    report = Report(tuple(results), tuple(submissions))
-    _write(_rendered(report, options), options["output"])
-    return 0 if options["exit_zero"] and not _crashed(report) else _status(report, options)
+    return Report(tuple(results), tuple(submissions))
 
 
 def _check_inputs(paths: Iterable[str], options: Mapping[str, Any]) -> None:

@@ -51,9 +51,12 @@ def judge_entry(options: Mapping[str, Any], entry: Entry) -> Judged:
         return _judge_submission(entry.path, options)
     lab = load_lab()
     checkpoint = checkpoint_at(entry.path, options, lab)
-    result = check_stage(entry.path, checkpoint, lab)
-    if options["starter"] is not None:
-        result = _against_starter(result, options["starter"], lab)
+    from lab3_usd.stage.opening import kept_open  # noqa: PLC0415 - pxr, only when it is needed
+
+    with kept_open():
+        result = check_stage(entry.path, checkpoint, lab)
+        if options["starter"] is not None:
+            result = _against_starter(result, options["starter"], lab)
     if lab.checkpoints[checkpoint].localization:
         result = _with(result, [*_about_maps(checkpoint, options, lab)])
     return (result,), ()
@@ -88,11 +91,11 @@ def _path(text: str | None) -> Path | None:
 def _against_starter(result: StageResult, starter: str, lab: Lab) -> StageResult:
     from lab3_usd.check.unchanged import against_starter  # noqa: PLC0415 - only with --starter
 
-    return against_starter(result, _starter(starter, lab), lab)
+    return against_starter(result, open_starter_once(starter, lab), lab)
 
 
 @lru_cache(maxsize=1)
-def _starter(path: str, lab: Lab) -> Starter:
+def open_starter_once(path: str, lab: Lab) -> Starter:
     """Open the starter once for all the stages that are compared with it."""
     from lab3_usd.check.unchanged import open_starter  # noqa: PLC0415
 

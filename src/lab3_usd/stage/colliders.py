@@ -18,6 +18,7 @@ _Corner = tuple[float, float, float]
 _Box = tuple[_Corner, _Corner]
 
 _COLLISION = "PhysicsCollisionAPI"
+_FEW = 100  # points of a mesh; more are left to UsdGeom
 _AXIS_NAMES = ("X", "Y", "Z")
 # The shapes of UsdGeom by type name; whether round ones end in half balls.
 _ROUND = {"Cylinder": False, "Capsule": True, "Cone": False}
@@ -121,11 +122,14 @@ def _world_box(prim: Usd.Prim, places: Places) -> _Box | None:
     points = attribute.Get() if attribute else None
     if not points or not isinstance(points, Vt.Vec3fArray):
         return None
-    return _box_of_points(points, Gf.Matrix4d(*places.world(prim)))
+    matrix = Gf.Matrix4d(*places.world(prim))
+    if len(points) <= _FEW:
+        return _bounds([tuple(matrix.Transform(Gf.Vec3d(point))) for point in points])
+    return _box_of_many(points, matrix)
 
 
-def _box_of_points(points: Vt.Vec3fArray, matrix: Gf.Matrix4d) -> _Box:
-    """Return the box around points, which may be many thousand: usd-core works it out."""
+def _box_of_many(points: Vt.Vec3fArray, matrix: Gf.Matrix4d) -> _Box:
+    """Return the box around many points, which usd-core works out without a loop here."""
     from pxr import UsdGeom  # noqa: PLC0415 - takes as long to load as judging a stage
 
     mesh = UsdGeom.Mesh(_scratch().GetPrimAtPath("/points"))

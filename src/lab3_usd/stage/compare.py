@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
-from functools import lru_cache
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 from msgspec.structs import replace
 from pxr import Sdf, Usd, UsdGeom
@@ -20,6 +20,9 @@ from lab3_usd.stage.compare_prims import Known, known
 from lab3_usd.stage.compare_terms import Terms, classifier
 from lab3_usd.stage.missing import find_unresolved
 from lab3_usd.stage.opening import open_stage, quiet, remembered
+
+_Listed = tuple[tuple[Sdf.Path, Known], ...]
+_STARTERS: WeakKeyDictionary[Usd.Stage, _Listed] = WeakKeyDictionary()
 
 
 @quiet()
@@ -99,8 +102,14 @@ def _changes(pair: Pair) -> Iterator[Change]:
     yield from added_changes(pair.starter, pair.stage, pair.terms)
 
 
-@lru_cache(maxsize=2)
-def _listed(starter: Usd.Stage) -> tuple[tuple[Sdf.Path, Known], ...]:
+def _listed(starter: Usd.Stage) -> _Listed:
+    """Return the prims of a starter, read once for as long as it is open."""
+    if starter not in _STARTERS:
+        _STARTERS[starter] = _list(starter)
+    return _STARTERS[starter]
+
+
+def _list(starter: Usd.Stage) -> _Listed:
     prims = Usd.PrimRange(starter.GetPseudoRoot(), Usd.TraverseInstanceProxies())
     return tuple((prim.GetPath(), known(prim)) for prim in prims if not prim.IsPseudoRoot())
 

@@ -48,6 +48,31 @@ def remembered(key: Hashable, make: Callable[[], _T]) -> _T:
 
 
 @contextmanager
+def kept_open(most: int = 2) -> Iterator[None]:
+    """Keep the stages that are opened last open, and what is read of them, for who asks again."""
+    if memory.get() is not None:
+        yield  # they are kept already
+        return
+    stages: dict[str, Usd.Stage] = {}
+    open_first, known = opener.get(), dict[Hashable, Any]()
+
+    def open_once(path: Path) -> Usd.Stage:
+        name = os.path.realpath(path)
+        stages[name] = stages.pop(name, None) or open_first(path)
+        if len(stages) > most:
+            del stages[next(iter(stages))]
+            known.clear()  # which names stages by where they are in memory
+        return stages[name]
+
+    token, empty = opener.set(open_once), memory.set(known)
+    try:
+        yield
+    finally:
+        opener.reset(token)
+        memory.reset(empty)
+
+
+@contextmanager
 def quiet() -> Iterator[None]:
     """Keep usd-core's own warnings off the terminal; what they say is asked of the stage later.
 
