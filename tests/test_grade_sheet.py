@@ -28,7 +28,7 @@ RUBRIC = Rubric(
         Item("nav2", "It is there for navigation", 5, checkpoint="08"),
         Item("film", "The robot drives", 5, checklist="the robot drives on the film"),
     ),
-    caps=(Cap(("T07",), ("tree",), 0.5, "the handout forbids it"),),
+    caps=(Cap(("T07",), 0.5, "the handout forbids it", ("tree",)),),
     asked={"clock": (WIRE,), "tree": (WIRE,), "nav2": (WIRE,), "film": ()},
 )
 GRADE = Grade(

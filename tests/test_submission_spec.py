@@ -43,7 +43,7 @@ SLIPS: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     ),
     "a group no list": (
         put("starter", "together", ["physics:axis"]),
-        "starter: together: 'entry 1'",
+        "starter: 'together': entry 1",
     ),
     "an unknown part": (lambda data: data.update(extra={}), "'extra' is not known"),
 }

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from fnmatch import fnmatchcase
 from typing import Any
 
 from lab3_usd.check.finding import Requirement
 from lab3_usd.errors import SpecError
-from lab3_usd.grade.load_values import one_of, positive
-from lab3_usd.grade.rubric import COLUMNS, VISIBILITIES, Item
+from lab3_usd.grade.rubric import COLUMNS, Item
 from lab3_usd.spec.loader import load_lab
-from lab3_usd.spec.yaml_file import expect, known_keys, need, texts
-
-_ITEM_KEYS = (
-    "title", "points", "checkpoint", "groups", "requirements", "checklist",
-    "partial", "optional", "needs", "visibility",
-)  # fmt: skip
+from lab3_usd.spec.records import records
 
 
 def load_items(
-    data: Mapping[str, Any], asked: Mapping[str, tuple[Requirement, ...]], where: str
+    data: Mapping[str, Mapping[str, Any]], asked: Mapping[str, tuple[Requirement, ...]], where: str
 ) -> tuple[Item, ...]:
     """Return the items of a rubric in their order, given everything that each checkpoint asks for.
 
@@ -30,40 +24,30 @@ def load_items(
     if not data:
         message = f"{where}: 'items' is empty; a rubric needs at least one"
         raise SpecError(message)
-    items: dict[str, Item] = {}
-    for name, spec in data.items():
+    items = records(data, Item, where, "id")
+    for name, item in items.items():
         _check_name(name, where)
         place = f"{where}: {name}"
-        item = _item(name, expect(spec, dict, place), place)
+        if bool(item.checkpoint) == bool(item.checklist):
+            message = f"{place}: give either 'checkpoint' or 'checklist'"
+            raise SpecError(message)
         _check_needs(item, tuple(data), place)
         if item.checklist:
             _check_line(item, place)
         else:
             _check_requirements(item, asked, place)
-        items[name] = item
     return tuple(items.values())
 
 
-def _item(name: str, spec: Mapping[str, Any], place: str) -> Item:
-    known_keys(spec, _ITEM_KEYS, place)
-    if ("checkpoint" in spec) == ("checklist" in spec):
-        message = f"{place}: give either 'checkpoint' or 'checklist'"
+def one_of(value: str, known: Collection[str], place: str) -> None:
+    """Refuse a value that is not one of the `known`.
+
+    Raises:
+        SpecError: it is not; the message names them.
+    """
+    if value not in known:
+        message = f"{place}: {value!r} is not known; known are {', '.join(known)}"
         raise SpecError(message)
-    values: dict[str, Any] = {
-        key: texts(spec, key, place) for key in ("groups", "requirements", "needs") if key in spec
-    }
-    values |= {key: need(spec, key, bool, place) for key in ("partial", "optional") if key in spec}
-    number = spec.get("checkpoint")
-    if isinstance(number, int) and not isinstance(number, bool):
-        message = f"{place}: 'checkpoint' is {number}, expected text; write it in quotes, as \"01\""
-        raise SpecError(message)
-    values |= {
-        key: need(spec, key, str, place) for key in ("checkpoint", "checklist") if key in spec
-    }
-    if "visibility" in spec:
-        values["visibility"] = one_of(need(spec, "visibility", str, place), VISIBILITIES, place)
-    title = need(spec, "title", str, place)
-    return Item(id=name, title=title, points=positive(spec, "points", place), **values)
 
 
 def _check_name(name: str, where: str) -> None:
@@ -103,7 +87,7 @@ def _check_line(item: Item, place: str) -> None:
 def _check_requirements(
     item: Item, asked: Mapping[str, tuple[Requirement, ...]], place: str
 ) -> None:
-    one_of(item.checkpoint, tuple(asked), place)
+    one_of(item.checkpoint, asked, place)
     there = asked[item.checkpoint]
     for key, patterns in (("groups", item.groups), ("requirements", item.requirements)):
         for pattern in patterns:

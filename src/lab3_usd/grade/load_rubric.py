@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
-from msgspec import to_builtins
+from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
@@ -16,14 +17,21 @@ from lab3_usd.check.finding import Requirement
 from lab3_usd.check.model import StageModel
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
-from lab3_usd.grade.load_items import load_items
-from lab3_usd.grade.load_values import one_of, positive, share
-from lab3_usd.grade.rubric import Cap, Item, Late, Rubric
+from lab3_usd.grade.load_items import load_items, one_of
+from lab3_usd.grade.rubric import Cap, Late, Points, Rubric
+from lab3_usd.spec.records import record
 from lab3_usd.spec.spec import Lab
-from lab3_usd.spec.yaml_file import expect, known_keys, need, read_foreign_yaml, read_yaml, texts
+from lab3_usd.spec.yaml_file import read_foreign_yaml, read_yaml
 
 FILE = "rubric.yaml"
-_CAP_KEYS = ("rules", "items", "checkpoints", "at_most", "because")
+
+
+class _RubricFile(Struct, forbid_unknown_fields=True):
+    title: str
+    items: dict[str, dict[str, Any]]
+    weights: dict[str, Points] = {}
+    caps: tuple[Cap, ...] = ()
+    late: Late = Late()
 
 
 def load_rubric(path: Path | None, lab: Lab) -> Rubric:
@@ -35,16 +43,21 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     file = path if path is not None else data_folder("graphs") / FILE
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
     where = file.name
-    known_keys(data, ("title", "weights", "items", "caps", "late"), where)
+    said = record(data, _RubricFile, where)
     asked = everything_asked(lab)
-    items = load_items(need(data, "items", dict, where), asked, where)
+    kinds = tuple(dict.fromkeys(each.kind for found in asked.values() for each in found))
+    for kind in said.weights:
+        one_of(kind, kinds, f"{where}: weights")
+    items = load_items(said.items, asked, where)
+    for number, cap in enumerate(said.caps, start=1):
+        _check_cap(cap, said.items, asked, f"{where}: cap {number}")
     rubric = Rubric(
-        title=need(data, "title", str, where),
+        title=said.title,
         digest="",
-        weights=_weights(data.get("weights", {}), asked, where),
+        weights=dict.fromkeys(kinds, 1.0) | said.weights,
         items=items,
-        caps=_caps(data.get("caps", []), items, tuple(asked), where),
-        late=_late(data.get("late", {}), where),
+        caps=said.caps,
+        late=said.late,
         asked={
             item.id: tuple(each for each in asked.get(item.checkpoint, ()) if item.asks(each))
             for item in items
@@ -74,51 +87,17 @@ def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
     }
 
 
-def _weights(
-    data: object, asked: Mapping[str, tuple[Requirement, ...]], where: str
-) -> dict[str, float]:
-    kinds = tuple(dict.fromkeys(each.kind for found in asked.values() for each in found))
-    place = f"{where}: weights"
-    given = expect(data, dict, place)
-    known_keys(given, kinds, place)
-    return dict.fromkeys(kinds, 1.0) | {kind: positive(given, kind, place) for kind in given}
-
-
-def _caps(
-    data: object, items: tuple[Item, ...], checkpoints: tuple[str, ...], where: str
-) -> tuple[Cap, ...]:
-    places = enumerate(expect(data, list, f"{where}: 'caps'"), start=1)
-    names = tuple(item.id for item in items)
-    return tuple(
-        _cap(spec, names, checkpoints, f"{where}: cap {number}") for number, spec in places
-    )
-
-
-def _cap(data: object, items: tuple[str, ...], checkpoints: tuple[str, ...], place: str) -> Cap:
+def _check_cap(cap: Cap, items: Collection[str], checkpoints: Collection[str], place: str) -> None:
+    """Refuse a cap that could limit nothing."""
     from lab3_usd.check.registry import all_rules  # noqa: PLC0415 - only where a rubric has caps
 
-    spec = expect(data, dict, place)
-    known_keys(spec, _CAP_KEYS, place)
-    rules = texts(spec, "rules", place)
-    if not rules:
+    if not cap.rules:
         message = f"{place}: 'rules' is empty; name the rules whose errors limit the points"
         raise SpecError(message)
-    named = texts(spec, "items", place, optional=True)
-    looked_at = texts(spec, "checkpoints", place, optional=True)
-    for rule in rules:
-        one_of(rule, tuple(all_rules()), place)
-    for name in named:
+    for rule in cap.rules:
+        one_of(rule, all_rules(), place)
+    for name in cap.items:
         one_of(name, items, place)
-    for pattern in looked_at:
+    for pattern in cap.checkpoints:
         if not any(fnmatchcase(number, pattern) for number in checkpoints):
             one_of(pattern, checkpoints, place)
-    because = need(spec, "because", str, place)
-    return Cap(rules, named, share(spec, place), because, looked_at)
-
-
-def _late(given: object, where: str) -> Late:
-    place = f"{where}: late"
-    data = expect(given, dict, place)
-    known_keys(data, ("at_most", "students"), place)
-    at_most = share(data, place) if "at_most" in data else 1.0
-    return Late(at_most, texts(data, "students", place, optional=True))

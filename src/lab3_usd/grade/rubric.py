@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
+from typing import Annotated, Literal
 
-from msgspec import Struct, field
+from msgspec import Meta, Struct, field
 
 from lab3_usd.check.finding import Requirement
 
 # The columns of the table of grades that are no items; the last stands behind the items.
 COLUMNS = ("student", "name", "status", "late", "earned", "possible", "percent", "remarks")
-VISIBILITIES = ("visible", "hidden", "after_due_date", "after_published")
+Visibility = Literal["visible", "hidden", "after_due_date", "after_published"]
+Points = Annotated[float, Meta(ge=0.001, le=1e6)]  # so that sums and shares stay sane numbers
+Share = Annotated[float, Meta(ge=0, le=1)]
 
 
-class Item(Struct, frozen=True):
+class Item(Struct, frozen=True, forbid_unknown_fields=True):
     """One line of the gradebook: points for requirements of a checkpoint, or for a checklist line.
 
     `groups` and `requirements` are patterns of requirement groups and ids; `checklist` is the
@@ -23,7 +26,7 @@ class Item(Struct, frozen=True):
 
     id: str
     title: str
-    points: float
+    points: Points
     checkpoint: str = ""
     groups: tuple[str, ...] = ("*",)
     requirements: tuple[str, ...] = ("*",)
@@ -31,7 +34,7 @@ class Item(Struct, frozen=True):
     partial: bool = True
     optional: bool = False
     needs: tuple[str, ...] = ()
-    visibility: str = "visible"
+    visibility: Visibility = "visible"
 
     def asks(self, requirement: Requirement) -> bool:
         """Whether the requirement, of this item's checkpoint, is one of this item's."""
@@ -40,7 +43,7 @@ class Item(Struct, frozen=True):
         )
 
 
-class Cap(Struct, frozen=True):
+class Cap(Struct, frozen=True, forbid_unknown_fields=True):
     """An error of one of `rules` limits `items` (all where none is named) to a share.
 
     `checkpoints` are patterns of those in whose stages an error counts; where there are none it
@@ -48,9 +51,9 @@ class Cap(Struct, frozen=True):
     """
 
     rules: tuple[str, ...]
-    items: tuple[str, ...]
-    at_most: float
+    at_most: Share
     because: str
+    items: tuple[str, ...] = ()
     checkpoints: tuple[str, ...] = ()
 
     def looks_at(self, number: str, item: Item) -> bool:
@@ -60,10 +63,10 @@ class Cap(Struct, frozen=True):
         return item.checkpoint in {"", number}
 
 
-class Late(Struct, frozen=True):
+class Late(Struct, frozen=True, forbid_unknown_fields=True):
     """What a late submission may earn, and who was late beside those that the names tell."""
 
-    at_most: float = 1.0
+    at_most: Share = 1.0
     students: tuple[str, ...] = ()
 
 

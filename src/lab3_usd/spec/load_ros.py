@@ -11,7 +11,7 @@ from msgspec import Struct
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.spec import ros_spec as ros
-from lab3_usd.spec.records import record
+from lab3_usd.spec.records import record, records
 from lab3_usd.spec.scene_spec import SCENE_FILE
 from lab3_usd.spec.yaml_file import read_yaml
 
@@ -55,16 +55,10 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
     """
     folder = folder if folder is not None else data_folder("graphs")
     said = record(read_yaml(folder / FILE), _RosFile, FILE)
-    kinds = {
-        name: record({"name": name, **kind}, ros.EvidenceKind, f"{FILE}: evidence: {name}")
-        for name, kind in said.evidence.items()
-    }
+    kinds = records(said.evidence, ros.EvidenceKind, f"{FILE}: evidence")
     return ros.RosSpec(
         system=said.system,
-        topics={
-            name: record({"name": name, **topic}, ros.TopicSpec, f"{FILE}: topics: {name}")
-            for name, topic in said.topics.items()
-        },
+        topics=records(said.topics, ros.TopicSpec, f"{FILE}: topics"),
         lifecycle_state=said.lifecycle.state,
         lifecycle=said.lifecycle.nodes,
         nodes=said.nodes,

@@ -8,7 +8,7 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.data import data_folder
-from lab3_usd.spec.records import record
+from lab3_usd.spec.records import record, records
 from lab3_usd.spec.submission_spec import (
     ChecklistSpec,
     Deliverable,
@@ -41,10 +41,7 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
     return SubmissionSpec(
         folders=said.folders,
         stages=said.stages,
-        deliverables={
-            name: record({"name": name, **each}, Deliverable, f"{FILE}: deliverables: {name}")
-            for name, each in said.deliverables.items()
-        },
+        deliverables=records(said.deliverables, Deliverable, f"{FILE}: deliverables"),
         starter=said.starter,
         checklist=tuple(
             record({"section": section, **each}, ChecklistSpec, f"{FILE}: checklist: {section}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Iterator, Mapping
 from types import UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 from msgspec.structs import fields
@@ -17,6 +17,7 @@ _SHOWN = reprlib.Repr()
 _SHOWN.maxlevel, _SHOWN.maxstring, _SHOWN.maxother, _SHOWN.maxlong = 2, 100, 100, 60
 _NAMES = {str: "text", int: "a whole number", float: "a number", bool: "true or false"}
 _LISTS = (list, tuple)
+_ENTRY = "entry "  # what stands for a name in a list
 
 
 def record(data: Any, kind: type[_T], where: str) -> _T:  # noqa: ANN401 - whatever YAML holds
@@ -30,10 +31,28 @@ def record(data: Any, kind: type[_T], where: str) -> _T:  # noqa: ANN401 - whate
     except msgspec.ValidationError as error:
         names, fault = _fault(data, kind)
         is_value = fault.startswith("is ")
-        if names and is_value:
-            names[-1] = f"'{names[-1]}'"
+        named = [n for n, name in enumerate(names) if not name.startswith(_ENTRY)]
+        if named and is_value:
+            names[named[-1]] = f"'{names[named[-1]]}'"
         message = ": ".join((where, *names)) + (" " if is_value else ": ") + fault
         raise SpecError(message) from error
+
+
+def records(
+    data: Mapping[str, Mapping[str, Any]], kind: type[_T], where: str, key: str = "name"
+) -> dict[str, _T]:
+    """Return the entries of `data` as records that hold their own names at `key`.
+
+    Raises:
+        SpecError: one is none, or says `key` itself.
+    """
+    for name, entry in data.items():
+        if key in entry:
+            message = f"{where}: {name}: {key!r} is not known; '{name}' is what it is called"
+            raise SpecError(message)
+    return {
+        name: record({key: name, **entry}, kind, f"{where}: {name}") for name, entry in data.items()
+    }
 
 
 def _fault(data: Any, kind: Any) -> tuple[list[str], str]:  # noqa: ANN401
@@ -88,7 +107,7 @@ def _inside(data: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:  # noqa: AN
         if inner[-1] is ... or len(inner) in {1, len(data)}:
             for number, value in enumerate(data):
                 fixed = inner[number] if inner[-1] is not ... and len(inner) > 1 else inner[0]
-                yield f"entry {number + 1}", value, fixed
+                yield f"{_ENTRY}{number + 1}", value, fixed
 
 
 def _fits(value: Any, kind: Any) -> bool:  # noqa: ANN401
@@ -101,6 +120,8 @@ def _fits(value: Any, kind: Any) -> bool:  # noqa: ANN401
 
 def _called(kind: Any) -> str:  # noqa: ANN401
     inner = get_args(kind)
+    if get_origin(kind) is Annotated:
+        return f"{_called(inner[0])} from {inner[1].ge:.7g} to {inner[1].le:.7g}"
     if get_origin(kind) is Literal:
         return f"one of {', '.join(filter(None, inner))}"
     if get_origin(kind) in _LISTS:
