@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from pxr import Gf, Sdf, Usd
+from pxr import Gf, Sdf, Usd, UsdPhysics
 from scene_changes import (
+    CAMERA,
     LIDAR,
     ORIENT,
     ROBOT,
@@ -363,3 +364,36 @@ def test_a_lidar_at_the_path_with_the_graph_is_the_labs_whatever_the_graph_names
     node = f"{LIDAR}/ROS_Lidar2D/isaac_create_render_product"
     aim(node, "inputs:cameraPrim", ELSEWHERE)(stage)
     assert judged(stage) == [("R02", node), ("L07", ELSEWHERE)]
+
+
+@pytest.mark.parametrize(("sensor", "rule"), [(LIDAR, "L04"), (CAMERA, "C04")])
+def test_a_sensor_that_is_a_body_of_its_own_does_not_move_with_its_link(
+    sensor: str, rule: str
+) -> None:
+    stage = built("05")
+    UsdPhysics.RigidBodyAPI.Apply(stage.GetPrimAtPath(sensor))
+    assert told(stage, "05") == [(rule, sensor, "physics:rigidBodyEnabled")]
+    lab = load_lab()
+    requirements = judge(lab, lab.checkpoints["05"], model_of(stage)).requirements
+    (lost,) = [each for each in requirements if not each.met]
+    assert lost.id.endswith("/position")
+
+
+@pytest.mark.parametrize("sensor", [LIDAR, CAMERA])
+def test_a_body_that_is_switched_off_or_welded_to_its_link_moves_with_it(sensor: str) -> None:
+    stage = built("05")
+    prim = stage.GetPrimAtPath(sensor)
+    body = UsdPhysics.RigidBodyAPI.Apply(prim)
+    weld = UsdPhysics.FixedJoint.Define(stage, f"{ROBOT}/joints/weld")
+    weld.CreateBody0Rel().SetTargets([prim.GetParent().GetPath()])
+    weld.CreateBody1Rel().SetTargets([prim.GetPath()])
+    assert told(stage, "05") == []
+    stage.RemovePrim(weld.GetPath())
+    body.CreateRigidBodyEnabledAttr(defaultValue=False)
+    assert told(stage, "05") == []
+
+
+def test_a_lidar_in_the_place_of_the_camera_is_one_mistake() -> None:
+    stage = built("05")
+    retype(CAMERA, "OmniLidar")(stage)
+    assert told(stage, "05") == [("C03", CAMERA, None)]

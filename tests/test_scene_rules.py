@@ -705,3 +705,9 @@ def test_a_scale_is_told_on_a_robot_whose_asset_is_missing() -> None:
     refer(ROBOT, "robot.usd")(stage)
     put(LINK_LEFT, SCALE, Gf.Vec3d(1, 1, 1.1))(stage)
     assert told(stage, "05") == [("F02", ROBOT, None), ("S24", LINK_LEFT, SCALE)]
+
+
+def test_a_wheel_of_another_size_is_told_once_although_it_reaches_into_the_ground() -> None:
+    stage = built("05")
+    put(LINK_LEFT, SCALE, Gf.Vec3d(2, 2, 2))(stage)
+    assert told(stage, "05") == [("S24", LINK_LEFT, SCALE)]

@@ -292,3 +292,30 @@ def test_a_target_velocity_is_a_command(files: tuple[Path, Path], tmp_path: Path
         joint.GetAttribute("drive:angular:physics:targetVelocity").Set(500.0)
 
     assert found_in(files, tmp_path, command).verdict == "pass"
+
+
+@pytest.mark.parametrize(
+    ("path", "home", "rule"),
+    [
+        (ROBOT, f"/World{ROBOT}", "S01"),
+        (JOINT, f"{ROBOT}/joints/left", "S07"),
+    ],
+)
+def test_what_stands_elsewhere_is_not_missing_as_well(
+    files: tuple[Path, Path], tmp_path: Path, path: str, home: str, rule: str
+) -> None:
+    def move(stage: Usd.Stage) -> None:
+        editor = Usd.NamespaceEditor(stage)
+        assert editor.MovePrimAtPath(path, home)
+        assert editor.ApplyEdits()
+
+    found = [each for each in found_in(files, tmp_path, move).findings if each.severity == "error"]
+    assert [(each.rule, each.prim) for each in found] == [(rule, home)]
+
+
+def test_what_was_deactivated_is_told_though_a_finding_relates_to_it() -> None:
+    off = Change(WALL, "Cube", absent="deactivated", physics=True)
+    for absent, expected in ((off, ["U01"]), (gone(WALL), [])):
+        subject = StarterSubject(SPEC.starter, (absent,), missed=frozenset({WALL}))
+        found = [name for name, rule in RULES.items() for _ in run_rule(rule, subject)]
+        assert found == expected

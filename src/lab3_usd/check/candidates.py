@@ -46,13 +46,16 @@ def moved(path: str, homes: Mapping[str, str]) -> str:
 def find_graphs(specs: Mapping[str, GraphSpec], stage: StageModel) -> dict[str, GraphModel | None]:
     """Return the graph of the stage for each graph of the spec, None where there is none.
 
-    A live graph at the right path is taken as it is, unless it is empty and another one fits.
-    Other specs are given the remaining graph whose node types fit best, as long as it holds half
-    of what the spec asks for.
+    A live graph at the right path is taken as it is, unless it is empty and another one fits, or
+    holds nothing of this spec and what another one asks for. Other specs are given the remaining
+    graph whose node types fit best, as long as it holds half of what the spec asks for.
     """
     by_path = {graph.path: graph for graph in stage.graphs if graph.active}
     filled = {graph.path: graph for graph in by_path.values() if graph.nodes}
-    found = {name: filled.get(spec.path) for name, spec in specs.items()}
+    found = {
+        name: None if _is_another(name, filled.get(spec.path), specs) else filled.get(spec.path)
+        for name, spec in specs.items()
+    }
     taken = {graph.path for graph in found.values() if graph is not None}
     free = [graph for graph in by_path.values() if graph.path not in taken]
     offers = sorted(
@@ -65,7 +68,22 @@ def find_graphs(specs: Mapping[str, GraphSpec], stage: StageModel) -> dict[str, 
         if found[name] is None and path not in taken and likeness < 0:
             found[name] = by_path[path]
             taken.add(path)
-    return {name: graph or by_path.get(specs[name].path) for name, graph in found.items()}
+    left = {path: graph for path, graph in by_path.items() if path not in taken}
+    return {name: graph or left.get(specs[name].path) for name, graph in found.items()}
+
+
+def _is_another(name: str, graph: GraphModel | None, specs: Mapping[str, GraphSpec]) -> bool:
+    """Whether a graph does nothing of what this spec asks for, and what another one does."""
+    if graph is None or _speaks_of(specs[name], graph):
+        return False
+    return any(_likeness(spec, graph) > 0 for spec in specs.values())
+
+
+def _speaks_of(spec: GraphSpec, graph: GraphModel) -> bool:
+    """Whether the graph holds a node that only this spec asks for."""
+    held = {node.type.type for node in graph.nodes if node.type is not None}
+    asked = {node.type.type for node in spec.nodes.values()}
+    return any(says_something(spec, kind) for kind in asked & held)
 
 
 def _likeness(spec: GraphSpec, graph: GraphModel) -> float:

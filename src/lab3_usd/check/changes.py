@@ -45,9 +45,11 @@ class Change(Struct, frozen=True):
 class StarterSubject(Struct, frozen=True):
     """A stage beside the starter it was made from.
 
-    `blamed` holds the sites where other rules have found an error already.
+    `blamed` holds the sites where other rules have found an error already, `missed` the prims
+    that an error relates to: one of them that is not there is told as standing elsewhere.
     """
 
     rules: StarterRules
     changes: tuple[Change, ...]
     blamed: frozenset[Site] = frozenset()
+    missed: frozenset[str] = frozenset()

@@ -21,6 +21,9 @@ OPERATIONS: Mapping[Kind, tuple[str, ...]] = {
 }
 
 
+UNSCALED: Vector = (1.0, 1.0, 1.0)
+
+
 class Tolerance(Struct, frozen=True):
     """What counts as the same pose: lengths in metres, degrees, factors.
 
@@ -118,3 +121,13 @@ def vector(numbers: Sequence[float]) -> Vector:
 def text(numbers: Sequence[float]) -> str:
     """Write a vector as the Property panel shows it, without float noise."""
     return "(" + ", ".join(f"{round(number, 6) + 0.0:g}" for number in numbers) + ")"
+
+
+def scale_of(prim: Prim) -> Vector:
+    """Return by what a prim is scaled on its parent."""
+    return UNSCALED if prim.local is None else decompose(prim.local).scale
+
+
+def is_scaled(prim: Prim, tolerance: float) -> bool:
+    """Whether a prim has another size than its parent gives it."""
+    return not distance(scale_of(prim), UNSCALED) <= tolerance  # so that NaN is far as well

@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.absence import is_at_or_below
 from lab3_usd.check.finding import Finding
+from lab3_usd.check.physics import BODY_ENABLED
 from lab3_usd.check.posing import ORDER
 
 POSE = {
@@ -17,6 +18,8 @@ POSE = {
     "scale": ("scale", "xformOp:scale"),
 }
 _ROTATE = "xformOp:rotate"
+# What tells as well that a part of a pose is wrong: a prim that does not follow its parent.
+_ALSO = {"translate": (ORDER, BODY_ENABLED), "rotate": (_ROTATE,)}
 # A prim that one of these rules finds missing meets nothing that is asked of it or below it.
 _MISSING = ("S01", "S07", "L01", "L03", "C01", "C03")
 
@@ -65,7 +68,7 @@ def pose_items(
     """Yield position, rotation and scale of a prim; `rules` says which rules judge each."""
     for kind, (word, where) in POSE.items():
         title = f"{path.rpartition('/')[2]}: {word} {tuple(pose[kind])}"
-        also = {"rotate": (_ROTATE, where), "translate": (where, ORDER)}.get(kind, (where,))
+        also = (where, *_ALSO.get(kind, ()))
         yield SceneItem(
             f"{group}/{word}", group, title, path, where, pose["handout"], rules[kind], also
         )

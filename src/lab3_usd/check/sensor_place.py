@@ -12,6 +12,7 @@ from lab3_usd.check.absence import hides_place, is_at_or_below, is_hidden, why_a
 from lab3_usd.check.derived import once_per_stage
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.model import Matrix, Prim, StageModel
+from lab3_usd.check.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
 from lab3_usd.check.poses import IDENTITY, relative
 from lab3_usd.check.posing import ORDER, RESET
 from lab3_usd.check.subject import StageSubject
@@ -142,6 +143,20 @@ def stays_behind_problem(place: Place, prim: Prim, handout: str) -> Problem:
     return Problem(prim.path, message, ORDER, None, RESET, handout, place.related, hint=hint)
 
 
+def own_body_problem(
+    place: Place, prim: Prim, stage: StageModel, handout: str
+) -> Iterator[Problem]:
+    """Yield that the sensor is a body of its own, which falls instead of moving with its link."""
+    is_off = is_switched_off(prim, BODY_ENABLED)
+    is_tied = any(prim.path in bodies(joint) for joint in joints(stage))
+    if BODY_API in prim.apis and not is_off and not is_tied:
+        message = f"{prim.name} is a rigid body of its own: it does not move with its link"
+        hint = "select the sensor and remove Rigid Body in the Property panel under Physics"
+        yield Problem(
+            prim.path, message, BODY_ENABLED, None, BODY_API, handout, place.related, hint=hint
+        )
+
+
 def is_named(name: str, names: Mapping[str, Any] | list[str]) -> bool:
     """Whether a prim has one of these names, or one with the number Isaac Sim adds to a copy."""
     return name in names or (name[-1:].isdigit() and re.sub(r"_\d+$", "", name) in names)
@@ -166,11 +181,16 @@ def lidars(subject: StageSubject, right: str = "") -> Iterator[Prim]:
 
 @once_per_stage
 def second_lidars(subject: StageSubject) -> tuple[Prim, ...]:
-    """Return the lidars beside the one that the checkpoint asks for, where there is that one."""
+    """Return the lidars beside the one that the checkpoint asks for, where there is that one.
+
+    One that stands where the camera should is told as what it is not.
+    """
     place = sensor_place(subject, "lidar")
     if place is None or place.prim is None:
         return ()
-    return tuple(lidars(subject, place.prim.path))
+    camera = sensor_place(subject, "camera")
+    told = None if camera is None or camera.prim is not None else camera.stranger
+    return tuple(prim for prim in lidars(subject, place.prim.path) if prim is not told)
 
 
 def missing_problem(subject: StageSubject, place: Place, handout: str) -> Iterator[Problem]:

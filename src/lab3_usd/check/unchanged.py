@@ -33,6 +33,13 @@ class Starter(Struct, frozen=True):
     faults: frozenset[_Fault] = frozenset()
 
 
+class _Known(Struct, frozen=True):
+    """What the other rules have told: the sites they blame, and the prims they relate to."""
+
+    blamed: frozenset[Site]
+    missed: frozenset[str] = frozenset()
+
+
 def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
     """Open a starter to compare stages with; the faults of one that is not trusted excuse nothing.
 
@@ -63,7 +70,7 @@ def starter_findings(
         StageError: one of the files cannot be opened.
     """
     starter = open_starter(starter_path, lab, trusted=False)
-    judged = _compared(stage_path, starter, checkpoint, lab, frozenset(blamed_sites))
+    judged = _compared(stage_path, starter, checkpoint, lab, _Known(frozenset(blamed_sites)))
     if judged.crashes:
         message = f"rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
         raise RuntimeError(message)
@@ -80,8 +87,12 @@ def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageRes
         return result
     kept = tuple(each for each in result.findings if not _is_excused(each, starter))
     kept += tuple(_units(each for each in result.findings if _is_excused(each, starter)))
-    blamed = frozenset((each.prim, each.property) for each in kept if each.severity != "note")
-    judged = _compared(Path(result.path), starter, result.checkpoint, lab, blamed)
+    told = [each for each in kept if each.severity != "note"]
+    known = _Known(
+        frozenset((each.prim, each.property) for each in told),
+        frozenset(path for each in told for path in each.related),
+    )
+    judged = _compared(Path(result.path), starter, result.checkpoint, lab, known)
     requirements = result.requirements
     if len(kept) != len(result.findings):
         requirements = tuple(_again(result, kept, lab))
@@ -120,13 +131,12 @@ def _again(result: StageResult, kept: Collection[Finding], lab: Lab) -> Iterator
         yield each if item is None else replace(each, met=is_met(item, kept))
 
 
-def _compared(
-    path: Path, starter: Starter, checkpoint: str, lab: Lab, blamed: frozenset[Site]
-) -> Judged:
+def _compared(path: Path, starter: Starter, checkpoint: str, lab: Lab, known: _Known) -> Judged:
     from lab3_usd.stage.compare import compare_starter  # noqa: PLC0415 - pxr, only when needed
     from lab3_usd.stage.opening import open_stage  # noqa: PLC0415
 
     stage = open_stage(path)
-    subject = replace(compare_starter(starter.stage, stage, lab, checkpoint), blamed=blamed)
+    found = compare_starter(starter.stage, stage, lab, checkpoint)
+    subject = replace(found, blamed=known.blamed, missed=known.missed)
     judged = run_family("starter", _FAMILY, subject)
     return replace(judged, findings=tuple(located(judged.findings, path, stage)))

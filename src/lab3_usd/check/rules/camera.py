@@ -18,6 +18,7 @@ from lab3_usd.check.sensor_place import (
     Place,
     misplaced_problem,
     missing_problem,
+    own_body_problem,
     sensor_place,
     stays_behind,
     stays_behind_problem,
@@ -88,10 +89,10 @@ def camera_position(subject: StageSubject) -> Iterator[Problem]:
 
     Why: inside the robot it sees the inside of a plate, elsewhere the image does not fit the TF
     frame `Camera_1`. With `!resetXformStack!` the camera ignores its link and stays where it is
-    while the robot drives away.
+    while the robot drives away; as a rigid body of its own it falls.
 
     Fix: select the camera and set Translate (0.1, 0, 0.2) and Scale (1, 1, 1). Take
-    `!resetXformStack!` out of `xformOpOrder`.
+    `!resetXformStack!` out of `xformOpOrder`, and remove Rigid Body.
 
     Example: `xformOp:translate` (0, 0, 0), the place where the Create menu puts it.
     """
@@ -99,6 +100,8 @@ def camera_position(subject: StageSubject) -> Iterator[Problem]:
     place = sensor_place(subject, SENSOR)
     if place is not None and place.prim is not None and stays_behind(place.prim):
         yield stays_behind_problem(place, place.prim, handout)
+    elif place is not None and place.prim is not None:
+        yield from own_body_problem(place, place.prim, subject.stage, handout)
     for place, prim, wrong in _wrong(subject):
         if isinstance(wrong, Misfit):
             yield Problem(

@@ -11,6 +11,8 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.say import shown
 from lab3_usd.check.subject import GraphSubject, StageSubject
 
+_ANOTHER = "another graph"
+
 
 def _inactive(subject: GraphSubject) -> GraphModel | None:
     """Return the graph at the right path that is in the file but not in the scene."""
@@ -80,7 +82,8 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
         standing = _in_the_way(subject)
         if standing is not None:
             message += f", where {standing} stands"
-            hint = f"delete what stands at {spec.path} first, then {hint}"
+            what = "move" if standing == _ANOTHER else "delete"
+            hint = f"{what} what stands at {spec.path} first, then {hint}"
         yield Problem(
             prim=graph.path,
             message=message,
@@ -97,7 +100,9 @@ def _in_the_way(subject: GraphSubject) -> str | None:
     path = subject.spec.path
     for graph in subject.stage.graphs:
         if graph.path == path:
-            return "an empty graph" if graph.active else "a deactivated graph"
+            if not graph.active:
+                return "a deactivated graph"
+            return _ANOTHER if graph.nodes else "an empty graph"
     prim = subject.stage.prims.get(path)
     return None if prim is None else f"another prim ({prim.type or 'of no type'})"
 

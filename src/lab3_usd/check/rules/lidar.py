@@ -15,6 +15,7 @@ from lab3_usd.check.sensor_place import (
     frames_of,
     misplaced_problem,
     missing_problem,
+    own_body_problem,
     second_lidars,
     sensor_place,
     stays_behind,
@@ -80,10 +81,10 @@ def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
 
     Why: the scan is published in the frame `base_scan`: what the lidar is moved or turned by, the
     walls are off in RViz and on the map (8.7, 8.14). With `!resetXformStack!` it ignores its link
-    and stays where it is while the robot drives away.
+    and stays where it is while the robot drives away; as a rigid body of its own it falls.
 
     Fix: select the lidar and set Translate (0, 0, 0), Rotate (0, 0, 0) and Scale (1, 1, 1). Take
-    `!resetXformStack!` out of `xformOpOrder`.
+    `!resetXformStack!` out of `xformOpOrder`, and remove Rigid Body.
 
     Example: `xformOp:translate` (0, 0, 0.182), the place of the link typed in again.
     """
@@ -95,6 +96,7 @@ def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
     if stays_behind(prim):
         yield stays_behind_problem(place, prim, spec["pose"]["handout"])
         return
+    yield from own_body_problem(place, prim, subject.stage, spec["pose"]["handout"])
 
     def judged() -> Iterator[list[Misfit]]:
         for matrix in frames_of(subject.stage, place):

@@ -19,7 +19,7 @@ from lab3_usd.check.poses import (
     scaled,
     turn_between,
 )
-from lab3_usd.check.posing import misfits, pose_property, root_tolerance, text
+from lab3_usd.check.posing import is_scaled, misfits, pose_property, root_tolerance, text
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import StageSubject
 
@@ -87,13 +87,14 @@ def _limit(subject: StageSubject) -> float:
 def _lows(subject: StageSubject) -> dict[str, float]:
     """Return how low each link reaches, in metres: its collision shapes, else its own origin."""
     spec, stage = subject.lab.scene["robot"], subject.stage
+    size = subject.lab.scene["tolerance"]["scale"]
     lows: dict[str, float] = {}
     for name, link in spec["links"].items():
         path = f"{spec['path']}/{name}"
         shapes = [box.low[2] for box in stage.colliders.below(path) if _is_on(box, stage)]
         prim = stage.prim(path)
-        if prim is not None and hides_place(stage, prim):
-            continue
+        if prim is not None and (hides_place(stage, prim) or is_scaled(prim, size)):
+            continue  # what is scaled S24 tells
         if shapes:
             lows[path] = min(shapes)
         elif "offset" in link and prim is not None and prim.world:

@@ -20,12 +20,9 @@ from lab3_usd.check.physics import (
     is_switched_off,
     number,
 )
-from lab3_usd.check.poses import decompose, distance
-from lab3_usd.check.posing import pose_property, text
+from lab3_usd.check.posing import UNSCALED, is_scaled, pose_property, scale_of, text
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import StageSubject
-
-_UNSCALED = (1.0, 1.0, 1.0)
 
 
 def _links(subject: StageSubject) -> Iterator[tuple[Prim, Mapping[str, Any]]]:
@@ -146,9 +143,8 @@ def link_scale(subject: StageSubject) -> Iterator[Problem]:
     tolerance = subject.lab.scene["tolerance"]["scale"]
     handout = subject.lab.scene["robot"]["handout"]
     for prim, _ in _links(subject):
-        scale = _UNSCALED if prim.local is None else decompose(prim.local).scale
-        if not distance(scale, _UNSCALED) <= tolerance:  # so that NaN is far as well
-            is_, should = text(scale), text(_UNSCALED)
+        if is_scaled(prim, tolerance):
+            is_, should = text(scale_of(prim)), text(UNSCALED)
             message = f"{prim.name}'s scale is {is_}, expected {should}"
             where = pose_property(prim, "scale")
             yield Problem(prim.path, message, where, should, is_, handout)

@@ -8,6 +8,7 @@ from lab3_usd.check.changes import KINDS, Change, Difference, Kind, Site, Starte
 from lab3_usd.check.finding import Problem, Severity
 from lab3_usd.check.registry import rule
 
+_MISSING = "missing"  # and not deactivated, or an over
 _SHOWN = 4  # differences that a message names
 
 
@@ -28,7 +29,7 @@ def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
         if not change.absent or _is_told(change, subject):
             continue
         also = f", with {change.count - 1} prims below it" if change.count > 1 else ""
-        is_ = "is missing" if change.absent == "missing" else f"is {change.absent}"
+        is_ = "is missing" if change.absent == _MISSING else f"is {change.absent}"
         yield Problem(
             change.prim,
             f"{change.type or 'prim'} of the starter {is_}{also}",
@@ -188,7 +189,8 @@ def _is_silent(each: Difference, names: set[str | None], subject: StarterSubject
 
 def _is_told(change: Change, subject: StarterSubject) -> bool:
     """Whether another rule has missed this prim, what it holds, or what needs it."""
-    return any(_tells(site, change) for site in subject.blamed)
+    is_elsewhere = change.absent == _MISSING and change.prim in subject.missed
+    return is_elsewhere or any(_tells(site, change) for site in subject.blamed)
 
 
 def _tells(site: Site, change: Change) -> bool:
