@@ -72,7 +72,7 @@ crosscheck: $(VENV)/dev
 	$(BIN)/python benchmarks/crosscheck.py
 
 fuzz: $(VENV)/dev
-	$(BIN)/python benchmarks/fuzz.py
+	$(BIN)/python benchmarks/fuzz.py --odd 0.03
 
 clean:
 	rm -rf .venv .venv-* $(OUT) build dist .coverage .coverage.* htmlcov
