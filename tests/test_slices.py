@@ -8,6 +8,7 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.errors import UsageError
+from lab3_usd.stage import slices
 from lab3_usd.stage.slices import CutAt, Segment, StageSlice, slice_stage
 from lab3_usd.stage.starter import build_starter
 
@@ -265,3 +266,55 @@ def test_the_bundled_starter_is_cut_at_its_lidar(tmp_path: Path) -> None:
     assert bounds(found.segments) == pytest.approx([-6.0, -3.1, 2.5, 4.6])
     assert not found.not_cut
     assert not found.missing
+
+
+# -- what is not looked at twice, or at all
+
+
+def test_nested_colliders_are_cut_once(stage: Usd.Stage) -> None:
+    path = ""
+    for _ in range(3):
+        path += "/group"
+        shape(stage, "Xform", path)
+        stage.DefinePrim(f"{path}/box", "Cube")
+    assert outline_length(cut(stage).segments) == pytest.approx(3 * 8)
+
+
+def test_what_a_disabled_collider_holds_is_cut_with_the_one_above(stage: Usd.Stage) -> None:
+    shape(stage, "Xform", "/group")
+    inner = shape(stage, "Xform", "/group/inner")
+    UsdPhysics.CollisionAPI(inner).CreateCollisionEnabledAttr(False)  # noqa: FBT003 - USD's signature
+    stage.DefinePrim("/group/inner/box", "Cube")
+    assert outline_length(cut(stage).segments) == pytest.approx(8)
+
+
+@pytest.mark.parametrize(
+    ("up", "height", "is_looked_at"),
+    [
+        (0.0, 0.0, True),
+        (0.0, 0.9999, True),
+        (0.0, 1.1, False),
+        (0.0, -1.1, False),
+        (5.0, 5.0, True),
+    ],
+)
+def test_faces_of_a_mesh_that_the_cut_misses_are_not_looked_at(
+    stage: Usd.Stage,
+    monkeypatch: pytest.MonkeyPatch,
+    up: float,
+    height: float,
+    is_looked_at: bool,  # noqa: FBT001 - a case
+) -> None:
+    prim = mesh(stage, [(-1, -1, -1), (1, 0, 1), (0, 1, -1), (0, 0, 1)], [[0, 1, 2], [0, 2, 3]])
+    UsdGeom.Xformable(prim).AddTranslateOp().Set(Gf.Vec3d(0, 0, up))
+    seen: list[str] = []
+    faces_of = slices.faces_of
+
+    def noted(prim: Usd.Prim) -> object:
+        seen.append(str(prim.GetPath()))
+        return faces_of(prim)
+
+    monkeypatch.setattr(slices, "faces_of", noted)
+    found = cut(stage, height)
+    assert seen == (["/Thing"] if is_looked_at else [])
+    assert bool(found.segments) == is_looked_at

@@ -10,6 +10,7 @@ from msgspec import Struct
 from lab3_usd.check.checker import finding_of
 from lab3_usd.check.finding import Crash, Finding
 from lab3_usd.check.registry import Scope, rules_of
+from lab3_usd.errors import StageError
 
 
 class Judged(Struct, frozen=True):
@@ -20,13 +21,19 @@ class Judged(Struct, frozen=True):
 
 
 def run_family(scope: Scope, family: str, subject: Any) -> Judged:  # noqa: ANN401 - the scope decides
-    """Run every rule of a family; one that fails itself is a crash, never a pass."""
+    """Run every rule of a family; one that fails itself is a crash, never a pass.
+
+    Raises:
+        StageError: a file turns out to be damaged.
+    """
     found: list[Finding] = []
     crashes: list[Crash] = []
     for each in rules_of(scope, family):
         try:
             found.extend(finding_of(each, problem) for problem in each.check(subject))
-        except Exception as error:  # noqa: BLE001, PERF203 - whatever a rule raises is its crash
+        except StageError:  # noqa: PERF203
+            raise
+        except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
             crashes.append(Crash(each.id, f"{type(error).__name__}: {error}"))
     return Judged(tuple(found), tuple(crashes))
 

@@ -28,9 +28,17 @@ class Seen(Struct, frozen=True):
 
 def look(result: StageResult, lab: Lab) -> Seen | None:
     """Return what the stage of a result holds, None where it cannot be read."""
-    model = _read(result, lab)
-    if model is None:
+    if result.verdict == "unreadable":
         return None
+    from lab3_usd.stage.reader import read_stage  # noqa: PLC0415 - pxr, only for pages
+
+    try:
+        return _seen(result, read_stage(Path(result.path), lab), lab)
+    except (Lab3Error, OSError):
+        return None
+
+
+def _seen(result: StageResult, model: StageModel, lab: Lab) -> Seen:
     checkpoint = lab.checkpoints.get(result.checkpoint)
     edges, hidden = published_edges(model, lab), hidden_frames(model, lab)
     reserved = {lab.frames.localization_edge[1]: lab.frames.localization_by}
@@ -41,14 +49,3 @@ def look(result: StageResult, lab: Lab) -> Seen | None:
         tree=tuple(as_text(tree)),
         topics=tuple(tuple(cells(each, topics)) for each in topics.endpoints),
     )
-
-
-def _read(result: StageResult, lab: Lab) -> StageModel | None:
-    if result.verdict == "unreadable":
-        return None
-    from lab3_usd.stage.reader import read_stage  # noqa: PLC0415 - pxr, only for pages
-
-    try:
-        return read_stage(Path(result.path), lab)
-    except (Lab3Error, OSError, ValueError):
-        return None

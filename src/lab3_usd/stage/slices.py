@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
-from pxr import Gf, Tf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Tf, Usd, UsdGeom, UsdPhysics, Vt
 
 from lab3_usd.errors import UsageError
 from lab3_usd.stage.geometry import Faces, faces_of, is_endless
@@ -14,6 +14,7 @@ from lab3_usd.stage.opening import in_plain_words, quiet
 
 Point = tuple[float, float]
 Segment = tuple[Point, Point]
+_ROUNDING = 1e-3  # metres; usd-core measures with single precision
 
 
 class StageSlice(Struct, frozen=True):
@@ -58,6 +59,8 @@ def slice_stage(stage: Usd.Stage, cut: CutAt) -> StageSlice:
     not_cut: list[str] = []
     for prim in _colliders(stage, cut.robot):
         for shape in _shapes(prim):
+            if _misses(shape, cache, to_metres, height):
+                continue
             found = _shape_at(shape, cache)
             if found is None:
                 not_cut.append(str(shape.GetPath()))
@@ -79,6 +82,19 @@ def _shape_at(shape: Usd.Prim, cache: UsdGeom.XformCache) -> tuple[Faces, Gf.Mat
         return None if faces is None else (faces, cache.GetLocalToWorldTransform(shape))
     except (Tf.ErrorException, TypeError, ValueError):
         return None
+
+
+def _misses(
+    shape: Usd.Prim, cache: UsdGeom.XformCache, to_metres: Gf.Matrix4d, height: float
+) -> bool:
+    """Whether a mesh lies above or below the cut: then none of its faces need be looked at."""
+    mesh = UsdGeom.Mesh(shape)
+    points = mesh.GetPointsAttr().Get() if mesh else None
+    if not isinstance(points, Vt.Vec3fArray) or not points:
+        return False
+    matrix = cache.GetLocalToWorldTransform(shape) * to_metres
+    low, high = UsdGeom.Boundable.ComputeExtentFromPlugins(mesh, Usd.TimeCode.Default(), matrix)
+    return bool(low[2] > height + _ROUNDING or high[2] < height - _ROUNDING)
 
 
 def _to_metres(stage: Usd.Stage) -> Gf.Matrix4d:
@@ -110,19 +126,29 @@ def _colliders(stage: Usd.Stage, robot: str) -> Iterator[Usd.Prim]:
         if prim.GetPath() == robot:
             prims.PruneChildren()
             continue
-        if not prim.HasAPI(UsdPhysics.CollisionAPI) or is_endless(prim):
-            continue
-        if UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is not False:
+        if _collides(prim) and not is_endless(prim):
             yield prim
 
 
+def _collides(prim: Usd.Prim) -> bool:
+    if not prim.HasAPI(UsdPhysics.CollisionAPI):
+        return False
+    return UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is not False
+
+
 def _shapes(collider: Usd.Prim) -> Iterator[Usd.Prim]:
-    """Yield the collider, or what is below it where it is no shape itself."""
+    """Yield the collider, or what is below it where it is no shape itself.
+
+    What is below another collider is that one's.
+    """
     if collider.IsA(UsdGeom.Gprim):
         yield collider
         return
-    for prim in Usd.PrimRange(collider, Usd.TraverseInstanceProxies()):
-        if prim.IsA(UsdGeom.Gprim) and not prim.HasAPI(UsdPhysics.CollisionAPI):
+    prims = iter(Usd.PrimRange(collider, Usd.TraverseInstanceProxies()))
+    for prim in prims:
+        if prim != collider and _collides(prim):
+            prims.PruneChildren()
+        elif prim.IsA(UsdGeom.Gprim) and not prim.HasAPI(UsdPhysics.CollisionAPI):
             yield prim
 
 
