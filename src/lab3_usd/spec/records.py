@@ -60,7 +60,7 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:  # noqa: ANN401
     kind = _meant(data, kind)
     if _is_record(kind) and isinstance(data, dict):
         known = {field.encode_name: field for field in fields(kind)}
-        for key in data:
+        for key in data if kind.__struct_config__.forbid_unknown_fields else ():
             if key not in known:
                 return [], f"{key!r} is not known; known are {', '.join(known)}"
         for name, field in known.items():

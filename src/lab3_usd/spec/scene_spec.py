@@ -3,14 +3,85 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
+from msgspec import Meta, Struct
+
+from lab3_usd.spec.records import record
 from lab3_usd.spec.values import typed
-from lab3_usd.spec.yaml_file import expect, need, parts, texts
 
 SCENE_FILE = "scene.yaml"
 SENSORS = ("lidar", "camera")
-_SECTIONS = ("stage", "tolerance", "robot", "world", "forbidden", *SENSORS, "map")
+Number = Annotated[float, Meta(ge=-1e9, le=1e9)]  # finite, and no room is larger
+Number3 = tuple[Number, Number, Number]
+
+
+class _Stage(Struct):
+    up_axis: str
+    meters_per_unit: Number
+    kilograms_per_unit: Number
+
+
+class _Pose(Struct):
+    translate: Number3
+    rotate: Number3
+    scale: Number3
+
+
+class _Articulation(Struct):
+    target: str
+    api: str
+    switch: str
+
+
+class _Link(Struct):
+    mass: Number = 0.0
+    offset: Number3 = (0.0, 0.0, 0.0)
+
+
+class _Wheels(Struct):
+    joints: dict[str, str]
+
+
+class _Robot(Struct):
+    path: str
+    pose: _Pose
+    articulation: _Articulation
+    links: dict[str, _Link]
+    wheels: _Wheels
+
+
+class _GraphParent(Struct):
+    path: str
+
+
+class _World(Struct):
+    graph_parent: _GraphParent
+
+
+class _Attribute(Struct):
+    type: str
+    value: Any = None
+
+
+class _Sensor(Struct):
+    path: str
+    type: str
+    handout: str
+    pose: _Pose
+    apis: tuple[str, ...]
+    attributes: dict[str, _Attribute]
+
+
+class _Scene(Struct):
+    stage: _Stage
+    tolerance: dict[str, Number]
+    robot: _Robot
+    world: _World
+    forbidden: dict[str, Any]
+    lidar: _Sensor
+    camera: _Sensor
+    map: dict[str, Any]
 
 
 def check_scene(scene: Mapping[str, Any]) -> None:
@@ -19,47 +90,7 @@ def check_scene(scene: Mapping[str, Any]) -> None:
     Raises:
         SpecError: names the part and the attribute.
     """
-    for section in _SECTIONS:
-        need(scene, section, dict, SCENE_FILE)
-    for key, value in scene["tolerance"].items():
-        expect(value, (int, float), f"{SCENE_FILE}: tolerance: {key}")
-    _check_robot(scene["robot"])
-    where = f"{SCENE_FILE}: world"
-    parent = need(scene["world"], "graph_parent", dict, where)
-    need(parent, "path", str, f"{where}: graph_parent")
+    said = record(scene, _Scene, SCENE_FILE)
     for sensor in SENSORS:
-        _check_sensor(scene[sensor], f"{SCENE_FILE}: {sensor}")
-
-
-def _check_robot(robot: Mapping[str, Any]) -> None:
-    where = f"{SCENE_FILE}: robot"
-    need(robot, "path", str, where)
-    check_pose(need(robot, "pose", dict, where), where)
-    for key in ("target", "api", "switch"):
-        need(need(robot, "articulation", dict, where), key, str, where)
-    for name, link in need(robot, "links", dict, where).items():
-        expect(link, dict, f"{where}: {name}")
-        if "mass" in link:
-            typed(link["mass"], "double", f"{where}: {name}: mass")
-    wheels = need(robot, "wheels", dict, where)
-    need(wheels, "joints", dict, f"{where}: wheels")
-
-
-def _check_sensor(sensor: Mapping[str, Any], where: str) -> None:
-    for key in ("path", "type", "handout"):
-        need(sensor, key, str, where)
-    check_pose(need(sensor, "pose", dict, where), where)
-    texts(sensor, "apis", where)
-    for name, attribute in parts(sensor, "attributes", dict, where).items():
-        place = f"{where}: {name}"
-        typed(attribute.get("value"), need(attribute, "type", str, place), place)
-
-
-def check_pose(pose: Mapping[str, Any], where: str) -> None:
-    """Refuse a pose without translation in metres, rotation in degrees and scale.
-
-    Raises:
-        SpecError: one of the three is missing or has not three numbers.
-    """
-    for key in ("translate", "rotate", "scale"):
-        typed(need(pose, key, list, where), "double3", f"{where}: pose: {key}")
+        for name, attribute in getattr(said, sensor).attributes.items():
+            typed(attribute.value, attribute.type, f"{SCENE_FILE}: {sensor}: {name}")

@@ -6,33 +6,19 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from msgspec import Struct
-from msgspec.structs import replace
+from msgspec import Struct, field
+from msgspec.structs import fields, replace
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.scene_spec import SCENE_FILE, check_scene
-from lab3_usd.spec.values import typed
-from lab3_usd.spec.yaml_file import expect, known_keys, need, read_yaml
+from lab3_usd.spec.records import record
+from lab3_usd.spec.scene_spec import SCENE_FILE, Number3, check_scene
+from lab3_usd.spec.yaml_file import read_yaml
 
 STARTER_FILE = "starter.yaml"
-_PRIM_KEYS = (
-    "like",
-    "type",
-    "doc",
-    "apis",
-    "reference",
-    "over",
-    "pose",
-    "set",
-    "targets",
-    "children",
-)
-_POSE_KEYS = ("translate", "rotate", "scale")
-
-Number3 = tuple[float, float, float]
+_Data = dict[str, Any]
 
 
-class PoseSpec(Struct, frozen=True):
+class PoseSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """Where a prim stands in its parent: metres, degrees about X then Y then Z, factors."""
 
     translate: Number3 = (0.0, 0.0, 0.0)
@@ -62,6 +48,33 @@ class PrimSpec(Struct, frozen=True):
     targets: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
 
+class _Prim(Struct, forbid_unknown_fields=True):
+    """A prim as `starter.yaml` writes it."""
+
+    like: str = ""
+    type: str = ""
+    doc: str = ""
+    apis: tuple[str, ...] = ()
+    reference: str = ""
+    over: bool = False
+    pose: PoseSpec | None = None
+    attributes: _Data = field(name="set", default_factory=dict)
+    targets: dict[str, tuple[str, ...]] = {}
+    children: dict[str, _Data] = {}
+
+
+class _Attribute(Struct, forbid_unknown_fields=True):
+    type: str
+    value: Any = None
+
+
+class _StarterFile(Struct, forbid_unknown_fields=True):
+    doc: str
+    default_prim: str
+    kinds: dict[str, _Data]
+    prims: dict[str, _Data]
+
+
 class StarterSpec(Struct, frozen=True):
     """The whole starter; `prims` holds parents before children, in the order of the file."""
 
@@ -82,13 +95,13 @@ def load_starter_spec(folder: Path) -> StarterSpec:
     Raises:
         SpecError: a file cannot be read, or says something that no prim can be made of.
     """
-    starter, scene = read_yaml(folder / STARTER_FILE), read_yaml(folder / SCENE_FILE)
+    starter = record(read_yaml(folder / STARTER_FILE), _StarterFile, STARTER_FILE)
+    scene = read_yaml(folder / SCENE_FILE)
     check_scene(scene)
-    kinds: dict[str, dict[str, Any]] = {}
-    for name, kind in need(starter, "kinds", dict, STARTER_FILE).items():
+    kinds: dict[str, _Data] = {}
+    for name, kind in starter.kinds.items():
         kinds[name] = _like(kind, kinds, f"{STARTER_FILE}: kind {name}")
-    children = need(starter, "prims", dict, STARTER_FILE)
-    prims = {prim.path: prim for prim in _prims(children, "", kinds)}
+    prims = {prim.path: prim for prim in _prims(starter.prims, "", kinds)}
     for fact in _handout_facts(scene["robot"]):
         if fact.path not in prims:
             message = f"{STARTER_FILE}: {fact.path} is missing, {SCENE_FILE} asks for it"
@@ -96,89 +109,71 @@ def load_starter_spec(folder: Path) -> StarterSpec:
         prims[fact.path] = _with_fact(prims[fact.path], fact)
     stage = scene["stage"]
     return StarterSpec(
-        doc=need(starter, "doc", str, STARTER_FILE),
-        default_prim=need(starter, "default_prim", str, STARTER_FILE),
-        up_axis=need(stage, "up_axis", str, SCENE_FILE),
-        meters_per_unit=need(stage, "meters_per_unit", float, SCENE_FILE),
-        kilograms_per_unit=need(stage, "kilograms_per_unit", float, SCENE_FILE),
+        doc=starter.doc,
+        default_prim=starter.default_prim,
+        up_axis=stage["up_axis"],
+        meters_per_unit=stage["meters_per_unit"],
+        kilograms_per_unit=stage["kilograms_per_unit"],
         prims=tuple(prims.values()),
     )
 
 
-def _like(item: Any, kinds: Mapping[str, dict[str, Any]], where: str) -> dict[str, Any]:  # noqa: ANN401
+def _like(item: _Data, kinds: Mapping[str, _Data], where: str) -> _Data:
     """Complete a prim with the kind it is like; kinds can only be like kinds above them."""
-    known_keys(expect(item, dict, where), _PRIM_KEYS, where)
-    if "like" not in item:
-        return dict(item)
-    name = need(item, "like", str, where)
-    if name not in kinds:
-        message = f"{where}: is like '{name}', which is no kind above it"
+    said = record(item, _Prim, where)
+    if not said.like:
+        return item
+    if said.like not in kinds:
+        message = f"{where}: is like '{said.like}', which is no kind above it"
         raise SpecError(message)
-    whole = {**kinds[name], **item}
-    whole["set"] = {**kinds[name].get("set", {}), **item.get("set", {})}
+    kind = kinds[said.like]
+    whole = {**kind, **item, "set": kind.get("set", {}) | said.attributes}
     del whole["like"]
     return whole
 
 
 def _prims(
-    children: Mapping[str, Any], parent: str, kinds: Mapping[str, dict[str, Any]]
+    children: Mapping[str, _Data], parent: str, kinds: Mapping[str, _Data]
 ) -> Iterator[PrimSpec]:
-    for name, value in children.items():
+    for name, item in children.items():
         path = f"{parent}/{name}"
         where = f"{STARTER_FILE}: {path}"
-        item = _like(value, kinds, where)
-        yield _prim(item, path, where)
-        yield from _prims(expect(item.get("children", {}), dict, where), path, kinds)
+        prim = record(_like(item, kinds, where), _Prim, where)
+        if not prim.type and not prim.over:
+            message = f"{where}: 'type' is missing"
+            raise SpecError(message)
+        yield PrimSpec(
+            path=path,
+            type="" if prim.over else prim.type,
+            doc=prim.doc,
+            apis=prim.apis,
+            reference=prim.reference,
+            over=prim.over,
+            pose=prim.pose,
+            attributes=tuple(_attributes(prim.attributes, f"{where}: set")),
+            targets=tuple(prim.targets.items()),
+        )
+        yield from _prims(prim.children, path, kinds)
 
 
-def _prim(item: Mapping[str, Any], path: str, where: str) -> PrimSpec:
-    over = expect(item.get("over", False), bool, f"{where}: over")
-    targets = expect(item.get("targets", {}), dict, f"{where}: targets")
-    return PrimSpec(
-        path=path,
-        type="" if over else need(item, "type", str, where),
-        doc=expect(item.get("doc", ""), str, f"{where}: doc"),
-        apis=_texts(item.get("apis", []), f"{where}: apis"),
-        reference=expect(item.get("reference", ""), str, f"{where}: reference"),
-        over=over,
-        pose=_pose(item["pose"], f"{where}: pose") if "pose" in item else None,
-        attributes=tuple(_attributes(item.get("set", {}), f"{where}: set")),
-        targets=tuple(
-            (name, _texts(paths, f"{where}: targets: {name}")) for name, paths in targets.items()
-        ),
-    )
-
-
-def _texts(value: Any, where: str) -> tuple[str, ...]:  # noqa: ANN401
-    return tuple(expect(item, str, where) for item in expect(value, list, where))
-
-
-def _pose(value: Any, where: str) -> PoseSpec:  # noqa: ANN401
-    pose = expect(value, dict, where)
-    known_keys(pose, _POSE_KEYS, where)
-    numbers: dict[str, Any] = {key: typed(pose[key], "double3", f"{where}: {key}") for key in pose}
-    return PoseSpec(**numbers)
-
-
-def _attributes(value: Any, where: str) -> Iterator[AttributeSpec]:  # noqa: ANN401
-    for name, setting in expect(value, dict, where).items():
-        if isinstance(setting, dict):
-            at = f"{where}: {name}"
-            known_keys(setting, ("type", "value"), at)
-            yield AttributeSpec(name, setting.get("value"), need(setting, "type", str, at))
+def _attributes(values: _Data, where: str) -> Iterator[AttributeSpec]:
+    for name, value in values.items():
+        if isinstance(value, dict):
+            said = record(value, _Attribute, f"{where}: {name}")
+            yield AttributeSpec(name, said.value, said.type)
         else:
-            yield AttributeSpec(name, setting)
+            yield AttributeSpec(name, value)
 
 
 def _handout_facts(robot: Mapping[str, Any]) -> Iterator[PrimSpec]:
     """Yield the prims of the robot with no more than the handout says of them."""
     root = robot["path"]
-    yield PrimSpec(root, pose=_pose({key: robot["pose"][key] for key in _POSE_KEYS}, SCENE_FILE))
+    pose = {each.name: robot["pose"][each.name] for each in fields(PoseSpec)}
+    yield PrimSpec(root, pose=record(pose, PoseSpec, SCENE_FILE))
     for name, link in robot["links"].items():
-        offset = {"translate": link["offset"]} if "offset" in link else None
         yield PrimSpec(
             f"{root}/{name}",
-            pose=None if offset is None else _pose(offset, f"{SCENE_FILE}: {name}: offset"),
+            pose=PoseSpec(tuple(link["offset"])) if "offset" in link else None,
             attributes=(AttributeSpec("physics:mass", link["mass"]),) if "mass" in link else (),
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -129,75 +129,3 @@ def _describe(error: Exception) -> str:
     mark = getattr(error, "problem_mark", None)
     problem = getattr(error, "problem", None) or "is not YAML text"
     return f"line {mark.line + 1}: {problem}" if mark is not None else str(problem)
-
-
-def need(data: Mapping[str, Any], key: str, kind: type | tuple[type, ...], where: str) -> Any:  # noqa: ANN401
-    """Return `data[key]`, which must be of `kind`.
-
-    Raises:
-        SpecError: the key is missing or holds something else; `where` opens the message.
-    """
-    if key not in data:
-        message = f"{where}: '{key}' is missing"
-        raise SpecError(message)
-    return expect(data[key], kind, f"{where}: '{key}'")
-
-
-def expect(value: Any, kind: type | tuple[type, ...], where: str) -> Any:  # noqa: ANN401
-    """Return `value` when it is of `kind`, which is how every wrong shape is refused."""
-    wrong_bool = isinstance(value, bool) and kind in {int, float, (int, float)}
-    if isinstance(value, kind) and not wrong_bool:
-        return value
-    kinds = kind if isinstance(kind, tuple) else (kind,)
-    names = " or ".join(_KINDS.get(each, each.__name__) for each in kinds)
-    quotes = "; put it in quotes" if kind is str and not isinstance(value, _NO_TEXT) else ""
-    message = f"{where} is {_SHOWN.repr(value)}, expected {names}{quotes}"
-    raise SpecError(message)
-
-
-def texts(
-    data: Mapping[str, Any], key: str, where: str, *, optional: bool = False
-) -> tuple[str, ...]:
-    """Return the list of texts at `key`; empty where it is optional and not given.
-
-    Raises:
-        SpecError: it is missing, is no list, or holds something other than text.
-    """
-    if optional and key not in data:
-        return ()
-    place = f"{where}: '{key}': entry"
-    entries = enumerate(need(data, key, list, where), start=1)
-    return tuple(expect(each, str, f"{place} {number}") for number, each in entries)
-
-
-def parts(
-    data: Mapping[str, Any], key: str, kind: type, where: str, *, optional: bool = False
-) -> dict[str, Any]:
-    """Return the mapping at `key`, each value of `kind`; empty where optional and not given.
-
-    Raises:
-        SpecError: it is missing, is no mapping, or a value is of another kind.
-    """
-    if optional and key not in data:
-        return {}
-    found = need(data, key, dict, where)
-    return {name: expect(value, kind, f"{where}: '{key}': {name}") for name, value in found.items()}
-
-
-_NO_TEXT = (dict, list, type(None))
-_KINDS = {
-    dict: "a mapping", list: "a list", str: "text", int: "a whole number", float: "a number",
-    bool: "true or false",
-}  # fmt: skip
-
-
-def known_keys(data: Mapping[str, Any], allowed: tuple[str, ...], where: str) -> None:
-    """Refuse keys that nobody reads: they are slips of the pen.
-
-    Raises:
-        SpecError: names the first unknown key and the known ones.
-    """
-    for key in data:
-        if key not in allowed:
-            message = f"{where}: {key!r} is not known; known are {', '.join(allowed)}"
-            raise SpecError(message)

@@ -10,10 +10,10 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.files import write_whole
+from lab3_usd.spec.scene_spec import Number3
 from lab3_usd.spec.starter_spec import (
     STARTER_FILE,
     AttributeSpec,
-    Number3,
     PoseSpec,
     PrimSpec,
     load_starter_spec,
