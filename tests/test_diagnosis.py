@@ -231,6 +231,13 @@ def test_why_a_node_is_absent_is_said(step: dict[str, Any], reason: str) -> None
     assert len(finding.related) == 1
 
 
+def test_the_asset_that_could_have_brought_a_node_is_named() -> None:
+    stage = broken("01", [{"over": "ROS_Clock/ros2_context"}])
+    stage.GetPrimAtPath("/World/ROS_Clock").GetPayloads().AddPayload("clock.usd")
+    (finding,) = [each for each in judged(stage, "01").findings if each.severity == "error"]
+    assert_words(finding, "ROS2 Context", "an over without a def", "clock.usd")
+
+
 @pytest.mark.parametrize(
     "steps",
     [

@@ -397,3 +397,21 @@ def test_a_lidar_in_the_place_of_the_camera_is_one_mistake() -> None:
     stage = built("05")
     retype(CAMERA, "OmniLidar")(stage)
     assert told(stage, "05") == [("C03", CAMERA, None)]
+
+
+@pytest.mark.parametrize(
+    ("asset", "expected"),
+    [
+        ("https://assets.example/NVIDIA/Example_Rotary.usda", [("L11", LIDAR, None)]),
+        ("Example_Rotary.usd", [("L11", LIDAR, None)]),
+        ("https://assets.example/NVIDIA/Example_Rotary_2D.usda", []),
+        ("SubUSDs/Example_Rotary_2D.usd", []),
+        ("my_lidar.usda", []),
+    ],
+)
+def test_another_lidar_of_the_vendor_is_known_by_its_name(
+    asset: str, expected: list[tuple[str, str, None]]
+) -> None:
+    stage = built("05")
+    refer(LIDAR, asset)(stage)
+    assert [each for each in told(stage, "05") if each[0] != "F02"] == expected

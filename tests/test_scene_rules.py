@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scene_changes import (
     CAMERA,
     FLOOR,
@@ -55,7 +55,7 @@ FAULTS = scene_sabotage()
 LINK_LEFT = f"{ROBOT}/wheel_left_link"
 CHECKPOINTS = tuple(load_lab().checkpoints)
 # Faults that no item of the handout asks for by itself.
-ELSEWHERE = {"F02", "F03", "S16", "S22", "C08", "C10", "F04", "L10", "S30"}
+ELSEWHERE = {"F02", "F03", "S16", "S22", "C08", "C10", "F04", "L10", "L11", "S30"}
 
 
 def errors(found: list[Finding]) -> list[Finding]:
@@ -711,3 +711,21 @@ def test_a_wheel_of_another_size_is_told_once_although_it_reaches_into_the_groun
     stage = built("05")
     put(LINK_LEFT, SCALE, Gf.Vec3d(2, 2, 2))(stage)
     assert told(stage, "05") == [("S24", LINK_LEFT, SCALE)]
+
+
+@pytest.mark.parametrize("joint", ["scan_joint", "base_joint"])
+def test_a_joint_that_is_switched_off_is_named_where_a_link_is_loose(joint: str) -> None:
+    stage = built("05")
+    prim = stage.GetPrimAtPath(f"{ROBOT}/joints/{joint}")
+    UsdPhysics.Joint(prim).CreateJointEnabledAttr(defaultValue=False)
+    (found,) = [each for each in findings_of(stage, "05") if each.rule == "S12"]
+    assert found.related == (str(prim.GetPath()),)
+    assert "switched off" in found.message
+    assert "Joint Enabled" in (found.hint or "")
+
+
+def test_a_joint_that_is_gone_is_not_said_to_be_switched_off() -> None:
+    stage = built("05")
+    remove(f"{ROBOT}/joints/scan_joint")(stage)
+    (found,) = [each for each in findings_of(stage, "05") if each.rule == "S12"]
+    assert (found.related, "switched off" in found.message) == ((), False)

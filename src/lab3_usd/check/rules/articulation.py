@@ -92,8 +92,13 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
         path = f"{robot['path']}/{name}"
         if path in present and name not in wheels and groups[path] not in told:
             told.append(groups[path])
-            message = f"no joint ties {name} to {robot['base_frame']}"
-            yield Problem(path, message, None, base, None, robot["links"][name]["handout"])
+            message, hint = f"no joint ties {name} to {robot['base_frame']}", None
+            off = _switched_off(subject, path)
+            if off:
+                message += f": {off[0]} is switched off"
+                hint = f"select {off[0]} and set Joint Enabled in the Property panel"
+            handout = robot["links"][name]["handout"]
+            yield Problem(path, message, None, base, None, handout, off, hint=hint)
 
 
 @rule("S21", "held-by-the-world", scope="stage")
@@ -156,6 +161,13 @@ def _is_on_robot(body: str, subject: StageSubject) -> bool:
 
 def _held_bodies(subject: StageSubject) -> list[str]:
     return [bodies(joint)[side] for joint, side in _holds(subject)]
+
+
+def _switched_off(subject: StageSubject, link: str) -> tuple[str, ...]:
+    """Return the joints of the scene that would tie a link and are switched off."""
+    found = subject.stage.of_type(is_joint_type)
+    off = (prim for prim in found if prim.present and is_switched_off(prim, JOINT_ENABLED))
+    return tuple(prim.path for prim in off if any(is_at_or_below(b, link) for b in bodies(prim)))
 
 
 def _let_go(subject: StageSubject, links: list[str]) -> list[str]:

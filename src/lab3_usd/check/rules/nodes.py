@@ -65,7 +65,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
     absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.catalog)
     for spec in _missing(subject.spec, subject.roles):
         there = absent.get(spec.role)
-        why = "" if there is None else f": {there.path} is {there.reason}"
+        why = "" if there is None else f": {there.path} is {there.reason}{_below(there, subject)}"
         spared = without_node(subject, spec.role)
         yield Problem(
             prim="" if graph is None else graph.path,
@@ -75,6 +75,12 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
             related=() if there is None else (there.path,),
             hint=_way_back(subject, spec, there),
         )
+
+
+def _below(there: Absent, subject: GraphSubject) -> str:
+    """Say which asset could have brought the node that only an over is left of."""
+    missing = subject.stage.unresolved_above(there.path) if there.reason == OVER else None
+    return "" if missing is None else f", and {missing.asset} below it cannot be found"
 
 
 def _way_back(subject: GraphSubject, spec: NodeSpec, there: Absent | None) -> str:

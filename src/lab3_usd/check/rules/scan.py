@@ -151,3 +151,35 @@ def _changed(prim: Prim, spec: Mapping[str, Any]) -> Iterator[_Fault]:
             expected = shown(kept["value"])
             message = f"{name} is {shown(actual)}, expected {expected}; {kept['otherwise']}"
             yield name, message, expected
+
+
+@rule("L11", "lidar-asset", scope="stage", severity="warning")
+def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
+    """The lidar refers to another of the vendor's lidars than the handout's.
+
+    Why: the menu lists lidars with alike names. Another one looks up and down as well, or turns
+    otherwise, so that `/scan` is silent or holds no flat turn. What the asset holds cannot be seen
+    from here; its name can.
+
+    Fix: delete the lidar and make it with Create > Sensors > RTX Lidar > NVIDIA > Example Rotary
+    2D.
+
+    Example: a reference to `Example_Rotary.usda`, made with Example Rotary instead of Example
+    Rotary 2D.
+    """
+    found = _lidar(subject)
+    if found is None:
+        return
+    place, prim = found
+    spec = subject.lab.scene[SENSOR]
+    others = {*subject.lab.scene["forbidden"][SENSOR]["names"]} - {_stem(spec["asset_suffix"])}
+    for missing in subject.stage.unresolved:
+        if missing.prim == prim.path and _stem(missing.asset) in others:
+            is_, expected = _stem(missing.asset), _stem(spec["asset_suffix"])
+            message = f"the lidar is made of {is_}, expected {expected}"
+            yield Problem(prim.path, message, None, expected, is_, spec["handout"], place.related)
+
+
+def _stem(asset: str) -> str:
+    """Return the name of an asset's file without its ending."""
+    return asset.rpartition("/")[2].partition(".")[0]
