@@ -183,3 +183,30 @@ def test_a_rule_like_no_other_points_to_the_list() -> None:
     result = lab3("rule", "zzzzzz")
     assert result.exit_code == cli.EXIT_USAGE
     assert "lab3 rules" in result.stderr
+
+
+def left(code: str) -> tuple[int, str]:
+    """Run a program that ends by leaving the command line: its exit status, and what it printed."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; from lab3_usd import cli\n{code}\ncli.run()"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    return done.returncode, done.stdout
+
+
+@pytest.mark.parametrize("status", [0, 1, 3])
+def test_leaving_at_once_loses_neither_status_nor_output(status: int) -> None:
+    code = f"cli.main = lambda: (print('x' * 100_000, end=''), sys.exit({status}))"
+    assert left(code) == (status, "x" * 100_000)
+
+
+def test_threads_that_are_left_are_waited_for() -> None:
+    code = (
+        "import threading, time\n"
+        "late = threading.Thread(target=lambda: (time.sleep(0.2), print('done')))\n"
+        "cli.main = late.start"
+    )
+    assert left(code) == (0, "done\n")

@@ -1,6 +1,6 @@
 """`python -m lab3_usd`: the same command as `lab3`."""
 
-from lab3_usd.cli import main
+from lab3_usd.cli import run
 
 if __name__ == "__main__":
-    main()
+    run()

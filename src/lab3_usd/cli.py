@@ -92,6 +92,28 @@ def lab3() -> None:
     """Author and check the USD stages of the TurtleBot 3 lab, without Isaac Sim."""
 
 
+def run() -> NoReturn:
+    """Run the command line, and leave at once: nobody needs usd-core and Python taken down.
+
+    Where threads are left, they are waited for as ever.
+    """
+    status: object = 0
+    try:
+        main()
+    except SystemExit as leaving:
+        status = leaving.code
+    try:
+        sys.stdout.flush()
+    except OSError:  # the reader has gone, or the disk is full: it cannot be said any more
+        _close_output()
+        status = status or EXIT_CRASH
+    threading = sys.modules.get("threading")
+    if not isinstance(status, int) or (threading is not None and threading.active_count() > 1):
+        sys.exit(status if isinstance(status, (int, str)) else None)
+    sys.stderr.flush()
+    os._exit(status)
+
+
 def main() -> None:
     """Run the command line; a wrong call is one line on stderr and exit status 2.
 
