@@ -293,7 +293,7 @@ def test_the_lidars_own_figures_agree_with_each_other(layer: Sdf.Layer) -> None:
     value = {each.name.rpartition(":")[2]: each.default for each in prim.attributes}
     assert value["tickRate"] == value["scanRateBaseHz"]
     assert value["patternFiringRateHz"] % value["scanRateBaseHz"] == 0
-    assert 0 < value["nearRangeM"] < value["farRangeM"]
+    assert 0 < value["minDistBetweenEchosM"] < value["nearRangeM"] < value["farRangeM"]
     emitter = ("azimuthDeg", "elevationDeg", "channelId", "fireTimeNs")
     assert {len(value[name]) for name in emitter} == {value["numberOfEmitters"]}
     assert list(value["channelId"]) == [1]
