@@ -54,9 +54,10 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
 
 
 def _falls(subject: StageSubject, ground: Prim, body: Prim) -> Problem:
+    falls = f"falls with {body.name}, which is" if body != ground else "falls as"
     return Problem(
         body.path,
-        f"the ground does not carry the robot: {ground.name} falls with the rigid body {body.name}",
+        f"the ground does not carry the robot: {ground.name} {falls} a rigid body",
         BODY_ENABLED,
         "no rigid body",
         BODY_API,
