@@ -123,6 +123,13 @@ MOVES: dict[str, tuple[Edit, str]] = {
         with_api("/Environment/Walls", "PhysicsRigidBodyAPI"),
         "/Environment/Walls",
     ),
+    "a root that is held": (
+        both(
+            with_api(ROBOT, "PhysicsRigidBodyAPI"),
+            switch(ROBOT, "physics:kinematicEnabled", on=True),
+        ),
+        ROBOT,
+    ),
     "a wall that could be kinematic": (
         both(with_api(WALL, "PhysicsRigidBodyAPI"), switch(WALL, "physics:kinematicEnabled")),
         WALL,
