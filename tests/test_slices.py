@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.errors import UsageError
 from lab3_usd.stage import slices
@@ -318,3 +318,12 @@ def test_faces_of_a_mesh_that_the_cut_misses_are_not_looked_at(
     found = cut(stage, height)
     assert seen == (["/Thing"] if is_looked_at else [])
     assert bool(found.segments) == is_looked_at
+
+
+def test_a_mesh_that_stands_nowhere_is_named(stage: Usd.Stage) -> None:
+    prim = mesh(stage, [(0, 0, -1), (1, 0, 1), (0, 1, -1)], [[0, 1, 2]])
+    broken = Sdf.ValueTypeNames.String
+    prim.CreateAttribute("xformOp:translate", broken).Set("here")
+    UsdGeom.Xformable(prim).GetXformOpOrderAttr().Set(["xformOp:translate"])
+    found = cut(stage)
+    assert found.not_cut == ("/Thing",)

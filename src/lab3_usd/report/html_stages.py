@@ -10,7 +10,7 @@ from lab3_usd.check.finding import StageResult
 from lab3_usd.check.frames import hidden_frames, published_edges, unknown_publishers
 from lab3_usd.check.model import StageModel
 from lab3_usd.check.topics import endpoints
-from lab3_usd.errors import Lab3Error
+from lab3_usd.errors import Lab3Error, StageError
 from lab3_usd.report.picture_model import Picture
 from lab3_usd.report.stage_pictures import stage_pictures
 from lab3_usd.report.topic_table import TopicReport, cells
@@ -28,13 +28,21 @@ class Seen(Struct, frozen=True):
 
 def look(result: StageResult, lab: Lab) -> Seen | None:
     """Return what the stage of a result holds, None where it cannot be read."""
+    model = _read(result, lab)
+    try:
+        return None if model is None else _seen(result, model, lab)
+    except StageError:  # it is damaged where no rule has looked
+        return None
+
+
+def _read(result: StageResult, lab: Lab) -> StageModel | None:
     if result.verdict == "unreadable":
         return None
     from lab3_usd.stage.reader import read_stage  # noqa: PLC0415 - pxr, only for pages
 
     try:
-        return _seen(result, read_stage(Path(result.path), lab), lab)
-    except (Lab3Error, OSError):
+        return read_stage(Path(result.path), lab)
+    except (Lab3Error, OSError, ValueError):
         return None
 
 

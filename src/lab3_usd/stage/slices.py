@@ -59,13 +59,11 @@ def slice_stage(stage: Usd.Stage, cut: CutAt) -> StageSlice:
     not_cut: list[str] = []
     for prim in _colliders(stage, cut.robot):
         for shape in _shapes(prim):
-            if _misses(shape, cache, to_metres, height):
-                continue
-            found = _shape_at(shape, cache)
+            found = _shape_at(shape, cache, to_metres, height)
             if found is None:
                 not_cut.append(str(shape.GetPath()))
                 continue
-            segments.extend(_cut_faces(found[0], found[1] * to_metres, height))
+            segments.extend(_cut_faces(found[0], found[1], height))
     return StageSlice(
         height=height,
         robot=_position(robot, to_metres)[:2] if robot else None,
@@ -75,24 +73,27 @@ def slice_stage(stage: Usd.Stage, cut: CutAt) -> StageSlice:
     )
 
 
-def _shape_at(shape: Usd.Prim, cache: UsdGeom.XformCache) -> tuple[Faces, Gf.Matrix4d] | None:
-    """Return a shape and where it stands; None where what is written there tells neither."""
+def _shape_at(
+    shape: Usd.Prim, cache: UsdGeom.XformCache, to_metres: Gf.Matrix4d, height: float
+) -> tuple[Faces, Gf.Matrix4d] | None:
+    """Return the faces of a shape that may be cut, and where they stand in metres.
+
+    None where what is written there tells neither.
+    """
     try:
-        faces = faces_of(shape)
-        return None if faces is None else (faces, cache.GetLocalToWorldTransform(shape))
+        matrix = cache.GetLocalToWorldTransform(shape) * to_metres
+        faces = Faces((), ()) if _misses(shape, matrix, height) else faces_of(shape)
     except (Tf.ErrorException, TypeError, ValueError):
         return None
+    return None if faces is None else (faces, matrix)
 
 
-def _misses(
-    shape: Usd.Prim, cache: UsdGeom.XformCache, to_metres: Gf.Matrix4d, height: float
-) -> bool:
+def _misses(shape: Usd.Prim, matrix: Gf.Matrix4d, height: float) -> bool:
     """Whether a mesh lies above or below the cut: then none of its faces need be looked at."""
     mesh = UsdGeom.Mesh(shape)
     points = mesh.GetPointsAttr().Get() if mesh else None
     if not isinstance(points, Vt.Vec3fArray) or not points:
         return False
-    matrix = cache.GetLocalToWorldTransform(shape) * to_metres
     low, high = UsdGeom.Boundable.ComputeExtentFromPlugins(mesh, Usd.TimeCode.Default(), matrix)
     return bool(low[2] > height + _ROUNDING or high[2] < height - _ROUNDING)
 
