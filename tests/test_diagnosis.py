@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from breaking import broken, judged, place
+from pxr import Sdf
 
 from lab3_usd.check.checker import ordered
 from lab3_usd.check.finding import Finding
@@ -465,3 +466,58 @@ def test_a_twin_may_take_the_place_of_a_source_but_not_stand_beside_it() -> None
 def test_helpers_that_keep_their_stamps_as_the_clock_does_are_right() -> None:
     helper = "ROS_Lidar2D/ros2_rtx_lidar_helper"
     assert told({"set": [f"{helper}.inputs:resetSimulationTimeOnStop", False]}) == ()
+
+
+def test_a_value_from_the_input_of_another_node_is_wrong_and_no_leftover() -> None:
+    helper, odometry = "ROS_Lidar2D/ros2_rtx_lidar_helper", "ROS_OdomTF/ros2_publish_odometry"
+    wire = [f"{helper}.inputs:topicName", f"{odometry}.inputs:topicName"]
+    found = told({"connect": wire})
+    assert [(each.rule, each.property) for each in found] == [("P01", "inputs:topicName")]
+    assert "delete the wire" in (found[0].hint or "")
+
+
+def test_a_signal_from_an_input_is_none() -> None:
+    tick = "ROS_Clock/ros2_publish_clock.inputs:execIn"
+    other = "ROS_OdomTF/ros2_publish_odometry.inputs:execIn"
+    assert [each.rule for each in told({"connect": [tick, other]})] == ["W03"]
+
+
+def test_a_limit_that_comes_by_a_wire_is_one_finding_that_says_so() -> None:
+    limit = "ROS_Drive/differential_controller.inputs:maxAcceleration"
+    radius = "ROS_Drive/differential_controller.inputs:wheelRadius"
+    found = told({"connect": [limit, radius]})
+    assert [each.rule for each in found] == ["P11"]
+    assert "delete the wire" in (found[0].hint or "")
+
+
+def test_a_target_that_is_not_there_is_told_with_the_frame_that_it_costs() -> None:
+    stage = broken("05", [])
+    node = stage.GetPrimAtPath(place("ROS_OdomTF/isaac_compute_transform_tree"))
+    targets = node.GetRelationship("inputs:targetPrims")
+    kept = targets.GetTargets()
+    robot = kept[0].GetParentPath()
+    for listed, rules in (
+        ([robot.AppendChild("base"), *kept[1:]], ["T01"]),
+        ([robot.AppendChild("base"), *kept], ["R03"]),
+    ):
+        targets.SetTargets(listed)
+        found = [each for each in judged(stage, "05").findings if each.severity != "note"]
+        assert [each.rule for each in found] == rules
+
+
+@pytest.mark.parametrize("is_extra", [True, False])
+def test_a_node_that_should_go_is_not_told_to_have_another_frame(is_extra: bool) -> None:  # noqa: FBT001
+    stage = broken("05", [{"define": ["/World/Imu", "OmniGraph"]}])
+    home = place("ROS_Clock") if is_extra else "/World/Imu"
+    tick = f"{home}/on_playback_tick"
+    if not is_extra:
+        Sdf.CopySpec(
+            stage.GetRootLayer(), place("ROS_Clock/on_playback_tick"), stage.GetRootLayer(), tick
+        )
+    imu = stage.DefinePrim(f"{home}/imu", "OmniGraphNode")
+    kind = "isaacsim.ros2.bridge.ROS2PublishImu"
+    imu.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set(kind)
+    exec_in = imu.CreateAttribute("inputs:execIn", Sdf.ValueTypeNames.UInt)
+    exec_in.SetConnections([f"{tick}.outputs:tick"])
+    found = [each for each in judged(stage, "05").findings if each.prim == f"{home}/imu"]
+    assert [each.rule for each in found] == (["N02"] if is_extra else ["T11"])

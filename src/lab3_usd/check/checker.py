@@ -43,6 +43,8 @@ GRAPH_FAMILIES = ("G", "N", "P", "R", "W")
 STAGE_FAMILIES = ("F", "S", "L", "C", "T", "Q", "G", "N", "P")  # which have rules of both scopes
 UNREADABLE = "F01"
 EXTRA_NODE = "N02"
+# Which rule says more of a prim, or of its property, than each of these does.
+SAYS_MORE = {"R03": "T01", "T11": EXTRA_NODE}
 
 
 def checkpoint_of(name: str, lab: Lab) -> str | None:
@@ -145,9 +147,21 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
 
 
 def _one_story_each(told: list[Finding]) -> list[Finding]:
-    """Leave out that a node is not asked for where an error says what harm it does."""
+    """Leave out what another finding says better.
+
+    That a node is not asked for goes where an error says what harm it does, and the frame id of
+    one that should be deleted goes.
+    """
     harmful = {each.prim for each in told if each.severity == "error"}
-    return [each for each in told if each.rule != EXTRA_NODE or each.prim not in harmful]
+    left = [each for each in told if each.rule != EXTRA_NODE or each.prim not in harmful]
+    sites = {(each.rule, each.prim, each.property) for each in left}
+    return [
+        each
+        for each in left
+        if not any(
+            (SAYS_MORE.get(each.rule), each.prim, name) in sites for name in (each.property, None)
+        )
+    ]
 
 
 class _Run(Struct, frozen=True):

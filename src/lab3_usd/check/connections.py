@@ -6,17 +6,23 @@ from collections.abc import Mapping
 
 from lab3_usd.check.model import Node
 from lab3_usd.check.subject import Roles
+from lab3_usd.spec.catalog import INPUT
 from lab3_usd.spec.compatible import compatible
 
 
 def is_live(live: Mapping[str, Node], source: str) -> bool:
-    """Whether a connection's source is a port that exists on a live node."""
+    """Whether a connection's source is a port that exists on a live node.
+
+    A wire from another node's input brings the value there, but no signal.
+    """
     path, _, port = source.rpartition(".")
     node = live.get(path)
     if node is None or not node.has_port(port):
         return False
     known = None if node.type is None else node.type.port(port)
-    return known is None or known.is_source
+    if known is None or known.is_source:
+        return True
+    return port.startswith(INPUT) and not known.is_execution and not known.is_target
 
 
 def types_fit(live: Mapping[str, Node], node: Node, port: str, source: str) -> bool:

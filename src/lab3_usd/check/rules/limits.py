@@ -9,7 +9,7 @@ from lab3_usd.check.met import setting_value
 from lab3_usd.check.model import Node
 from lab3_usd.check.physics import number
 from lab3_usd.check.registry import rule
-from lab3_usd.check.say import shown, titled
+from lab3_usd.check.say import short_source, shown, titled
 from lab3_usd.check.subject import GraphSubject
 from lab3_usd.spec.catalog import Value
 
@@ -31,7 +31,9 @@ def limit_without_time_step(subject: GraphSubject) -> Iterator[Problem]:
             if node is not None:
                 step = spec.type.time_step[0]
                 message = f"{port} is {shown(value)} while {step} is 0: the robot never moves"
-                hint = f"select {titled(spec)} and set {port.partition(':')[2]} to 0"
+                wires = ", ".join(map(short_source, node.sources(port)))
+                first = f"delete the wire from {wires}, then " if wires else ""
+                hint = f"{first}select {titled(spec)} and set {port.partition(':')[2]} to 0"
                 section = dict(spec.keep).get(port, spec.handout)
                 yield Problem(node.path, message, port, "0", shown(value), section, hint=hint)
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from lab3_usd.check.all_the_same import without_wire
 from lab3_usd.check.finding import Problem
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.limits import stopping_limits
 from lab3_usd.check.rules.settings import settings_of
 from lab3_usd.check.running import is_opened_first, signals_once
 from lab3_usd.check.say import short_source, title_of
@@ -150,6 +151,8 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
     """
     # A wire that makes a value wrong, or reaches what must keep its default, is told as that.
     told = {(each.node.path, each.setting.port) for each in settings_of(subject) if not each.met}
+    players = [node for node in subject.roles.node_of.values() if node is not None]
+    told |= {(n.path, port) for n in players for port, _ in stopping_limits(subject.live, n)}
     kept = subject.lab.policy.keep_default
     for fault in _faults(subject, "unasked"):
         if (fault.node.path, fault.port) not in told and fault.port.partition(":")[2] not in kept:
