@@ -146,10 +146,12 @@ def test_a_worker_serves_tasks_until_there_are_no_more(
     }
     jane = message_of(Task("jane", "jane", (Source(submission(tmp_path / "jane", "00")),)))
     answers = io.BytesIO()
-    worker._serve(settings, io.BytesIO(json.dumps(jane).encode() + b"\n"), answers)
+    line = json.dumps({**jane, "turn": 7}).encode() + b"\n"
+    worker._serve(settings, io.BytesIO(line), answers)
     said = [json.loads(line) for line in answers.getvalue().splitlines()]
-    assert [next(iter(line)) for line in said] == ["ready", "open", "open", "done"]
-    assert said[1:3] == [{"open": ""}, {"open": f"work/{stage('00').name}"}]
+    assert [list(line)[-1] for line in said] == ["peak", "open", "open", "done"]
+    assert [line.get("turn") for line in said] == [None, 7, 7, 7]
+    assert [line["open"] for line in said[1:3]] == ["", f"work/{stage('00').name}"]
     assert said[3]["done"]["verdicts"] == {"00": "pass"}
     assert list((tmp_path / "scratch").iterdir()) == []
 
@@ -167,7 +169,7 @@ def test_an_answer_that_would_be_too_long_is_a_status(
         "readable": [],
     }
     answers = io.BytesIO()
-    worker._serve(settings, io.BytesIO(b"{}\n"), answers)
+    worker._serve(settings, io.BytesIO(b'{"turn": 7}\n'), answers)
     done = json.loads(answers.getvalue().splitlines()[-1])["done"]
     assert status_of(done["failed"]) == "too large"
 

@@ -39,12 +39,13 @@ from lab3_usd.grade.worker_process import (
 ODD = """
 import json, os, resource, signal, sys, time
 sys.stdin.readline()
-say = lambda message: print(json.dumps(message), flush=True)
+turn = 0
+say = lambda message: print(json.dumps({"turn": turn, **message}), flush=True)
 most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 say({"ready": {}, "peak": most if sys.platform == "darwin" else most * 1024})
 for line in sys.stdin:
     task = json.loads(line)
-    student, broken = task["student"], task["broken"]
+    student, broken, turn = task["student"], task["broken"], task["turn"]
     say({"open": "first.usda"})
     if student.startswith("well") or "second.usda" in broken:
         say({"done": {"status": "graded", "by": os.getpid(), "broken": broken}})
@@ -68,7 +69,7 @@ for line in sys.stdin:
     if student == "nonsense":
         print("nonsense", flush=True)
     if student == "list":
-        say([1])
+        print("[1]", flush=True)
     if student == "grows":
         say({"done": {"died": "ran out of memory"}})
     if student == "endless":
@@ -78,7 +79,7 @@ for line in sys.stdin:
     while student == "writes":
         os.write(1, b"x" * 65536)
     while student == "lines":
-        os.write(1, b'{"open": "second.usda"}\\n' * 1000)
+        os.write(1, b'{"turn": %d, "open": "second.usda"}\\n' % turn * 1000)
     while student == "busy":
         say({"open": "second.usda"})
         time.sleep(0.1)

@@ -191,7 +191,7 @@ def test_a_number_beyond_all_others_is_a_wrong_value_and_said_in_short() -> None
     said = judged(
         with_value(MAP_TEXT, HUGE, 2), re.sub(r"(max_vel_x: ).*", rf"\g<1>{HUGE}", PARAMS)
     )
-    assert max(len(message) for message in said["M06"] + said["V07"]) < 400
+    assert max(len(message) for message in said["M06"] + said["V11"]) < 400
 
 
 def test_seconds_that_are_no_number_are_no_crash() -> None:

@@ -54,7 +54,8 @@ def _serve(settings: Json, tasks: BinaryIO, answers: BinaryIO) -> None:
     def say(message: Json) -> None:
         line = json.dumps(message).encode() + b"\n"
         if len(line) > limits.answer_size // 2:  # what was said of progress counts too
-            line = json.dumps({"done": {"failed": _TOO_LONG}}).encode() + b"\n"
+            short = {"turn": message.get("turn"), "done": {"failed": _TOO_LONG}}
+            line = json.dumps(short).encode() + b"\n"
         answers.write(line)
         answers.flush()
 
@@ -67,8 +68,14 @@ def _serve(settings: Json, tasks: BinaryIO, answers: BinaryIO) -> None:
     given_up["files"] = fence_files([Path(each) for each in readable], [scratch, Path(os.devnull)])
     say({"ready": given_up, "peak": _most_memory()})
     for line in tasks:
-        say({"open": ""})  # from here on, what ends this process is the task's doing
-        say({"done": answer(course, json.loads(line), scratch, lambda name: say({"open": name}))})
+        message = json.loads(line)
+        turn = {"turn": message["turn"]}
+
+        def announce(name: str, turn: Json = turn) -> None:
+            say({**turn, "open": name})
+
+        announce("")  # from here on, what ends this process is the task's doing
+        say({**turn, "done": answer(course, message, scratch, announce)})
 
 
 def _most_memory() -> int:

@@ -66,7 +66,8 @@ class Worker:
     """A worker process, the folder it may write to, and the lines that it says.
 
     After the last comes None, or why the rest is not read. `said` counts bytes since it was asked,
-    `peak` those of memory when it was ready, as inherited from the process that started it.
+    `turns` its tasks: it numbers what it says by them. `peak` is the memory in bytes that it had
+    when it was ready, as inherited from the process that started it.
     """
 
     process: subprocess.Popen[bytes]
@@ -76,6 +77,7 @@ class Worker:
     tasks: queue.Queue[bytes | None] = field(default_factory=queue.Queue)
     threads: tuple[threading.Thread, ...] = ()
     said: int = 0
+    turns: int = 0
     peak: int = 0
     confined: Mapping[str, bool] = field(default_factory=dict)
 
@@ -176,9 +178,12 @@ def ask(
         turn.next(whole)
         turn.fail(NONSENSE, innocent=True)
     worker.said = 0
-    _send(worker, message)
+    worker.turns += 1
+    _send(worker, {**message, "turn": worker.turns})
     while True:
         said = turn.next(worker.limits.seconds)
+        if said.get("turn") != worker.turns:  # it still speaks of the task before
+            turn.fail(NONSENSE, innocent=True)
         turn.begun = True
         done = said.get("done")
         if isinstance(done, dict):
