@@ -8,8 +8,8 @@ from pathlib import Path
 
 from pxr import Sdf, Usd
 
-from lab3_usd.check.checker import finding_of
 from lab3_usd.check.finding import Finding
+from lab3_usd.check.judged import finding_of
 from lab3_usd.check.model import StageModel
 from lab3_usd.check.registry import Rule, rules_of
 from lab3_usd.check.subject import StageSubject

@@ -14,12 +14,12 @@ from lab3_usd.check.diagnosis import diagnose
 from lab3_usd.check.finding import (
     Crash,
     Finding,
-    Problem,
     Requirement,
     Score,
     StageResult,
     Verdict,
 )
+from lab3_usd.check.judged import finding_of
 from lab3_usd.check.located import located
 from lab3_usd.check.merging import match_all
 from lab3_usd.check.model import Node, StageModel
@@ -192,23 +192,6 @@ def _is_same(one: Finding, other: Finding) -> bool:
     if (one.rule, one.prim, one.property) != (other.rule, other.prim, other.property):
         return False
     return one.message == other.message
-
-
-def finding_of(found: Rule, problem: Problem) -> Finding:
-    """Stamp the rule's id, name and severity on what it yielded."""
-    return Finding(
-        rule=found.id,
-        name=found.name,
-        severity=problem.severity or found.severity,
-        prim=problem.prim or "/",
-        property=problem.property,
-        message=problem.message,
-        expected=problem.expected,
-        actual=problem.actual,
-        handout=problem.handout,
-        hint=problem.hint or found.section("Fix") or None,
-        related=problem.related,
-    )
 
 
 def _graph_subjects(

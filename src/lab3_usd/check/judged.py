@@ -7,9 +7,8 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.check.checker import finding_of
-from lab3_usd.check.finding import Crash, Finding
-from lab3_usd.check.registry import Scope, rules_of
+from lab3_usd.check.finding import Crash, Finding, Problem
+from lab3_usd.check.registry import Rule, Scope, rules_of
 from lab3_usd.errors import StageError
 
 
@@ -44,4 +43,21 @@ def join(judged: Iterable[Judged]) -> Judged:
     return Judged(
         tuple(finding for each in runs for finding in each.findings),
         tuple(crash for each in runs for crash in each.crashes),
+    )
+
+
+def finding_of(found: Rule, problem: Problem) -> Finding:
+    """Stamp the rule's id, name and severity on what it yielded."""
+    return Finding(
+        rule=found.id,
+        name=found.name,
+        severity=problem.severity or found.severity,
+        prim=problem.prim or "/",
+        property=problem.property,
+        message=problem.message,
+        expected=problem.expected,
+        actual=problem.actual,
+        handout=problem.handout,
+        hint=problem.hint or found.section("Fix") or None,
+        related=problem.related,
     )

@@ -12,9 +12,10 @@ from typing import Any
 from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
-from lab3_usd.check.checker import finding_of, ordered
+from lab3_usd.check.checker import ordered
 from lab3_usd.check.finding import Crash, Finding, Report, StageResult, Submission, Verdict
 from lab3_usd.check.folder import FolderResult, FolderSettings, check_folder
+from lab3_usd.check.judged import finding_of
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.check.unchanged import Starter
 from lab3_usd.grade.archives import ArchiveError

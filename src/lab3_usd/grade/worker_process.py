@@ -172,10 +172,9 @@ def ask(
         DiedError: it died, said nothing for too long, took too long altogether, said too much, or
             `stopped` became true.
     """
-    whole = worker.limits.all_seconds if seconds is None else seconds
-    turn = _Turn(worker, whole, stopped)
+    turn = _Turn(worker, worker.limits.all_seconds if seconds is None else seconds, stopped)
     if not worker.lines.empty():  # it ended, or speaks without being asked
-        turn.next(whole)
+        turn.next(turn.whole)
         turn.fail(NONSENSE, innocent=True)
     worker.said = 0
     worker.turns += 1
@@ -208,9 +207,8 @@ class _Turn:
 
     def fail(self, how: str, *, innocent: bool = False) -> NoReturn:
         """Raise what became of the worker; what is wrong before it began is nobody's fault."""
-        seconds = time.monotonic() - self.started
         innocent = innocent or (not self.begun and how != STOPPED)
-        raise DiedError(how, self.file, innocent=innocent, seconds=seconds)
+        raise DiedError(how, self.file, innocent=innocent, seconds=time.monotonic() - self.started)
 
     def next(self, seconds: float) -> Json:
         """Return what the worker says next, within `seconds` and before time is up."""
@@ -229,7 +227,6 @@ class _Turn:
         if isinstance(line, str):
             self.fail(line)
         if line is None:
-            # What it had when it was ready is inherited from whoever started it.
             memory = max(self.worker.limits.memory // 2, self.worker.peak)
             how, innocent = how_it_ended(self.worker.process, memory)
             self.fail(how, innocent=innocent)

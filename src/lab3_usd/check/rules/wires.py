@@ -10,38 +10,13 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.limits import stopping_limits
 from lab3_usd.check.rules.settings import settings_of
 from lab3_usd.check.running import is_opened_first, signals_once
-from lab3_usd.check.say import short_source, title_of
+from lab3_usd.check.say import short_source
 from lab3_usd.check.subject import GraphSubject
-from lab3_usd.check.wire_fault import WireFault
+from lab3_usd.check.wire_fault import WireFault, connect_hint, source_shown, wire_problem
 
 
 def _faults(subject: GraphSubject, *kinds: str) -> Iterator[WireFault]:
     return (fault for fault in subject.wire_faults if fault.kind in kinds)
-
-
-def _problem(fault: WireFault, message: str, hint: str | None = None) -> Problem:
-    return Problem(
-        prim=fault.node.path,
-        property=fault.port,
-        message=message,
-        expected=fault.expected,
-        actual=fault.actual,
-        handout=None if fault.wire is None else fault.wire.handout,
-        related=() if fault.elsewhere is None else (fault.elsewhere,),
-        hint=hint,
-    )
-
-
-def _source(fault: WireFault) -> str:
-    """Return the source that is there, with its whole path when it stands in another graph."""
-    graph = fault.node.path.rpartition("/")[0]
-    is_here = fault.actual is None or fault.actual.startswith(f"{graph}/")
-    return short_source(fault.actual) if is_here else str(fault.actual)
-
-
-def _connect(fault: WireFault) -> str:
-    port = fault.port.partition(":")[2]
-    return f"drag a wire from {short_source(fault.expected)} to {port} of {title_of(fault.node)}"
 
 
 @rule("W01", "missing-wire", scope="graph")
@@ -61,11 +36,11 @@ def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
         message = f"{fault.port} is not wired, expected {short_source(fault.expected)}"
         if fault.elsewhere is not None:
             message += f"; that wire goes into {short_source(fault.elsewhere)} instead"
-        yield _problem(fault, message + without_wire(subject, fault.wire), _connect(fault))
+        yield wire_problem(fault, message + without_wire(subject, fault.wire), connect_hint(fault))
 
 
 def _explain(fault: WireFault, subject: GraphSubject) -> str:
-    expected, actual = short_source(fault.expected), _source(fault)
+    expected, actual = short_source(fault.expected), source_shown(fault)
     message = f"{fault.port} is wired from {actual}, expected {expected}"
     if fault.kind == "bypass":
         message += f"; the wire goes past {expected.partition('.')[0]}"
@@ -99,7 +74,7 @@ def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
     """
     for fault in _faults(subject, "wrong", "bypass"):
         message = _explain(fault, subject) + without_wire(subject, fault.wire)
-        yield _problem(fault, message, _connect(fault))
+        yield wire_problem(fault, message, connect_hint(fault))
 
 
 @rule("W03", "dead-source", scope="graph")
@@ -116,9 +91,9 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
     Example: `make_array.inputs:input0` wired from `constant_left_joint.outputs:value`.
     """
     for fault in _faults(subject, "dead"):
-        expected, actual = short_source(fault.expected), _source(fault)
+        expected, actual = short_source(fault.expected), source_shown(fault)
         message = f"{fault.port} is wired from {actual}, which does not exist, expected {expected}"
-        yield _problem(fault, message + without_wire(subject, fault.wire), _connect(fault))
+        yield wire_problem(fault, message + without_wire(subject, fault.wire), connect_hint(fault))
 
 
 @rule("W04", "second-source", scope="graph")
@@ -133,9 +108,9 @@ def second_source(subject: GraphSubject) -> Iterator[Problem]:
     Example: `ros2_publish_clock.inputs:timeStamp` fed by two Isaac Read Simulation Time nodes.
     """
     for fault in _faults(subject, "second"):
-        actual = _source(fault)
+        actual = source_shown(fault)
         message = f"{fault.port} is also wired from {actual}, expected one source"
-        yield _problem(fault, message, f"delete the wire from {actual}")
+        yield wire_problem(fault, message, f"delete the wire from {actual}")
 
 
 @rule("W05", "unasked-wire", scope="graph", severity="warning")
@@ -156,8 +131,10 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
     kept = subject.lab.policy.keep_default
     for fault in _faults(subject, "unasked"):
         if (fault.node.path, fault.port) not in told and fault.port.partition(":")[2] not in kept:
-            message = f"{fault.port} is wired from {_source(fault)}, which the handout does not ask"
-            yield _problem(fault, message)
+            message = (
+                f"{fault.port} is wired from {source_shown(fault)}, which the handout does not ask"
+            )
+            yield wire_problem(fault, message)
 
 
 @rule("W06", "swapped-wires", scope="graph")
@@ -175,10 +152,10 @@ def swapped_wires(subject: GraphSubject) -> Iterator[Problem]:
         other = short_source(fault.elsewhere)
         message = (
             f"{fault.port} and {other} are wired the wrong way round: "
-            f"{fault.port} is wired from {_source(fault)}, "
+            f"{fault.port} is wired from {source_shown(fault)}, "
             f"expected {short_source(fault.expected)}"
         )
-        yield _problem(fault, message, f"exchange the two wires at {fault.port} and {other}")
+        yield wire_problem(fault, message, f"exchange the two wires at {fault.port} and {other}")
 
 
 @rule("W07", "cross-graph-wire", scope="graph")
@@ -197,7 +174,7 @@ def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
             f"{fault.port} is wired from {fault.actual}, which is not in this graph, "
             f"expected {short_source(fault.expected)}"
         )
-        yield _problem(fault, message, _connect(fault))
+        yield wire_problem(fault, message, connect_hint(fault))
 
 
 @rule("W08", "execution-cycle", scope="graph")
@@ -212,9 +189,9 @@ def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
     Example: a publisher's execOut wired back to the node that triggers it.
     """
     for fault in _faults(subject, "cycle"):
-        actual = _source(fault)
+        actual = source_shown(fault)
         message = f"{fault.port} is wired from {actual}, which this node itself triggers"
-        yield _problem(fault, message, f"delete the wire from {actual}")
+        yield wire_problem(fault, message, f"delete the wire from {actual}")
 
 
 @rule("W09", "incompatible-wire", scope="graph")
@@ -228,9 +205,9 @@ def incompatible_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: the tick of On Playback Tick wired into a queue size.
     """
     for fault in _faults(subject, "incompatible"):
-        actual = _source(fault)
+        actual = source_shown(fault)
         message = f"{fault.port} cannot take what comes from {actual}"
-        yield _problem(fault, message, f"delete the wire from {actual}")
+        yield wire_problem(fault, message, f"delete the wire from {actual}")
 
 
 @rule("W10", "forbidden-wire", scope="graph")
@@ -245,10 +222,10 @@ def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: `ros2_subscribe_twist.outputs:execOut` into `differential_controller.inputs:execIn`.
     """
     for fault in _faults(subject, "forbidden"):
-        actual = _source(fault)
+        actual = source_shown(fault)
         expected = "" if fault.expected is None else f", expected {short_source(fault.expected)}"
         message = f"{fault.port} is wired from {actual}, which the handout forbids{expected}"
-        yield _problem(fault, message, _connect(fault) if fault.expected else None)
+        yield wire_problem(fault, message, connect_hint(fault) if fault.expected else None)
 
 
 @rule("W11", "leftover-wire", scope="graph", severity="warning")
@@ -263,4 +240,6 @@ def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: a second source `isaac_read_simulation_time_01` of a deleted node.
     """
     for fault in _faults(subject, "leftover"):
-        yield _problem(fault, f"{fault.port} has a leftover wire from {_source(fault)}, now gone")
+        yield wire_problem(
+            fault, f"{fault.port} has a leftover wire from {source_shown(fault)}, now gone"
+        )
