@@ -253,7 +253,7 @@ def test_the_memory_of_whoever_started_a_worker_is_not_its_own(
 ) -> None:
     odd = temporary / "odd.py"
     eats = (
-        '    if student == "eats":\n        x = bytearray(b"x") * (300 << 20)\n        os.abort()\n'
+        '    if student == "eats":\n        x = bytearray(b"x") * (700 << 20)\n        os.abort()\n'
     )
     code = ODD.replace('    if student == "crashes":', eats + '    if student == "crashes":')
     odd.write_text(code.replace("{", "{{").replace("}", "}}"))
