@@ -54,7 +54,7 @@ def ranks(keys: Sequence[str], edges: Sequence[Edge]) -> dict[str, int]:
     left as it can: that keeps wires short.
     """
     following: dict[str, list[str]] = {key: [] for key in keys}
-    sorter = TopologicalSorter[str](dict.fromkeys(keys, ()))
+    sorter: TopologicalSorter[str] = TopologicalSorter(dict.fromkeys(keys, ()))
     for source, target in edges:
         sorter.add(target, source)
         following[source].append(target)
