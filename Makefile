@@ -10,7 +10,7 @@ NO_PYTHON := needs Python 3.10 or newer with the module venv (Debian and Ubuntu:
 	apt install python3-venv), or name one: make PYTHON=/path/to/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint pytest test-all test-pythons test-lowest bench sweep crosscheck fuzz \
+.PHONY: help demo test lint pytest coverage test-all test-pythons test-lowest bench sweep crosscheck fuzz \
 	clean
 
 help:
@@ -18,6 +18,7 @@ help:
 	@echo "make test          set up, then every static check and the test suite"
 	@echo "make test-all      the same, then the suite on every other Python $(SUPPORTED) here"
 	@echo "                   and on the lowest releases the package allows"
+	@echo "make coverage      the test suite, and which lines it reaches"
 	@echo "make bench         measure speed, and grading a class of a thousand"
 	@echo "make sweep         break a stage in every single way and count what is found"
 	@echo "make crosscheck    let a dry run drive each broken stage, and compare it with the rules"
@@ -37,6 +38,9 @@ lint: $(VENV)/dev
 	$(BIN)/lint-imports
 
 pytest: $(VENV)/dev
+	$(BIN)/python -m pytest $(PARALLEL)
+
+coverage: $(VENV)/dev
 	$(BIN)/python -m pytest $(PARALLEL) --cov --cov-report=term
 
 test-all: test test-pythons
@@ -64,6 +68,8 @@ test-lowest: .venv-lowest/dev
 bench: $(VENV)/dev
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python benchmarks/bench_grade.py --jobs 2
+	$(BIN)/python benchmarks/bench_sim.py
+	$(BIN)/python benchmarks/bench_watch.py
 
 sweep: $(VENV)/dev
 	$(BIN)/python benchmarks/sweep.py

@@ -19,17 +19,27 @@ class CompileData(BuildHookInterface):  # type: ignore[type-arg]  # hatchling le
             return
         root = Path(self.root)
         sys.path.insert(0, str(root / "src"))
-        from lab3_usd.report.html_templates import compile_templates  # noqa: PLC0415 - see above
-        from lab3_usd.spec.assemble import assemble  # noqa: PLC0415
-        from lab3_usd.spec.compiled import FILE, compile_lab  # noqa: PLC0415
+        from lab3_usd.report.html.templates import compile_templates  # noqa: PLC0415 - see above
+        from lab3_usd.spec.load.assemble import assemble  # noqa: PLC0415
+        from lab3_usd.spec.load.compiled import (  # noqa: PLC0415
+            FILE,
+            TYPES_FILE,
+            compile_lab,
+            compile_types,
+        )
+        from lab3_usd.spec.load.isaac import assemble_types  # noqa: PLC0415
 
         self.folder = tempfile.TemporaryDirectory()
         compiled = Path(self.folder.name) / FILE
         compiled.write_bytes(compile_lab(root / "graphs", assemble(root / "graphs")))
         build_data["force_include"][str(compiled)] = f"lab3_usd/_data/graphs/{FILE}"
+        types = Path(self.folder.name) / TYPES_FILE
+        isaac = root / "graphs" / "isaac"
+        types.write_bytes(compile_types(isaac, assemble_types(isaac)))
+        build_data["force_include"][str(types)] = f"lab3_usd/_data/graphs/isaac/{TYPES_FILE}"
         templates = Path(self.folder.name) / "templates"
         compile_templates(templates)
-        build_data["force_include"][str(templates)] = "lab3_usd/report/templates/compiled"
+        build_data["force_include"][str(templates)] = "lab3_usd/report/html/templates/compiled"
 
     def finalize(self, *_: Any) -> None:  # noqa: ANN401 - hatchling's signature
         """Remove the file that was packed."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.compare import compare_starter
-from lab3_usd.stage.opening import open_stage
-from lab3_usd.stage.starter import build_starter
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.compare.starter import compare_starter
+from lab3_usd.stage.read.opening import open_stage
+from lab3_usd.stage.write.builder import build_checkpoint
+from lab3_usd.stage.write.starter import build_starter
 
 LIMIT = 1.5  # times the time of opening both stages
 ROUNDS = 30

@@ -25,14 +25,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from fuzz_inputs import generate, inputs, write_inputs
 from grade_files import LAB, stage, starter
 
-from lab3_usd.grade import worker_process
-from lab3_usd.grade.judge import Task
-from lab3_usd.grade.limits import Limits
-from lab3_usd.grade.outcome import status_of
-from lab3_usd.grade.pool import run_tasks
-from lab3_usd.grade.staging import Source
-from lab3_usd.grade.worker_process import PoolSettings
-from lab3_usd.stage.builder import BuildOptions, build_files
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.workers import worker_process
+from lab3_usd.grade.workers.messages import PoolSettings, Task, status_of
+from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.stage.write.builder import BuildOptions, build_files
 
 BATCH = 500
 SECONDS = 20.0
@@ -41,7 +39,7 @@ ODD = """
 import sys
 sys.path[:0] = {path!r}
 import json, os, random, signal, threading, time
-from lab3_usd.grade import worker
+from lab3_usd.grade.workers import worker_main as worker
 judge, channels, dice, out = worker.answer, worker._channels, random.Random(os.getpid()), []
 
 def remembered():
@@ -73,12 +71,12 @@ WAYS = [
     soon,
 ]
 
-def answer(course, message, scratch, announce):
+def answer(course, task, scratch, announce):
     if dice.random() < SHARE:
         if dice.random() < 0.5:
-            announce(os.path.basename(message["sources"][0][0]))
+            announce(os.path.basename(task.sources[0].path))
         dice.choice(WAYS)()
-    return judge(course, message, scratch, announce)
+    return judge(course, task, scratch, announce)
 
 worker.answer, worker._channels = answer, remembered
 worker.main()

@@ -1,11 +1,12 @@
 """Makes every single fault, one at a time, and prints how many are found, where, and how often.
 
-Usage: python benchmarks/sweep.py [CHECKPOINT] [--verbose]
+Usage: python benchmarks/sweep.py [CHECKPOINT] [--lab DIR] [--verbose]
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -14,16 +15,18 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
+from lab_sabotage import lab_scene_faults
 from pxr import Sdf, Usd
 from sabotage import Fault, graph_faults
 from scene_sabotage import scene_sabotage
 
 from lab3_usd.check.checker import judge
-from lab3_usd.check.finding import Finding
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.spec.spec import Checkpoint
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.reader import read_model
+from lab3_usd.data import LAB_VARIABLE, own_lab
+from lab3_usd.model.finding import Finding
+from lab3_usd.spec.lab import Checkpoint
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.write.builder import build_checkpoint
 
 # Parts B and F press Play and then save: what lies below the robot has moved by then.
 ONLY_IN_THE_STARTER = ("in the starter", "lidar link moved")
@@ -56,13 +59,17 @@ class Outcome:
 
 
 def sweep(checkpoint: str, every: int = 1, start: int = 0) -> Iterator[Outcome]:
-    """Make each `every`-th fault of a checkpoint, from `start` on, and yield what is said."""
+    """Make each `every`-th fault of a checkpoint, from `start` on, and yield what is said.
+
+    The lab is the one that `LAB3_LAB` names.
+    """
     lab = load_lab()
     asked = lab.checkpoints[checkpoint]
     with tempfile.TemporaryDirectory() as folder:
         clean = build_checkpoint(None, checkpoint, Path(folder) / f"{asked.file}.usda")
         layer = Sdf.Layer.FindOrOpen(str(clean))
-        faults = [*graph_faults(lab, asked), *scene_faults(asked)]
+        of_scene = scene_faults(asked) if own_lab() is None else lab_scene_faults(lab, asked)
+        faults = [*graph_faults(lab, asked), *of_scene]
         for fault in faults[start::every]:
             copy = Sdf.Layer.CreateAnonymous(".usda")
             copy.TransferContent(layer)
@@ -99,8 +106,11 @@ def main() -> None:
     """Print the table of one checkpoint, or of all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("checkpoint", nargs="?")
+    parser.add_argument("--lab", help="the folder of another lab")
     parser.add_argument("--verbose", action="store_true")
     options = parser.parse_args()
+    if options.lab:
+        os.environ[LAB_VARIABLE] = options.lab
     chosen = [options.checkpoint] if options.checkpoint else list(load_lab().checkpoints)
     for checkpoint in chosen:
         outcomes = list(sweep(checkpoint))

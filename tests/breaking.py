@@ -15,10 +15,10 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from lab3_usd.check.checker import Judgement, judge
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.spec.spec import Lab
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.reader import read_model
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.write.builder import build_checkpoint
 
 Step = Mapping[str, Any]
 

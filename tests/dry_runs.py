@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from executor.behaviour import Check, Evidence, Interface, judge
-from executor.drive import fixed_drive
-from executor.scene import read_scene
-from executor.simulation import record
 from pxr import Usd
 
+from lab3_usd.model.behaviour import Check
+from lab3_usd.sim.behaviour.evidence import Evidence, Interface
+from lab3_usd.sim.behaviour.judge import judge
+from lab3_usd.sim.drive import fixed_drive
+from lab3_usd.sim.play import record
 from lab3_usd.spec.catalog import Catalog
+from lab3_usd.stage.read.scene import read_scene
 
 # Sections 1, 2 and 5 of the handout, as somebody at the other end of ROS sees them.
 INTERFACE = Interface(
@@ -20,6 +22,8 @@ INTERFACE = Interface(
         "/camera/image_raw": "sensor_msgs/msg/Image",
         "/camera/camera_info": "sensor_msgs/msg/CameraInfo",
     },
+    domain=0,
+    commands="/cmd_vel",
     clock="/clock",
     odometry="/odom",
     transforms="/tf",

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from lab3_usd.check.candidates import relocated
-from lab3_usd.check.finding import Finding, Requirement
-from lab3_usd.check.merging import match_all
-from lab3_usd.check.model import StageModel
-from lab3_usd.check.robot_place import lab_at, robot_homes
-from lab3_usd.check.sensor_place import sensor_homes
-from lab3_usd.check.subject import Roles
-from lab3_usd.spec.spec import Lab
+from lab3_usd.check.match.merging import match_all
+from lab3_usd.check.match.result import Roles
+from lab3_usd.check.relocation import relocated_lab, relocated_spec
+from lab3_usd.check.scene.robot_location import robot_relocations
+from lab3_usd.check.scene.sensor_location import sensor_relocations
+from lab3_usd.model.finding import Finding, Requirement
+from lab3_usd.model.stage import StageModel
+from lab3_usd.spec.lab import Lab
 
 
 def unexplained(
@@ -22,9 +22,9 @@ def unexplained(
 ) -> list[str]:
     """Return the ids of the unmet requirements that no finding speaks of."""
     told = list(findings)
-    placed = lab_at(lab, robot_homes(lab, stage))
-    homes = sensor_homes(placed, stage)
-    specs = {name: relocated(spec, homes) for name, spec in placed.graphs.items()}
+    placed = relocated_lab(lab, robot_relocations(lab, stage))
+    relocations = sensor_relocations(placed, stage)
+    specs = {name: relocated_spec(spec, relocations) for name, spec in placed.graphs.items()}
     roles = match_all(specs, stage)
     return [
         each.id

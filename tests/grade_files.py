@@ -10,9 +10,9 @@ from tempfile import mkdtemp
 
 from pxr import Sdf
 
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.builder import BuildOptions, build_files, plan_files
-from lab3_usd.stage.starter import build_starter
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
+from lab3_usd.stage.write.starter import build_starter
 
 LAB = load_lab()
 CLOCK = LAB.graphs["ROS_Clock"].path

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from lab3_usd.check.model import GraphModel, Node, PortState, Prim, StageModel
-from lab3_usd.check.subject import Roles, StageSubject
+from lab3_usd.check.match.result import Roles
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.model.stage import GraphModel, Node, PortState, Prim, StageModel
 from lab3_usd.spec.catalog import Value
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.spec.spec import GraphSpec, Lab
+from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
 
 ROBOT = "/turtlebot3_burger"
 BASE = f"{ROBOT}/base_footprint"

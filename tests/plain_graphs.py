@@ -9,10 +9,11 @@ from functools import cache
 from breaking import correct_stage, the_lab
 from msgspec.structs import replace
 
-from lab3_usd.check.checker import Judgement, judge, ordered
-from lab3_usd.check.finding import Finding
-from lab3_usd.check.model import GraphModel, Node, StageModel
-from lab3_usd.stage.reader import read_model
+from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.order import ordered
+from lab3_usd.model.stage import GraphModel, Node, StageModel
+from lab3_usd.stage.read.reader import read_model
 
 
 @cache

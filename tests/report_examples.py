@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from lab3_usd.check.finding import (
+from lab3_usd.check.registry import Rule
+from lab3_usd.model.finding import (
     ChecklistItem,
     Crash,
     Finding,
@@ -16,7 +17,6 @@ from lab3_usd.check.finding import (
     StageResult,
     Submission,
 )
-from lab3_usd.check.registry import Rule
 
 LAYER = "work/Lab3_05_ODOM_TF.usda"
 DRIVE = "/turtlebot3_burger/ROS_Drive"

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pxr import Sdf, Usd
 
 from lab3_usd.spec.catalog import Value
-from lab3_usd.spec.spec import Checkpoint, GraphSpec, Lab, NodeSpec, Setting, Wire
+from lab3_usd.spec.graph import GraphSpec, NodeSpec, Setting, Wire
+from lab3_usd.spec.lab import Checkpoint, Lab
 
 # The most likely slip for a type: what a student might pick from the node list instead.
 OTHER_TYPE = "omni.graph.nodes.ConstantToken"

@@ -8,15 +8,15 @@ from pathlib import Path
 
 from pxr import Sdf, Usd
 
-from lab3_usd.check.finding import Finding
-from lab3_usd.check.judged import finding_of
-from lab3_usd.check.model import StageModel
 from lab3_usd.check.registry import Rule, rules_of
+from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.check.subject import StageSubject
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.opening import quiet
-from lab3_usd.stage.reader import read_model
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.stage import StageModel
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.opening import quiet
+from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.write.builder import build_checkpoint
 
 FAMILIES = ("F", "S", "L", "C")
 
@@ -44,8 +44,9 @@ def model_of(stage: Usd.Stage) -> StageModel:
 
 def stage_rules() -> dict[str, Rule]:
     """The rules about files, scene, lidar and camera that judge a stage, by id."""
-    found = rules_of("stage", *FAMILIES)
-    return {rule.id: rule for rule in found if rule.id[0] in FAMILIES}
+    found = (*rules_of("model", "F"), *rules_of("stage", *FAMILIES))
+    by_id = {rule.id: rule for rule in found if rule.id[0] in FAMILIES}
+    return dict(sorted(by_id.items()))
 
 
 def findings_of(stage: Usd.Stage, checkpoint: str) -> list[Finding]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics
 
-from lab3_usd.stage.starter import build_starter
+from lab3_usd.stage.write.starter import build_starter
 
 ROBOT = "/turtlebot3_burger"
 BASE_SCAN = f"{ROBOT}/base_scan"

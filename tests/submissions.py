@@ -12,14 +12,14 @@ from tempfile import mkdtemp
 from pxr import Sdf, Usd
 from ros_outputs import good_outputs
 
-from lab3_usd.check.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.data import data_folder
-from lab3_usd.lab.nav2 import nav2_files
-from lab3_usd.spec.load_ros import load_ros
-from lab3_usd.spec.load_submission import load_submission
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.builder import BuildOptions, build_files, plan_files
-from lab3_usd.stage.starter import build_starter
+from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
+from lab3_usd.lab.nav2.files import nav2_files
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.ros import load_ros
+from lab3_usd.spec.load.submission import load_submission
+from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
+from lab3_usd.stage.write.starter import build_starter
 
 LAB = load_lab()
 ROS = load_ros()

@@ -18,7 +18,7 @@ import yaml
 from pxr import Usd
 
 from lab3_usd import build_checkpoint
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab
 
 ROOT = Path(__file__).resolve().parents[1]
 EXPRESSION = re.compile(r"\$\{\{\s*(.+?)\s*\}\}")

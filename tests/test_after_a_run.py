@@ -22,10 +22,10 @@ from scene_changes import (
 from scene_stages import built, findings_of, told
 
 from lab3_usd.check.checker import Judgement, judge
-from lab3_usd.check.finding import Finding
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.opening import quiet
-from lab3_usd.stage.reader import read_model
+from lab3_usd.model.finding import Finding
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.opening import quiet
+from lab3_usd.stage.read.reader import read_model
 
 BASE = f"{ROBOT}/base_footprint"
 LEFT = f"{JOINTS}/wheel_left_joint"

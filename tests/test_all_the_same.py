@@ -7,7 +7,7 @@ from breaking import STEPS, broken, judged
 from pxr import Sdf, Usd, UsdGeom, Vt
 from scene_changes import Change, put, remove, several
 
-from lab3_usd.check.finding import Finding
+from lab3_usd.model.finding import Finding
 
 DRIVE = "/turtlebot3_burger/ROS_Drive"
 ARRAY, WHEELS = f"{DRIVE}/make_array", f"{DRIVE}/articulation_controller"
@@ -124,10 +124,12 @@ TEXT = "ROS_Drive/constant_left_joint.inputs:value"
 @pytest.mark.parametrize(("rule", "checkpoint"), [("P04", "05"), ("Q04", "06")])
 def test_a_profile_that_comes_by_a_wire_goes_with_the_wire(rule: str, checkpoint: str) -> None:
     hint = hint_of(rule, checkpoint, PROFILE, TEXT)
-    assert hint.startswith("delete the wire from constant_left_joint.inputs:value")
+    assert hint.startswith("in ROS_Lidar2D, delete the wire from constant_left_joint.inputs:value")
 
 
 def test_a_value_that_comes_by_a_wire_goes_with_the_wire() -> None:
     topic = "ROS_Drive/ros2_subscribe_twist.inputs:topicName"
     hint = hint_of("P01", "05", topic, TEXT)
-    assert hint.startswith("delete the wire from constant_left_joint.inputs:value, then select")
+    assert hint.startswith(
+        "in ROS_Drive, delete the wire from constant_left_joint.inputs:value, then select"
+    )

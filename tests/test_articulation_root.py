@@ -11,8 +11,8 @@ from scene_changes import Change, several, switch, with_api, without_api
 from starters import ROBOT, changed
 
 from lab3_usd import cli
-from lab3_usd.check.checker import check_stage
-from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.stage.write.builder import build_checkpoint
 
 API = "PhysicsArticulationRootAPI"
 BASE = f"{ROBOT}/base_footprint"

@@ -33,16 +33,16 @@ from starters import (
 )
 
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.builder import (
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.opening import quiet
+from lab3_usd.stage.write.builder import (
     BuildOptions,
     StarterError,
     build_checkpoint,
     build_files,
+    export_layer,
     plan_files,
 )
-from lab3_usd.stage.opening import quiet
-from lab3_usd.stage.writing import export_layer
 
 ALL = [f"{number:02}" for number in range(9)]
 ADDED = [each.path for each in (*GRAPHS, *SENSORS)]

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from lab3_usd.spec.catalog import Catalog, NodeType, Port, Value
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab
 
 CATALOG = load_lab().catalog
 TYPES = sorted(CATALOG.types)

@@ -15,6 +15,7 @@ from report_schema import assert_valid
 from lab3_usd import build_checkpoint
 from lab3_usd.check import checker
 from lab3_usd.check.registry import Rule
+from lab3_usd.judge.stage import check_stage
 
 CLOCK = "Lab3_01_ros_clock.usda"
 TOPIC = "/World/ROS_Clock/ros2_publish_clock.inputs:topicName"
@@ -182,7 +183,7 @@ def test_a_rule_that_crashes_is_never_a_pass(clock: Path, monkeypatch: pytest.Mo
     broken = Rule("W99", "broken", "error", "graph", crash)
     usual = checker.rules_of
     monkeypatch.setattr(checker, "rules_of", lambda *scope: [*usual(*scope), broken])
-    result = checker.check_stage(clock)
+    result = check_stage(clock)
     assert result.verdict == "fail"
     assert {each.rule for each in result.crashes} == {"W99"}
 

@@ -23,13 +23,13 @@ from report_schema import assert_valid
 from submissions import STARTER, delete, edit, stage_name, write_submission
 
 from lab3_usd import build_checkpoint
-from lab3_usd.check.finding import Report
 from lab3_usd.check.registry import all_rules
 from lab3_usd.cli import lab3
-from lab3_usd.commands import processes
-from lab3_usd.commands.judging import Entry, crashed_entry
-from lab3_usd.commands.processes import in_processes
-from lab3_usd.report.formats import FORMATS, render
+from lab3_usd.judge import processes
+from lab3_usd.judge.entries import Entry, JudgeSettings, crashed_entry
+from lab3_usd.judge.processes import in_processes
+from lab3_usd.model.finding import Report
+from lab3_usd.report.formats.registry import FORMATS, render
 
 CLOCK = "Lab3_01_ros_clock.usda"
 TOPIC = "/World/ROS_Clock/ros2_publish_clock.inputs:topicName"
@@ -96,6 +96,13 @@ def test_submissions_have_the_same_bytes(submissions: list[Path], stages: list[P
     assert one.exit_code == two.exit_code == four.exit_code == 1
 
 
+def test_a_checkpoint_that_does_not_exist_is_refused_for_a_submission_too(
+    submissions: list[Path],
+) -> None:
+    done = check("--checkpoint", "99", submissions[0])
+    assert "no checkpoint '99'" in str(done.exception)
+
+
 def test_the_stages_of_a_folder_have_the_same_bytes(stages: list[Path], tmp_path: Path) -> None:
     for number, stage in enumerate(stages):
         shutil.copy(stage, tmp_path / f"{number}.usda")
@@ -127,7 +134,7 @@ def test_a_file_that_ends_its_process_is_a_crash_and_costs_no_other_its_result(
 @pytest.mark.parametrize("form", FORMATS)
 def test_every_format_tells_of_a_crash(form: str) -> None:
     entries = (Entry(CLOCK, is_submission=False), Entry("ana", is_submission=True))
-    crashed = [crashed_entry({"checkpoint": None}, each, "SIGSEGV") for each in entries]
+    crashed = [crashed_entry(JudgeSettings(), each, "SIGSEGV") for each in entries]
     report = Report(crashed[0][0], crashed[1][1])
     assert render(form, report, all_rules()).count("SIGSEGV") >= 2
 
@@ -179,12 +186,14 @@ def test_progress_is_shown_on_a_terminal(
 
     from lab3_usd.commands import check as command  # noqa: PLC0415
     from lab3_usd.commands.checking import run  # noqa: PLC0415
+    from lab3_usd.commands.configuring import with_config  # noqa: PLC0415
 
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     with command.command.make_context("check", ["--jobs", "2", *map(str, stages)]) as context:
         options = {**context.params, "output": os.devnull}
-    assert run([*options.pop("paths")], options) == 1
+    paths = [*options.pop("paths")]
+    assert run(paths, with_config(paths, options)) == 1
     assert "100%" in terminal.getvalue()
 
 

@@ -14,17 +14,14 @@ from msgspec.structs import replace
 from pxr import Usd
 
 from lab3_usd.check import checker
-from lab3_usd.check.checker import (
-    check_stage,
-    checkpoint_of,
-    finding_of,
-    ordered,
-)
-from lab3_usd.check.finding import Finding, Problem
 from lab3_usd.check.registry import Rule, all_rules, rules_of
+from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.check.subject import GraphSubject
 from lab3_usd.errors import UsageError
-from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.judge.stage import check_stage, checkpoint_of
+from lab3_usd.model.finding import Finding, Problem
+from lab3_usd.model.order import ordered
+from lab3_usd.stage.write.builder import build_checkpoint
 
 
 def saved(stage: Usd.Stage, path: Path) -> Path:
@@ -266,9 +263,7 @@ WRONG = [
     {"targets": ["ROS_OdomTF/isaac_compute_transform_tree.inputs:targetPrims"]},
     {"copy": ["ROS_Camera/ros2_camera_helper", "ROS_Camera/again"]},
 ]
-SCRIPT = (
-    "import sys; from lab3_usd.check.checker import check_stage; print(check_stage(sys.argv[1]))"
-)
+SCRIPT = "import sys; from lab3_usd.judge.stage import check_stage; print(check_stage(sys.argv[1]))"
 
 
 def test_no_hash_seed_changes_a_result(tmp_path: Path, repository: Path) -> None:

@@ -21,10 +21,10 @@ from submissions import (
     write_submission,
 )
 
-from lab3_usd.check.checker import check_stage
-from lab3_usd.check.finding import ChecklistItem
 from lab3_usd.check.registry import all_rules
-from lab3_usd.check.subjects_lab import Evidence
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.model.finding import ChecklistItem
+from lab3_usd.model.lab_files import Evidence
 
 LAST = list(LAB.checkpoints)[-1]
 PEOPLE = {each.text for each in SPEC.checklist if each.person}

@@ -14,9 +14,9 @@ import pytest
 from grade_files import stage, starter
 
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.class_archive import submissions_in
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.submissions import Handed, find_submissions
+from lab3_usd.grade.intake.class_archive import submissions_in
+from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions
 
 STAGE = stage("00").name
 LINK = zipfile.ZipInfo("link")
@@ -36,14 +36,14 @@ def zipped(path: Path, entries: dict[str, bytes], links: tuple[str, ...] = ()) -
     return path
 
 
-def found_in(archive: Path) -> tuple[dict[str, Handed], list[str]]:
+def found_in(archive: Path) -> tuple[dict[str, StudentSubmission], list[str]]:
     """Who is found in an archive, and what is said of the rest."""
     said: list[str] = []
     with submissions_in(archive) as place:
         return {each.student: each for each in find_submissions(place, said.append)}, said
 
 
-def left_out(handed: Handed) -> list[str]:
+def left_out(handed: StudentSubmission) -> list[str]:
     return [each.path for source in handed.sources for each in source.left_out]
 
 

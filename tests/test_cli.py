@@ -50,9 +50,16 @@ def test_the_manual_of_a_rule_does_not_import(heavy: str) -> None:
     assert heavy not in modules_after("rule", "W01")
 
 
-def test_help_lists_every_command() -> None:
-    listed = re.findall(r"^  ([a-z0-9]+) ", lab3("--help").stdout, flags=re.MULTILINE)
-    assert listed == list(cli.COMMANDS)
+def test_help_lists_every_command_below_who_uses_it() -> None:
+    found = re.findall(r"^Commands for (.+):\n((?: .+\n)+)", lab3("--help").stdout, re.MULTILINE)
+    listed = {users: re.findall(r"^  ([a-z0-9]+) ", lines, re.MULTILINE) for users, lines in found}
+    assert listed == {users: list(commands) for users, commands in cli.GROUPS.items()}
+
+
+def test_help_shows_three_examples_of_commands_that_exist() -> None:
+    examples = re.findall(r"^  lab3 ([a-z]+) ", lab3("--help").stdout, re.MULTILINE)
+    assert len(examples) == 3
+    assert set(examples) <= set(cli.COMMANDS)
 
 
 @pytest.mark.parametrize("name", list(cli.COMMANDS))
@@ -75,9 +82,17 @@ def test_the_version_of_a_copy_that_is_not_installed_is_unknown(
 
 
 def test_an_unknown_command_is_wrong_use() -> None:
-    result = lab3("chek")
+    result = lab3("qqqq")
     assert result.exit_code == cli.EXIT_USAGE
-    assert "chek" in result.stderr
+    assert "qqqq" in result.stderr
+    assert "did you mean" not in result.stderr
+
+
+@pytest.mark.parametrize(("slip", "meant"), [("chek", "check"), ("bild", "build"), ("tff", "tf")])
+def test_a_slip_in_a_command_is_answered_with_the_command(slip: str, meant: str) -> None:
+    result = lab3(slip)
+    assert result.exit_code == cli.EXIT_USAGE
+    assert f"did you mean '{meant}'" in result.stderr
 
 
 def test_the_module_is_the_command() -> None:
@@ -134,7 +149,8 @@ def test_the_tab_key_completes_commands_and_imports_none() -> None:
         env=environment,
     )
     assert done.stdout.split() == ["plain,rules", "plain,rule"]
-    assert not [name for name in done.stderr.split() if name.startswith("lab3_usd.commands.")]
+    imported = {name for name in done.stderr.split() if name.startswith("lab3_usd.commands.")}
+    assert imported == {"lab3_usd.commands.table"}
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device without room")

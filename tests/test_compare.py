@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
-from lab3_usd.check.changes import Change, Difference
 from lab3_usd.errors import StageError
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.compare import compare_starter
-from lab3_usd.stage.compare_values import same_value
-from lab3_usd.stage.starter import starter_layer
+from lab3_usd.model.changes import Change, Difference
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.compare.starter import compare_starter
+from lab3_usd.stage.compare.values import same_value
+from lab3_usd.stage.write.builder import build_checkpoint
+from lab3_usd.stage.write.starter import starter_layer
 
 LAB = load_lab()
 ROBOT = LAB.scene["robot"]["path"]

@@ -9,12 +9,12 @@ from pxr import Gf, Sdf, Usd, UsdShade
 from scene_changes import move_prim, several, switch, weld, with_api
 from submissions import LAB, SPEC
 
-from lab3_usd.check.changes import Change, StarterSubject
-from lab3_usd.check.finding import Problem
-from lab3_usd.check.registry import rules_of, run_rule
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.compare import compare_starter
-from lab3_usd.stage.starter import starter_layer
+from lab3_usd.check.registry import rules_of
+from lab3_usd.model.changes import Change, StarterSubject
+from lab3_usd.model.finding import Problem
+from lab3_usd.stage.compare.starter import compare_starter
+from lab3_usd.stage.write.builder import build_checkpoint
+from lab3_usd.stage.write.starter import starter_layer
 
 ROBOT = LAB.scene["robot"]["path"]
 BASE, FOOT = f"{ROBOT}/base_link", f"{ROBOT}/base_footprint"
@@ -150,7 +150,7 @@ def test_physics_that_moves_the_robot_otherwise_is_a_warning(
 def told(found: tuple[Change, ...], *blamed: tuple[str, str | None]) -> list[tuple[str, Problem]]:
     subject = StarterSubject(SPEC.starter, found, frozenset(blamed))
     rules = rules_of("starter", "U")
-    return [(rule.id, each) for rule in rules for each in run_rule(rule, subject)]
+    return [(rule.id, each) for rule in rules for each in list(rule.check(subject))]
 
 
 STAYS: dict[str, Edit] = {

@@ -10,12 +10,12 @@ from pxr import Gf, Sdf, Usd
 from scene_changes import deactivate, put, refer, retype, several, switch, without_api
 from starters import layered_starter
 
-from lab3_usd.check.changes import Change
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.compare import compare_starter
-from lab3_usd.stage.opening import open_stage, quiet
-from lab3_usd.stage.starter import starter_layer
+from lab3_usd.model.changes import Change
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.compare.starter import compare_starter
+from lab3_usd.stage.read.opening import open_stage, quiet
+from lab3_usd.stage.write.builder import build_checkpoint
+from lab3_usd.stage.write.starter import starter_layer
 
 LAB = load_lab()
 ROBOT = LAB.scene["robot"]["path"]

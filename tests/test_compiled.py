@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from lab3_usd.data import data_folder
-from lab3_usd.spec.assemble import assemble
-from lab3_usd.spec.compiled import FILE, compile_lab, compiled_or_loaded
-from lab3_usd.spec.spec import Lab
+from lab3_usd.data import PACKAGE, data_folder
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load import compiled
+from lab3_usd.spec.load.assemble import assemble
+from lab3_usd.spec.load.compiled import FILE, compile_lab, compiled_or_loaded
 
 
 @pytest.fixture(autouse=True)
@@ -67,6 +68,19 @@ def test_a_changed_file_is_read_anew(folder: Path) -> None:
     changed.write_text(changed.read_text().replace("at: [50, 250]", "at: [51, 250]"))
     lab = compiled_or_loaded(folder, assemble)
     assert lab.graphs["ROS_Clock"].nodes["ros2_context"].at == (51.0, 250.0)
+
+
+@pytest.mark.parametrize("module", ["spec/lab.py", "spec/load/graph.py"])
+def test_what_other_code_compiled_is_not_believed(
+    folder: Path, tmp_path: Path, module: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(PACKAGE / "spec", tmp_path / "spec")
+    monkeypatch.setattr(compiled, "PACKAGE", tmp_path)
+    compiled_or_loaded(folder, assemble)
+    with (tmp_path / module).open("a") as code:
+        code.write("# changed")
+    with pytest.raises(AssertionError):
+        compiled_or_loaded(folder, refuse)
 
 
 @pytest.mark.parametrize("damage", [b"", b"not a pickle", b"\x80\x05cos\nno\n."])

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from conftest import SHARED
 
-from lab3_usd.check.checker import check_stage
-from lab3_usd.check.finding import StageResult
 from lab3_usd.check.registry import all_rules
-from lab3_usd.stage.opening import open_stage
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.model.finding import StageResult
+from lab3_usd.stage.read.opening import open_stage
 
 CORPUS = SHARED / "corpus"
 ENDINGS = {".usd", ".usda", ".usdc"}

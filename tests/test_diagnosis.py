@@ -8,8 +8,8 @@ import pytest
 from breaking import broken, judged, place
 from pxr import Sdf
 
-from lab3_usd.check.checker import ordered
-from lab3_usd.check.finding import Finding
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.order import ordered
 
 ROBOT = "/turtlebot3_burger"
 DRIVE = "/turtlebot3_burger/ROS_Drive"

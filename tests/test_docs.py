@@ -22,7 +22,7 @@ from markdown_it.token import Token
 
 from lab3_usd import cli
 from lab3_usd.check.registry import all_rules
-from lab3_usd.report.formats import FORMATS
+from lab3_usd.report.formats.registry import FORMATS
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -214,11 +214,17 @@ def unknown_parts(text: str) -> list[str]:
     """Return the words of a command line that the program does not know."""
     line = text.partition(" #")[0].partition(" > ")[0]
     _, *words = shlex.split(line.replace("...", ""))
+    if words[:1] == ["--lab"]:
+        words = words[2:]
     if not words or words[0] in {"COMMAND", "--help", "--version"}:
         return []
     if words[0] not in cli.COMMANDS:
         return [words[0]]
     command = import_module(f"lab3_usd.commands.{words[0]}").command
+    if isinstance(command, click.Group):
+        if words[1:2] and words[1] not in command.commands:
+            return [words[1]]
+        command = command.commands[words[1]] if words[1:] else command
     given = {word.partition("=")[0] for word in words[1:] if word.startswith("-") and word != "--"}
     return sorted(given - options_of(command))
 
@@ -237,6 +243,24 @@ def test_the_readme_lists_every_command() -> None:
 def test_the_page_about_formats_names_every_format() -> None:
     spans = {token.content for token in inline(DOCS / "formats.md", "code_inline")}
     assert set(FORMATS) <= spans
+
+
+def folders_of_the_page_on_architecture() -> set[str]:
+    """Return the folders of its tree, by the indent of their lines."""
+    open_folders: list[str] = []
+    found = set()
+    tree = next(each.text for each in blocks(DOCS / "architecture.md") if "src/" in each.text)
+    for indent, name in re.findall(r"^( *)([\w/]+)/ *(?= |$)", tree, re.MULTILINE):
+        del open_folders[len(indent) // 2 :]
+        open_folders.append(name)
+        found.add("/".join(open_folders))
+    return found
+
+
+def test_the_page_on_architecture_lists_every_package() -> None:
+    packages = {path.parent.relative_to(ROOT) for path in (ROOT / "src").rglob("__init__.py")}
+    listed = folders_of_the_page_on_architecture() - {"graphs"}
+    assert listed == {path.as_posix() for path in packages}
 
 
 # ---- links, anchors, rules
@@ -301,6 +325,8 @@ def test_every_rule_that_a_page_names_exists(page: Path) -> None:
 def test_the_reference_of_rules_is_up_to_date() -> None:
     made = runpy.run_path(str(DOCS / "make_rules.py"))["page"]()
     assert made == (DOCS / "rules.md").read_text(encoding="utf-8"), "python docs/make_rules.py"
+    lint = runpy.run_path(str(DOCS / "make_rules.py"))["lint_page"]()
+    assert lint == (DOCS / "lint.md").read_text(encoding="utf-8"), "python docs/make_rules.py"
 
 
 def test_every_family_of_rules_is_introduced() -> None:

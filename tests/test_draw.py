@@ -11,10 +11,10 @@ from pxr import Sdf, Usd
 
 from lab3_usd import cli
 from lab3_usd.check import checker
-from lab3_usd.check.finding import Crash
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.model.finding import Crash
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.write.builder import build_checkpoint
 
 if TYPE_CHECKING:
     from click.testing import Result

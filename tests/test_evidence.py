@@ -30,13 +30,18 @@ from ros_outputs import (
     view_frames,
 )
 
-from lab3_usd.check.subjects_lab import Evidence, GoalRun, Lookup
-from lab3_usd.lab.evidence import read_evidence, read_listed
-from lab3_usd.lab.evidence_blocks import recognise
-from lab3_usd.lab.evidence_commands import is_prompt, read_typed
-from lab3_usd.lab.evidence_message import parse_messages
-from lab3_usd.lab.evidence_outputs import parse_endpoints, parse_lookup, parse_state, parse_tree
-from lab3_usd.spec.load_ros import load_ros
+from lab3_usd.lab.evidence.command_outputs import recognise
+from lab3_usd.lab.evidence.commands import is_prompt, read_command
+from lab3_usd.lab.evidence.message import parse_messages
+from lab3_usd.lab.evidence.output_parsers import (
+    parse_endpoints,
+    parse_lookup,
+    parse_state,
+    parse_tree,
+)
+from lab3_usd.lab.evidence.reader import read_evidence, read_listed
+from lab3_usd.model.lab_files import Evidence, GoalRun, Lookup
+from lab3_usd.spec.load.ros import load_ros
 
 ROS = load_ros()
 
@@ -57,7 +62,7 @@ def only(outputs: object) -> object:
 
 def understood(line: str) -> tuple[str, str] | None:
     """Return kind and target of the command that a line holds."""
-    typed = read_typed(line)
+    typed = read_command(line)
     block = recognise(typed, ROS.kinds) if typed else None
     return (block.kind, block.target) if block else None
 
@@ -124,7 +129,7 @@ def test_other_commands_are_not(line: str) -> None:
     ],
 )
 def test_what_is_redirected_joined_or_filtered_is_not_shown(line: str) -> None:
-    typed = read_typed(line)
+    typed = read_command(line)
     assert typed is not None
     assert not typed.shown
     assert understood(line) is None

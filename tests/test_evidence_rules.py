@@ -25,12 +25,12 @@ from ros_outputs import (
     view_frames,
 )
 
-from lab3_usd.check.finding import Problem
-from lab3_usd.check.registry import rules_of, run_rule
-from lab3_usd.check.subjects_lab import EvidenceSubject
-from lab3_usd.lab.evidence import read_evidence
-from lab3_usd.spec.load_ros import load_ros, map_facts
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.check.registry import rules_of
+from lab3_usd.lab.evidence.reader import read_evidence
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.lab_files import EvidenceSubject
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.ros import load_ros, map_facts
 
 ROS = load_ros()
 LAB = load_lab()
@@ -52,11 +52,11 @@ def subject(folder: Path, files: Files) -> EvidenceSubject:
     for name, text in files.items():
         (folder / name).write_text(text)
     evidence = read_evidence(folder, root=folder.parent)
-    return EvidenceSubject(ROS, LAB.frames, map_facts(LAB.scene), evidence)
+    return EvidenceSubject(ROS, LAB.frames, map_facts(LAB.scene), evidence, tuple(LAB.checkpoints))
 
 
 def problems(given: EvidenceSubject) -> dict[str, list[Problem]]:
-    found = {rule_id: run_rule(each, given) for rule_id, each in RULES.items()}
+    found = {rule_id: list(each.check(given)) for rule_id, each in RULES.items()}
     return {rule_id: each for rule_id, each in found.items() if each}
 
 
@@ -199,7 +199,7 @@ def test_before_localization_its_evidence_is_not_asked_for(tmp_path: Path) -> No
         "topic_list.txt": TOPICS.replace("/map\n", ""),
         "lifecycle_amcl.txt": "Node not found\n",
     }
-    given = replace(subject(tmp_path, files), until="06")
+    given = replace(subject(tmp_path, files), reached=LAB.until("06"))
     assert problems(given) == {}
 
 
@@ -263,7 +263,7 @@ def test_an_early_list_of_nodes_is_one_finding(tmp_path: Path) -> None:
     files = {**good_files(), "node_list.txt": "/World_ROS_Clock_ros2_publish_clock\n"}
     (problem,) = problems(subject(tmp_path, files))["E09"]
     assert problem.property is None
-    assert str(problem.expected).split(", ") == [*ROS.lifecycle, *ROS.nodes]
+    assert str(problem.expected).split(", ") == [*ROS.lifecycle.nodes, *ROS.nodes]
 
 
 def test_cmd_vel_may_have_no_publisher(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ from pxr import Usd
 from sabotage import graph_faults
 from scene_sabotage import scene_sabotage
 
-from lab3_usd.stage.opening import open_stage, quiet
-from lab3_usd.stage.reader import read_model
+from lab3_usd.stage.read.opening import open_stage, quiet
+from lab3_usd.stage.read.reader import read_model
 
 CORPUS = SHARED / "corpus"
 FILES = sorted(path for path in CORPUS.rglob("*") if path.suffix in {".usd", ".usda", ".usdc"})

@@ -264,6 +264,13 @@ def test_a_muted_sublayer_with_a_graph_of_the_lab_is_a_warning(tmp_path: Path) -
     assert found.related == (DRIVE,)
 
 
+def test_a_layer_that_is_muted_under_two_spellings_is_one_warning(tmp_path: Path) -> None:
+    stage = drive_in_a_sublayer(tmp_path, muted=True)
+    muteness = {"./drive.usda": True, "drive.usda": True, str(tmp_path / "drive.usda"): True}
+    stage.GetRootLayer().customLayerData = {"omni_layer": {"muteness": muteness}}
+    assert [each.rule for each in findings_of(stage, "05")] == ["F04"]
+
+
 def test_a_sublayer_that_is_muted_no_more_or_holds_nothing_of_the_lab_is_none(
     tmp_path: Path,
 ) -> None:
@@ -298,6 +305,27 @@ def test_nodes_over_a_graph_of_a_missing_asset_are_not_outside_every_graph() -> 
     found = [each for each in judged(stage, "05").findings if each.severity != "note"]
     assert [(each.rule, each.prim) for each in found] == [("G01", DRIVE)]
     assert "./turtlebot3_burger.usd" in found[0].message
+
+
+def test_nodes_over_a_missing_asset_are_missing_once_for_their_graph() -> None:
+    stage = behind_a_missing_robot("05")
+    nodes = stage.GetRootLayer().GetPrimAtPath(DRIVE).nameChildren
+    for node in nodes:
+        node.specifier = Sdf.SpecifierOver
+    (found,) = [each for each in judged(stage, "05").findings if each.severity != "note"]
+    assert (found.rule, found.prim) == ("N01", DRIVE)
+    assert set(found.related) == {f"{DRIVE}/{node.name}" for node in nodes}
+    assert "./turtlebot3_burger.usd" in found.message
+
+
+def test_a_node_that_is_deactivated_is_told_beside_those_of_a_missing_asset() -> None:
+    stage = behind_a_missing_robot("05")
+    nodes = list(stage.GetRootLayer().GetPrimAtPath(DRIVE).nameChildren)
+    for node in nodes[1:]:
+        node.specifier = Sdf.SpecifierOver
+    stage.GetPrimAtPath(nodes[0].path).SetActive(False)  # noqa: FBT003 - USD's signature
+    found = [each for each in judged(stage, "05").findings if each.rule == "N01"]
+    assert [len(each.related) for each in found] == [len(nodes) - 1, 1]
 
 
 def test_nodes_over_no_asset_are_outside_every_graph() -> None:

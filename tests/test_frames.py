@@ -8,16 +8,16 @@ import models as m
 import pytest
 from msgspec.structs import replace
 
-from lab3_usd.check.frames import (
+from lab3_usd.check.tf.frames import (
     Edge,
-    hidden_frames,
+    frame_graph,
     published_edges,
-    tree,
     unknown_publishers,
+    unresolved_frames,
 )
-from lab3_usd.check.model import GraphModel, PortState, Prim, StageModel, Unresolved
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.reader import read_stage
+from lab3_usd.model.stage import GraphModel, PortState, Prim, StageModel, UnresolvedAsset
+from lab3_usd.stage.read.reader import read_stage
+from lab3_usd.stage.write.builder import build_checkpoint
 
 RAW_TYPE = m.lab().graphs[m.ODOM_TF].nodes[m.RAW].type.type
 TICK_TYPE = m.lab().graphs[m.ODOM_TF].nodes["on_playback_tick"].type.type
@@ -285,12 +285,12 @@ def test_a_target_that_is_deactivated_is_left_out() -> None:
 
 
 def asset_at(stage: StageModel, *places: str) -> StageModel:
-    missing = tuple(Unresolved(place, "robot.usd", "reference") for place in places)
+    missing = tuple(UnresolvedAsset(place, "robot.usd", "reference") for place in places)
     return replace(stage, unresolved=missing)
 
 
 def hidden(stage: StageModel) -> list[tuple[str, str]]:
-    return [(each.what, each.parent) for each in hidden_frames(stage, m.lab())]
+    return [(each.what, each.parent) for each in unresolved_frames(stage, m.lab())]
 
 
 def test_a_target_that_a_missing_asset_could_hold_is_unknown() -> None:
@@ -639,7 +639,7 @@ def test_arrays_win_over_targets_of_its_own() -> None:
 
 def test_the_tree_carries_the_publishers() -> None:
     copy = m.graph_of(m.lab().graphs[m.ODOM_TF], "/Graph/copy")
-    found = tree(edges(m.stage(copy)))
+    found = frame_graph(edges(m.stage(copy)))
     assert sorted(found.edges) == sorted({("odom", "base_footprint"), *STAR})
     both = found.edges["odom", "base_footprint"]["edges"]
     assert [edge.publisher for edge in both] == [

@@ -23,10 +23,10 @@ from lab3_usd.commands.rate import Rate, line
 from lab3_usd.data import data_folder
 from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
-from lab3_usd.grade.judge import Task
-from lab3_usd.grade.load_rubric import load_rubric
-from lab3_usd.grade.pool import run_tasks
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.grade.scoring.load_rubric import load_rubric
+from lab3_usd.grade.workers.messages import Task
+from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.spec.load.loader import load_lab
 
 REPORTS = {"report.html", "report.json", "result.json", "results.json"}
 
@@ -296,7 +296,8 @@ def test_a_crash_of_a_rule_is_the_tools_fault_and_no_grade(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "lab3_usd.grade.pool.run_tasks", answered({"failed": "tool failed: KeyError at rules.py:1"})
+        "lab3_usd.grade.workers.pool.run_tasks",
+        answered({"failed": "tool failed: KeyError at rules.py:1"}),
     )
     done = CliRunner().invoke(
         command, [str(place), "--starter", str(starter()), "-o", str(tmp_path / "book")]
@@ -530,7 +531,7 @@ def test_a_cluster_is_asked_where_one_is_named(place: Path, tmp_path: Path) -> N
 OPEN = """
 import sys
 sys.path[:0] = {path!r}
-from lab3_usd.grade import worker
+from lab3_usd.grade.workers import worker_main as worker
 worker.fence_files = lambda *arguments: False
 give_up = worker.give_up_privileges
 worker.give_up_privileges = lambda: give_up() | {{"network": False}}
@@ -541,12 +542,12 @@ worker.main()
 def test_a_system_without_walls_is_said_once_and_in_the_gradebook(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.worker_process._MAIN", OPEN)
+    monkeypatch.setattr("lab3_usd.grade.workers.worker_process._MAIN", OPEN)
     for name in ("jane", "john"):
         submission(tmp_path / "class" / name, "00")
     said: list[str] = []
     out = tmp_path / "book"
-    grade_class(ClassSettings(tmp_path / "class", starter(), out, say=said.append))
+    grade_class(ClassSettings(tmp_path / "class", starter(), out, notify=said.append))
     (line_,) = [line for line in said if "wall" in line]
     assert "files (Landlock" in line_
     assert "network (" in line_

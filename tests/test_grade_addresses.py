@@ -15,13 +15,12 @@ import pytest
 from grade_files import files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.class_archive import submissions_in
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.judge import Task
-from lab3_usd.grade.limits import Limits
-from lab3_usd.grade.remote import fetched, local_path
-from lab3_usd.grade.staging import Source
-from lab3_usd.grade.submissions import Handed, find_submissions
+from lab3_usd.grade.intake.class_archive import submissions_in
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.remote import fetched, local_path
+from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
 memory = pytest.importorskip("fsspec.implementations.memory")
@@ -98,9 +97,7 @@ def graded(place: Path | str, out: Path, **changes: Any) -> dict[str, dict[str, 
 def got(address: str, target: Path, limits: Limits | None = None) -> Source:
     """What is fetched of one student."""
     name = address.rpartition("/")[2]
-    task = Task(name, name, (Source(Path(name), "", address),))
-    with fetched(task, target, limits or Limits()) as here:
-        (source,) = here.sources
+    (source,) = fetched((Source(Path(name), "", address),), target, limits or Limits())
     return source
 
 
@@ -154,7 +151,7 @@ def test_one_file_that_cannot_be_fetched_is_one_students_status(tmp_path: Path) 
 def test_a_storage_that_hangs_is_not_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.limits._TIMES_AS_LONG", 0.1)
+    monkeypatch.setattr("lab3_usd.grade.intake.limits._TIMES_AS_LONG", 0.1)
     put({"hanging/a.usda": b"x"}, "faulty")
     source = got("faulty://class/hanging", tmp_path, Limits(seconds=1))
     assert "took longer than 0.1 s" in source.fault
@@ -184,7 +181,7 @@ def test_a_file_and_a_folder_of_one_name_cost_only_one_of_them(tmp_path: Path) -
     assert source.fault == ""
 
 
-def found_at(address: str) -> tuple[dict[str, Handed], list[str]]:
+def found_at(address: str) -> tuple[dict[str, StudentSubmission], list[str]]:
     said: list[str] = []
     with submissions_in(address) as place:
         return {each.student: each for each in find_submissions(place, said.append)}, said
@@ -268,6 +265,5 @@ def test_an_address_that_is_known_to_nobody_is_one_students_fault(tmp_path: Path
 def test_fetching_ends_when_the_run_does(tmp_path: Path) -> None:
     put({"hanging/a.usda": b"x"}, "faulty")
     source = Source(Path("hanging"), "", "faulty://class/hanging")
-    task = Task("hanging", "hanging", (source,))
-    with fetched(task, tmp_path, Limits(), lambda: True) as here:
-        assert "cannot be fetched" in here.sources[0].fault
+    (here,) = fetched((source,), tmp_path, Limits(), lambda: True)
+    assert "cannot be fetched" in here.fault

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from browser import DESKTOP, PHONE, Browser, started
@@ -11,9 +12,9 @@ from msgspec import to_builtins
 from test_browser import CONTRASTS
 from test_grade_page import EVIL, ITEMS, page_of, row
 
-from lab3_usd.grade.load_rubric import load_rubric
-from lab3_usd.grade.scoring import grade
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.grade.scoring.load_rubric import load_rubric
+from lab3_usd.grade.scoring.scoring import grade
+from lab3_usd.spec.load.loader import load_lab
 
 pytestmark = pytest.mark.xdist_group("browser")
 
@@ -98,23 +99,40 @@ def test_everything_can_be_read_without_a_script(chromium: Browser, page: Path) 
         chromium.scripts(on=True)
 
 
-def test_a_class_of_ten_items_fits_a_window_whatever_the_names(
-    chromium: Browser, tmp_path: Path
-) -> None:
+BESIDE_A_SCROLL_BAR = (DESKTOP[0] - 15, DESKTOP[1])
+
+
+@pytest.fixture
+def wide_class(tmp_path: Path) -> Path:
+    """The page of a class where the texts are long and every state of an item occurs."""
     rubric = load_rubric(None, load_lab())
     points = to_builtins(grade(rubric, ()))
     items = [{"id": each.id, "title": each.title, "points": each.points} for each in rubric.items]
+
+    def of(state: str, earned: float) -> dict[str, Any]:
+        judged = [{**item, "state": state, "earned": earned} for item in points["items"]]
+        return {**points, "items": judged, "percent": 97.24, "earned": 97.24, "possible": 100.25}
+
     rows = [
-        {**row("123456789012", name="N" * 250), **points, "percent": 0.0},
-        {**row("dev", status="empty", reason=f"{'x' * 90}: a link"), **points, "percent": 0.0},
+        row("123456789012", name="N" * 250, late=True) | of("part", 14.59),
+        row("blocked") | of("blocked", 0.0),
+        row("open") | of("open", 0.0),
+        row("dev", status="empty", reason=f"{'x' * 90}: a link") | points | {"percent": 0.0},
     ]
     path = tmp_path / "index.html"
     path.write_text(page_of("Lab 3", items, rows), encoding="utf-8")
-    chromium.open(path)
+    return path
+
+
+@pytest.mark.parametrize("size", [DESKTOP, BESIDE_A_SCROLL_BAR, (1100, 900)])
+def test_a_class_of_ten_items_fits_a_window_whatever_the_names_and_states(
+    chromium: Browser, wide_class: Path, size: tuple[int, int]
+) -> None:
+    chromium.open(wide_class, size)
     tables = "return [...document.querySelectorAll('.scroll')]"
     wide = chromium.run(f"{tables}.map((each) => each.scrollWidth - each.clientWidth)")
     assert set(wide) == {0}
-    assert "a link" in chromium.shown("td.remarks")[1].text
+    assert "a link" in chromium.shown("td.remarks")[3].text
     heights = chromium.run("return document.querySelector('.students tbody th a').offsetHeight")
     assert heights < 30
 

@@ -16,14 +16,13 @@ from grade_files import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.cluster import cluster_runner, judge_here
-from lab3_usd.grade.intake import TooLargeError
-from lab3_usd.grade.judge import Task
-from lab3_usd.grade.limits import Limits
-from lab3_usd.grade.pool import run_tasks
-from lab3_usd.grade.remote import entries_at, fetched, is_address
-from lab3_usd.grade.staging import Source
-from lab3_usd.grade.worker_process import PoolSettings, WorkerError
+from lab3_usd.grade.intake.limits import Limits, TooLargeError
+from lab3_usd.grade.intake.remote import entries_at, fetched, is_address
+from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.workers.cluster import cluster_runner, judge_here
+from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
+from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.grade.workers.worker_process import WorkerError
 
 STUDENTS = 8
 
@@ -109,7 +108,7 @@ def kill_workers(cluster: Any) -> None:
 def test_a_cluster_without_workers_is_an_error_that_says_what_to_start(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.cluster._SECONDS_TO_CONNECT", 1)
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_CONNECT", 1)
     with (
         cluster_of(0, tmp_path / "temporary", monkeypatch) as empty,
         pytest.raises(UsageError, match=r"no worker; start one with `dask worker tcp://"),
@@ -166,7 +165,7 @@ def test_a_cluster_that_is_not_there_is_an_error(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed")
-    monkeypatch.setattr("lab3_usd.grade.cluster._SECONDS_TO_CONNECT", 1)
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_CONNECT", 1)
     runner = cluster_runner("tcp://127.0.0.1:1")
     with pytest.raises(UsageError, match="no Dask scheduler"):
         grade_class(ClassSettings(place, starter(), tmp_path / "book", runner=runner))
@@ -222,15 +221,14 @@ def test_a_file_and_a_folder_are_fetched_and_a_task_at_hand_is_left_alone(tmp_pa
         Source(Path("a.zip"), "a.zip", single),
         Source(Path("jane"), "", "memory://fetch/jane"),
     )
-    with fetched(Task("jane", "jane", sources), tmp_path, Limits()) as here:
-        assert [(source.path.name, source.name) for source in here.sources] == [
-            ("a.zip", "a.zip"),
-            ("jane", ""),
-        ]
-        assert sorted(files_below(tmp_path).values()) == [b"#usda 1.0", b"PK"]
-    at_hand = Task("jane", "jane", (Source(tmp_path),))
-    with fetched(at_hand, tmp_path, Limits()) as here:
-        assert here is at_hand
+    here = fetched(sources, tmp_path, Limits())
+    assert [(source.path.name, source.name) for source in here] == [
+        ("a.zip", "a.zip"),
+        ("jane", ""),
+    ]
+    assert sorted(files_below(tmp_path).values()) == [b"#usda 1.0", b"PK"]
+    at_hand = (Source(tmp_path),)
+    assert fetched(at_hand, tmp_path, Limits()) == at_hand
 
 
 def test_a_key_with_dots_is_not_written_outside(tmp_path: Path) -> None:
@@ -238,8 +236,8 @@ def test_a_key_with_dots_is_not_written_outside(tmp_path: Path) -> None:
     memory_file("/dots/jane/good.usda", b"y")
     source = Source(Path("jane"), "", "memory://dots/jane")
     target = tmp_path / "target"
-    with fetched(Task("jane", "jane", (source,)), target, Limits()):
-        assert list(files_below(target).values()) == [b"y"]
+    fetched((source,), target, Limits())
+    assert list(files_below(target).values()) == [b"y"]
     assert not list(tmp_path.rglob("escaped.usda"))
 
 
@@ -248,12 +246,16 @@ def test_more_than_a_submission_may_hold_is_not_fetched(tmp_path: Path, limits: 
     for name in ("a", "b"):
         memory_file(f"/many/jane/{name}.usda", b"#usda")
     source = Source(Path("jane"), "", "memory://many/jane")
-    with (
-        pytest.raises(TooLargeError),
-        fetched(Task("jane", "jane", (source,)), tmp_path, limits),
-    ):
-        pytest.fail("it was fetched")
+    with pytest.raises(TooLargeError):
+        fetched((source,), tmp_path, limits)
     assert files_below(tmp_path) == {}
+
+
+def test_files_that_nobody_hands_in_are_neither_fetched_nor_counted(tmp_path: Path) -> None:
+    for name in ("work/a.usda", ".git/b", "__MACOSX/c"):
+        memory_file(f"/litter/jane/{name}", b"#usda")
+    fetched((Source(Path("jane"), "", "memory://litter/jane"),), tmp_path, Limits(files=1))
+    assert [path.rpartition("/")[2] for path in files_below(tmp_path)] == ["a.usda"]
 
 
 def test_what_is_too_much_to_fetch_is_recorded(tmp_path: Path) -> None:
@@ -265,20 +267,20 @@ def test_what_is_too_much_to_fetch_is_recorded(tmp_path: Path) -> None:
 
 
 def test_a_machine_with_another_version_refuses_to_judge() -> None:
-    from lab3_usd.grade.cluster import Shipment  # noqa: PLC0415 - only here
+    from lab3_usd.grade.workers.cluster import Shipment  # noqa: PLC0415 - only here
 
     settings = PoolSettings(None, None, Limits())
-    shipment = Shipment("0.0.0", (), "starter.usda", None, settings)
+    shipment = Shipment("0.0.0", (), "starter.usda", None, (), settings)
     with pytest.raises(UsageError, match=r"not 0\.0\.0"):
-        judge_here(shipment, Task("jane", "jane", ()))
+        judge_here(shipment, encode(Task("jane", "jane", ())))
 
 
 def test_a_machine_that_cannot_reach_a_submission_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    from lab3_usd.grade import cluster  # noqa: PLC0415 - only here
+    from lab3_usd.grade.workers import cluster  # noqa: PLC0415 - only here
 
     monkeypatch.setattr(cluster, "tool_version", lambda: "1")
     settings = PoolSettings(None, None, Limits())
-    shipment = cluster.Shipment("1", (), "starter.usda", None, settings)
+    shipment = cluster.Shipment("1", (), "starter.usda", None, (), settings)
     task = Task("jane", "jane", (Source(Path("/no/such/folder")),))
     with pytest.raises(UsageError, match="/no/such/folder"):
-        judge_here(shipment, task)
+        judge_here(shipment, encode(task))

@@ -10,17 +10,16 @@ from pathlib import Path
 import pytest
 from pxr import Sdf, Usd
 
-from lab3_usd.check.checker import check_stage
 from lab3_usd.errors import StageError
-from lab3_usd.grade.guard import check_layer
-from lab3_usd.grade.limits import Limits
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.barred import asked_for, barred
-from lab3_usd.stage.fence import fenced, files_of
-from lab3_usd.stage.fence_layers import Fence, honest_about_memory
-from lab3_usd.stage.missing import find_unresolved
-from lab3_usd.stage.opening import open_stage
-from lab3_usd.stage.reader import read_model
+from lab3_usd.grade.intake.guard import check_layer
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.fence.layers import Fence, memory_errors
+from lab3_usd.stage.fence.stages import fenced, files_of
+from lab3_usd.stage.read.missing_assets import blocked_path, find_unresolved, original_asset
+from lab3_usd.stage.read.opening import open_stage
+from lab3_usd.stage.read.reader import read_model
 
 INNER = """#usda 1.0
 (
@@ -67,8 +66,8 @@ def sublayer(*assets: str) -> str:
 
 
 def reasons(fence: Fence) -> dict[str, bool]:
-    """What was barred, and whether it is grave."""
-    return {each.asset: each.grave for each in fence.found.values()}
+    """What was blocked, and whether it is an error."""
+    return {each.asset: each.is_error for each in fence.found.values()}
 
 
 def used(stage: Usd.Stage) -> set[str]:
@@ -300,10 +299,10 @@ def test_outside_a_fence_stages_open_as_ever(tmp_path: Path) -> None:
     "asset", ["a.usda", "../a", "/a/b", "https://a.b/c?d=e#f", "%2F", "ä ö", "x" * 400, "a@b"]
 )
 def test_a_barred_path_leads_nowhere_and_back_to_its_name(asset: str) -> None:
-    assert asked_for(barred(asset)) == asset
-    assert asked_for(asset) == asset
-    assert not os.path.lexists(barred(asset))
-    assert os.path.normpath(barred(asset)) == barred(asset)
+    assert original_asset(blocked_path(asset)) == asset
+    assert original_asset(asset) == asset
+    assert not os.path.lexists(blocked_path(asset))
+    assert os.path.normpath(blocked_path(asset)) == blocked_path(asset)
 
 
 def test_stages_that_are_the_same_to_the_byte_are_read_once(root: Path, fence: Fence) -> None:
@@ -352,7 +351,7 @@ def test_a_layer_that_usd_core_opens_without_a_word_is_refused(
         def FindOrOpen(identifier: str) -> None:  # noqa: N802 - usd-core's name
             del identifier
 
-    monkeypatch.setattr("lab3_usd.stage.fence_layers.Sdf.Layer", Silent)
+    monkeypatch.setattr("lab3_usd.stage.fence.layers.Sdf.Layer", Silent)
     with pytest.raises(StageError, match="opens no stage"):
         open_stage(write(root / "a.usda", INNER))
     assert fence.layers == {}
@@ -362,14 +361,14 @@ def test_a_layer_that_usd_core_opens_without_a_word_is_refused(
     ("said", "expected"), [("std::bad_alloc", MemoryError), ("something else", RuntimeError)]
 )
 def test_running_out_of_memory_is_told_from_damage(said: str, expected: type[Exception]) -> None:
-    with pytest.raises(expected), honest_about_memory():
+    with pytest.raises(expected), memory_errors():
         raise RuntimeError(said)
 
 
 def test_a_reference_that_stays_whatever_is_done_is_no_stage(
     root: Path, fence: Fence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.stage.fence_layers._ATTEMPTS", 0)
+    monkeypatch.setattr("lab3_usd.stage.fence.layers._ATTEMPTS", 0)
     with pytest.raises(StageError, match="cannot be taken out"):
         open_stage(write(root / "a.usda", sublayer("../outside.usda")))
     assert fence.stages == {}
@@ -378,7 +377,7 @@ def test_a_reference_that_stays_whatever_is_done_is_no_stage(
 def test_a_layer_that_was_not_looked_at_is_no_part_of_a_stage(
     root: Path, fence: Fence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.stage.fence.close_openings", lambda *_arguments: None)
+    monkeypatch.setattr("lab3_usd.stage.fence.stages.close_openings", lambda *_arguments: None)
     write(root / "b.usda", INNER)
     with pytest.raises(StageError, match="was not looked at"):
         open_stage(write(root / "a.usda", sublayer("b.usda")))
@@ -388,7 +387,7 @@ def test_a_layer_that_was_not_looked_at_is_no_part_of_a_stage(
 def test_large_stages_are_not_compared_to_the_byte(
     root: Path, fence: Fence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.stage.fence._LARGEST_TWIN", 10)
+    monkeypatch.setattr("lab3_usd.stage.fence.stages._LARGEST_TWIN", 10)
     first, second = (open_stage(write(root / name, INNER)) for name in ("a.usda", "b.usda"))
     assert first is not second
     assert fence.digests == {}

@@ -10,7 +10,7 @@ from types import ModuleType
 import pytest
 from fuzz_inputs import generate, written
 
-from lab3_usd.grade import worker_process
+from lab3_usd.grade.workers import worker_process
 
 COUNT = 240
 FUZZ = Path(__file__).resolve().parents[1] / "benchmarks" / "fuzz.py"

@@ -15,35 +15,42 @@ from typing import Any
 
 import pytest
 from grade_files import cut_wire, stage, starter, submission
+from msgspec.structs import replace
 from pxr import Sdf
 
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.grade import cluster, confine, process_end, worker, worker_process
-from lab3_usd.grade.judge import Course, Task, judge_task
-from lab3_usd.grade.limits import Limits
-from lab3_usd.grade.outcome import status_of
-from lab3_usd.grade.pool import message_of
-from lab3_usd.grade.staging import Source
-from lab3_usd.grade.worker_process import PoolSettings
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.workers import cluster, confine, process_end, worker_main, worker_process
+from lab3_usd.grade.workers.messages import (
+    Assignment,
+    PoolSettings,
+    Start,
+    Task,
+    encode,
+    status_of,
+)
+from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
+from lab3_usd.grade.workers.worker_pipes import Worker
 from lab3_usd.report.tool import tool_version
-from lab3_usd.stage.fence import files_of
+from lab3_usd.stage.fence.stages import files_of
 
-SETTINGS = {"starter": None, "rubric": None}
+SETTINGS = PoolSettings(None, None, Limits())
 
 
 @pytest.fixture(scope="module")
-def course() -> Course:
-    return worker.make_course({**SETTINGS, "starter": str(starter())}, Limits())
+def course() -> GradingSetup:
+    return worker_main.load_setup(replace(SETTINGS, starter=starter()))
 
 
-def judged(course: Course, folder: Path, scratch: Path, **changes: Any) -> dict[str, Any]:
+def judged(course: GradingSetup, folder: Path, scratch: Path, **changes: Any) -> dict[str, Any]:
     (scratch / "copy").mkdir(parents=True)
     task = Task("jane", "jane", (Source(folder),), **changes)
-    return judge_task(course, task, scratch / "copy", lambda _name: None)
+    return grade_submission(course, task, scratch / "copy", lambda _name: None)
 
 
 def test_a_submission_is_judged_and_the_working_directory_left_as_it_was(
-    course: Course, tmp_path: Path
+    course: GradingSetup, tmp_path: Path
 ) -> None:
     before = Path.cwd()
     found = judged(course, submission(tmp_path / "jane", "00", "01"), tmp_path)
@@ -52,7 +59,7 @@ def test_a_submission_is_judged_and_the_working_directory_left_as_it_was(
     assert Path.cwd() == before
 
 
-def test_what_is_known_is_not_judged_again(course: Course, tmp_path: Path) -> None:
+def test_what_is_known_is_not_judged_again(course: GradingSetup, tmp_path: Path) -> None:
     jane = submission(tmp_path / "jane", "00")
     first = judged(course, jane, tmp_path / "one")
     again = judged(course, jane, tmp_path / "two", known=first["digest"])
@@ -60,7 +67,7 @@ def test_what_is_known_is_not_judged_again(course: Course, tmp_path: Path) -> No
 
 
 def test_a_file_that_ended_a_worker_is_unreadable_and_the_others_are_judged(
-    course: Course, tmp_path: Path
+    course: GradingSetup, tmp_path: Path
 ) -> None:
     name = f"work/{stage('01').name}"
     found = judged(
@@ -77,18 +84,20 @@ def test_a_file_that_ended_a_worker_is_unreadable_and_the_others_are_judged(
     ("limits", "status"), [(Limits(files=1), "too large"), (Limits(total_size=10), "too large")]
 )
 def test_too_much_is_not_judged(tmp_path: Path, limits: Limits, status: str) -> None:
-    course = worker.make_course(SETTINGS, limits)
+    course = worker_main.load_setup(replace(SETTINGS, limits=limits))
     found = judged(course, submission(tmp_path / "jane", "00", "01"), tmp_path)
     assert (found["status"], found["earned"]) == (status, 0.0)
     assert "holds more than" in found["reason"]
 
 
-def test_a_damaged_archive_is_unreadable(course: Course, tmp_path: Path) -> None:
+def test_a_damaged_archive_is_unreadable(course: GradingSetup, tmp_path: Path) -> None:
     (tmp_path / "jane.zip").write_bytes(b"no zip")
     assert judged(course, tmp_path / "jane.zip", tmp_path)["status"] == "unreadable"
 
 
-def test_a_submission_without_stages_is_empty_and_says_why(course: Course, tmp_path: Path) -> None:
+def test_a_submission_without_stages_is_empty_and_says_why(
+    course: GradingSetup, tmp_path: Path
+) -> None:
     (tmp_path / "jane").mkdir()
     (tmp_path / "jane" / "Lab3_01_ros_clock.usda").symlink_to(stage("01"))
     found = judged(course, tmp_path / "jane", tmp_path)
@@ -97,11 +106,11 @@ def test_a_submission_without_stages_is_empty_and_says_why(course: Course, tmp_p
 
 
 def test_a_rule_that_fails_is_the_tools_fault(
-    course: Course, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    course: GradingSetup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(self: Any, found: Any, subject: Any) -> None:
         del subject
-        from lab3_usd.check.finding import Crash  # noqa: PLC0415 - only here
+        from lab3_usd.model.finding import Crash  # noqa: PLC0415 - only here
 
         self.crashes.append(Crash(found.id, "KeyError"))
 
@@ -112,7 +121,7 @@ def test_a_rule_that_fails_is_the_tools_fault(
 
 
 def test_what_leads_out_is_an_error_of_the_stage_and_what_was_refused_of_the_submission(
-    course: Course, tmp_path: Path
+    course: GradingSetup, tmp_path: Path
 ) -> None:
     jane = submission(tmp_path / "jane", "01")
     (jane / "work" / "more.usda").symlink_to(stage("05"))
@@ -136,18 +145,12 @@ def test_a_worker_serves_tasks_until_there_are_no_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("limit_resources", "give_up_privileges", "fence_files"):
-        monkeypatch.setattr(worker, name, lambda *_arguments: {})
+        monkeypatch.setattr(worker_main, name, lambda *_arguments: {})
     (tmp_path / "scratch").mkdir()
-    settings = {
-        **SETTINGS,
-        "scratch": str(tmp_path / "scratch"),
-        "limits": {"seconds": 5.0},
-        "readable": [],
-    }
-    jane = message_of(Task("jane", "jane", (Source(submission(tmp_path / "jane", "00")),)))
+    jane = Task("jane", "jane", (Source(submission(tmp_path / "jane", "00")),))
     answers = io.BytesIO()
-    line = json.dumps({**jane, "turn": 7}).encode() + b"\n"
-    worker._serve(settings, io.BytesIO(line), answers)
+    line = encode(Assignment(7, jane))
+    worker_main._serve(Start(tmp_path / "scratch", SETTINGS), io.BytesIO(line), answers)
     said = [json.loads(line) for line in answers.getvalue().splitlines()]
     assert [list(line)[-1] for line in said] == ["peak", "open", "open", "done"]
     assert [line.get("turn") for line in said] == [None, 7, 7, 7]
@@ -160,16 +163,13 @@ def test_an_answer_that_would_be_too_long_is_a_status(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("limit_resources", "give_up_privileges", "fence_files"):
-        monkeypatch.setattr(worker, name, lambda *_arguments: {})
-    monkeypatch.setattr(worker, "answer", lambda *_arguments: {"reports": {"a": "x" * 60_000}})
-    settings = {
-        **SETTINGS,
-        "scratch": str(tmp_path),
-        "limits": {"answer_size": 100_000},
-        "readable": [],
-    }
+        monkeypatch.setattr(worker_main, name, lambda *_arguments: {})
+    long = {"reports": {"a": "x" * 60_000}}
+    monkeypatch.setattr(worker_main, "answer", lambda *_arguments: long)
+    start = Start(tmp_path, replace(SETTINGS, limits=Limits(answer_size=100_000)))
     answers = io.BytesIO()
-    worker._serve(settings, io.BytesIO(b'{"turn": 7}\n'), answers)
+    line = encode(Assignment(7, Task("jane", "jane", ())))
+    worker_main._serve(start, io.BytesIO(line), answers)
     done = json.loads(answers.getvalue().splitlines()[-1])["done"]
     assert status_of(done["failed"]) == "too large"
 
@@ -180,15 +180,15 @@ def test_a_worker_keeps_its_answers_apart_from_what_is_printed(
     task_end, task_start = os.pipe()
     answer_end, answer_start = os.pipe()
     saved = os.dup(0), os.dup(1)
-    os.write(task_start, b'{"settings": 1}\n')
+    os.write(task_start, encode(Start(Path("/scratch"), SETTINGS)))
     os.close(task_start)
-    monkeypatch.setattr(worker, "_serve", lambda settings, _tasks, out: out.write(
-        json.dumps(settings).encode()
-    ))  # fmt: skip
+    monkeypatch.setattr(
+        worker_main, "_serve", lambda start, _tasks, out: out.write(bytes(start.scratch))
+    )
     try:
         os.dup2(task_end, 0)
         os.dup2(answer_start, 1)
-        worker.main()
+        worker_main.main()
         os.write(1, b"printed")
     finally:
         for handle, number in zip(saved, (0, 1), strict=True):
@@ -197,7 +197,7 @@ def test_a_worker_keeps_its_answers_apart_from_what_is_printed(
         os.close(task_end)
         os.close(answer_start)
     with os.fdopen(answer_end, "rb") as answers:
-        assert answers.read() == b'{"settings": 1}'
+        assert answers.read() == b"/scratch"
 
 
 @pytest.mark.parametrize(
@@ -208,21 +208,25 @@ def test_a_worker_keeps_its_answers_apart_from_what_is_printed(
     ],
 )
 def test_what_goes_wrong_while_judging_is_answered(
-    course: Course, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, died: str
+    course: GradingSetup,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    error: Exception,
+    died: str,
 ) -> None:
     def fail(*arguments: Any) -> None:
         del arguments
         raise error
 
-    monkeypatch.setattr(worker, "judge_task", fail)
-    found = worker.answer(course, message_of(Task("jane", "jane", ())), tmp_path, lambda _: None)
+    monkeypatch.setattr(worker_main, "grade_submission", fail)
+    found = worker_main.answer(course, Task("jane", "jane", ()), tmp_path, lambda _: None)
     assert found["died"].startswith(died)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_starter_that_cannot_be_opened_ends_the_worker(tmp_path: Path) -> None:
     with pytest.raises(StageError):
-        worker.make_course({**SETTINGS, "starter": str(tmp_path / "gone.usda")}, Limits())
+        worker_main.load_setup(replace(SETTINGS, starter=tmp_path / "gone.usda"))
 
 
 # -- giving up
@@ -395,16 +399,16 @@ def test_a_machine_keeps_its_worker_for_a_shipment_and_changes_it_for_another(
     assert first.version == tool_version()
     task = Task("jane", "jane", (Source(tmp_path / "jane"),))
     try:
-        seats = []
+        slots = []
         for shipment in (first, first, second):
-            _, answer = cluster.judge_here(shipment, task)
+            _, answer = cluster.judge_here(shipment, encode(task))
             assert answer["verdicts"] == {"00": "pass"}
-            seats.append(cluster._seat(shipment))
-        assert seats[0] is seats[1]
-        assert seats[0] is not seats[2]
-        assert seats[0].worker is None
+            slots.append(cluster._slot(shipment))
+        assert slots[0] is slots[1]
+        assert slots[0] is not slots[2]
+        assert slots[0].worker is None
     finally:
-        cluster._seat(second).leave()
+        cluster._slot(second).stop()
         cluster._local.__dict__.clear()
 
 
@@ -502,7 +506,7 @@ def test_how_it_ended_is_known_where_nothing_more_is(
         monkeypatch.delattr(os, name, raising=False)
     ended: Any = Ended()
     ended.status = status
-    there = worker_process.Worker(ended, tmp_path / "scratch", Limits())
+    there = Worker(ended, tmp_path / "scratch", Limits())
     assert process_end.how_it_ended(ended, 1)[0] == how
     worker_process.end_worker(there)
 
@@ -510,4 +514,4 @@ def test_how_it_ended_is_known_where_nothing_more_is(
 def test_a_worker_that_cannot_even_be_killed_is_left_behind(tmp_path: Path) -> None:
     hanging: Any = Ended()
     hanging.status = None
-    worker_process.end_worker(worker_process.Worker(hanging, tmp_path / "scratch", Limits()))
+    worker_process.end_worker(Worker(hanging, tmp_path / "scratch", Limits()))

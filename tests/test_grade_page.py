@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from lab3_usd.report.class_page import class_page, distribution, hardest, losses, missing
+from lab3_usd.report.html.class_page import class_page, distribution, hardest, losses, missing
 
 ITEMS = [
     {"id": "clock", "title": "/clock is publishing", "points": 10.0, "optional": False},

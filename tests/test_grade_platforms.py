@@ -11,8 +11,8 @@ import pytest
 from grade_files import stage, starter, submission
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.platforms import FileOwner, file_owners, is_platform_name
-from lab3_usd.grade.submissions import find_submissions
+from lab3_usd.grade.intake.platforms import FileOwner, file_owners, is_platform_name
+from lab3_usd.grade.intake.submissions import find_submissions
 
 
 def students(*names: str) -> dict[str, list[str]]:

@@ -17,7 +17,7 @@ def rows() -> list[list[str]]:
     """The cells of every row of every table, headings left aside."""
     lines = [line for line in PROMISES.read_text(encoding="utf-8").splitlines() if "|" in line]
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    return [row for row in cells if row[0] != "promise" and set(row[0]) != {"-"}]
+    return [row for row in cells if row[0] != "guarantee" and set(row[0]) != {"-"}]
 
 
 def names_in(name: str) -> set[str]:

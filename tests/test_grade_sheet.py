@@ -6,16 +6,15 @@ from html_pages import Element, read
 from msgspec.structs import replace
 from report_examples import FAILED, HOSTILE, OLD_NAME, PASSED, SUBMISSION
 
-from lab3_usd.check.finding import Finding, Report, Requirement
 from lab3_usd.check.registry import all_rules
-from lab3_usd.grade.judge import Task, not_judged
-from lab3_usd.grade.pool import message_of
-from lab3_usd.grade.reports import HTML, write_reports
-from lab3_usd.grade.rubric import Cap, Item, Rubric
-from lab3_usd.grade.scoring import Grade, ItemGrade, Lost
-from lab3_usd.grade.sheet import MOST_LOST, grade_sheet
-from lab3_usd.grade.worker import task_of
-from lab3_usd.report.formats import Options, render
+from lab3_usd.grade.book.reports import HTML, write_reports
+from lab3_usd.grade.book.sheet import MOST_LOST, grade_sheet
+from lab3_usd.grade.scoring.rubric import Cap, Item, Rubric
+from lab3_usd.grade.scoring.scoring import Grade, ItemGrade, LostRequirement
+from lab3_usd.grade.workers.messages import Task, decode, encode
+from lab3_usd.grade.workers.submission_grading import ungraded_record
+from lab3_usd.model.finding import Finding, Report, Requirement
+from lab3_usd.report.formats.registry import Options, render
 
 WIRE = Requirement("ROS_Clock/wire/tick", "ROS_Clock", "wire", "tick reaches the clock", met=False)
 RUBRIC = Rubric(
@@ -39,8 +38,8 @@ GRADE = Grade(
         ItemGrade("film", "open", 0.0, 0.0, 0.0, "for a person to judge"),
     ),
     lost=(
-        Lost("clock", WIRE.id, WIRE.title),
-        Lost("nav2", "checkpoint 08", "checkpoint 08 is missing"),
+        LostRequirement("clock", WIRE.id, WIRE.title),
+        LostRequirement("nav2", "checkpoint 08", "checkpoint 08 is missing"),
     ),
     earned=7.5,
     possible=15.0,
@@ -132,7 +131,7 @@ def test_extra_points_and_all_or_nothing_are_said() -> None:
 
 
 def test_not_every_lost_requirement_is_named() -> None:
-    lost = tuple(Lost("clock", f"ROS_Clock/{n}", str(n)) for n in range(MOST_LOST + 3))
+    lost = tuple(LostRequirement("clock", f"ROS_Clock/{n}", str(n)) for n in range(MOST_LOST + 3))
     item = grade_sheet(RUBRIC, replace(GRADE, lost=lost), "1", "").items[0]
     assert len(item.lost) == MOST_LOST
     assert item.more == 3
@@ -201,12 +200,12 @@ def test_neither_a_name_nor_a_title_becomes_markup() -> None:
 
 def test_the_name_travels_with_the_task_and_onto_the_page() -> None:
     task = Task("1234567", "1234567", (), name="Jane Doe", broken={})
-    assert task_of(message_of(task)) == task
-    record = not_judged(RUBRIC, task.student, "unreadable", "it is damaged", task.name)
+    assert decode(encode(task), Task) == task
+    record = ungraded_record(RUBRIC, task.student, "unreadable", "it is damaged", task.name)
     assert read(record["reports"][HTML]).one("h1").text == "Jane Doe"
 
 
 def test_a_student_of_whom_nothing_was_judged_is_told_so() -> None:
-    tree = read(not_judged(RUBRIC, "1234567", "unreadable", "it is damaged")["reports"][HTML])
+    tree = read(ungraded_record(RUBRIC, "1234567", "unreadable", "it is damaged")["reports"][HTML])
     hero = " ".join(tree.one("header", "hero").text.split())
     assert "no stage was judged: this file is left out: it is damaged" in hero

@@ -16,24 +16,23 @@ import pytest
 from grade_files import starter, submission
 from pxr import Sdf, Tf
 
-from lab3_usd.grade import scratch, surroundings, worker_process
-from lab3_usd.grade.confine import fence_files
-from lab3_usd.grade.judge import Task
-from lab3_usd.grade.limits import MEGABYTE, Limits
-from lab3_usd.grade.outcome import status_of
-from lab3_usd.grade.pool import Seat, judge_in, message_of, run_tasks
-from lab3_usd.grade.staging import Source
-from lab3_usd.grade.worker import _how, task_of
-from lab3_usd.grade.worker_process import (
-    DiedError,
-    PoolSettings,
-    Worker,
+from lab3_usd.grade.intake import scratch
+from lab3_usd.grade.intake.limits import MEGABYTE, Limits
+from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.workers import worker_pipes, worker_process
+from lab3_usd.grade.workers.confine import fence_files
+from lab3_usd.grade.workers.messages import PoolSettings, Reply, Task, decode, encode, status_of
+from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.grade.workers.worker_main import _how
+from lab3_usd.grade.workers.worker_pipes import Worker, WorkerDiedError
+from lab3_usd.grade.workers.worker_process import (
     WorkerError,
     ask,
     end_worker,
     never,
     start_worker,
 )
+from lab3_usd.grade.workers.worker_slot import WorkerSlot, judge_in
 
 # A worker that does what the student's name says; it is ready at once.
 ODD = """
@@ -42,10 +41,12 @@ sys.stdin.readline()
 turn = 0
 say = lambda message: print(json.dumps({"turn": turn, **message}), flush=True)
 most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-say({"ready": {}, "peak": most if sys.platform == "darwin" else most * 1024})
+peak = most if sys.platform == "darwin" else most * 1024
+print(json.dumps({"confined": {}, "peak": peak}), flush=True)
 for line in sys.stdin:
-    task = json.loads(line)
-    student, broken, turn = task["student"], task["broken"], task["turn"]
+    message = json.loads(line)
+    turn, task = message["turn"], message["task"]
+    student, broken = task["student"], task["broken"]
     say({"open": "first.usda"})
     if student.startswith("well") or "second.usda" in broken:
         say({"done": {"status": "graded", "by": os.getpid(), "broken": broken}})
@@ -149,15 +150,15 @@ def task(student: str) -> Task:
 def test_how_a_worker_ended_and_over_which_file_is_known(
     worker: Worker, student: str, how: str
 ) -> None:
-    with pytest.raises(DiedError) as died:
-        ask(worker, message_of(task(student)), never)
+    with pytest.raises(WorkerDiedError) as died:
+        ask(worker, task(student), never)
     assert (died.value.how, died.value.file) == (how, "second.usda")
-    assert died.value.innocent == (student == "killed")
+    assert died.value.external == (student == "killed")
 
 
 def test_what_a_worker_left_running_goes_with_it(worker: Worker) -> None:
-    with pytest.raises(DiedError):
-        ask(worker, message_of(task("parts")), never)
+    with pytest.raises(WorkerDiedError):
+        ask(worker, task("parts"), never)
     end_worker(worker)
     assert eventually(lambda: not group_exists(worker.process.pid))
 
@@ -181,13 +182,13 @@ def test_the_next_submission_is_judged_by_another_worker(odd: PoolSettings, befo
 
 
 def test_an_idle_worker_that_is_killed_costs_nobody_a_point(odd: PoolSettings) -> None:
-    seat = Seat(odd)
+    slot = WorkerSlot(odd)
     try:
-        _, first = judge_in(seat, task("well"), never)
+        _, first = judge_in(slot, task("well"), never)
         os.kill(first["by"], signal.SIGKILL)
-        _, second = judge_in(seat, task("well"), never)
+        _, second = judge_in(slot, task("well"), never)
     finally:
-        seat.leave()
+        slot.stop()
     assert (second["status"], second["broken"]) == ("graded", {})
 
 
@@ -195,12 +196,12 @@ def test_a_worker_that_is_killed_at_its_work_is_replaced_once(
     odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
-    seat = Seat(odd)
+    slot = WorkerSlot(odd)
     try:
-        _, once = judge_in(seat, task("once"), never)
-        _, always = judge_in(seat, task("killed"), never)
+        _, once = judge_in(slot, task("once"), never)
+        _, always = judge_in(slot, task("killed"), never)
     finally:
-        seat.leave()
+        slot.stop()
     assert (once["status"], once["broken"]) == ("graded", {})
     assert always["broken"] == {"second.usda": "ended by SIGKILL"}
 
@@ -210,11 +211,11 @@ def test_workers_that_never_begin_are_the_tools_fault(
 ) -> None:
     silent = worker_process._MAIN.replace("for line in sys.stdin:", "for line in []:")
     monkeypatch.setattr(worker_process, "_MAIN", silent)
-    seat = Seat(odd)
+    slot = WorkerSlot(odd)
     try:
-        _, answer = judge_in(seat, task("well"), never)
+        _, answer = judge_in(slot, task("well"), never)
     finally:
-        seat.leave()
+        slot.stop()
     assert status_of(answer["failed"]) == "tool failed"
 
 
@@ -228,17 +229,17 @@ def test_a_worker_that_does_not_read_is_not_waited_for(odd: PoolSettings) -> Non
 LARGE_PARENT = """
 import sys
 from pathlib import Path
-from lab3_usd.grade import worker_process
-from lab3_usd.grade.judge import Task
-from lab3_usd.grade.limits import Limits
-from lab3_usd.grade.pool import message_of
+from lab3_usd.grade.workers import worker_process
+from lab3_usd.grade.workers.messages import PoolSettings, Task
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.workers.worker_pipes import WorkerDiedError
 large = bytearray(b"x") * (200 << 20)
 worker_process._MAIN = Path(sys.argv[1]).read_text()
-settings = worker_process.PoolSettings(None, None, Limits(seconds=20, memory=100 << 20))
+settings = PoolSettings(None, None, Limits(seconds=20, memory=100 << 20))
 worker = worker_process.start_worker(settings)
 try:
-    worker_process.ask(worker, message_of(Task(sys.argv[2], "", ())), worker_process.never)
-except worker_process.DiedError as died:
+    worker_process.ask(worker, Task(sys.argv[2], "", ()), worker_process.never)
+except WorkerDiedError as died:
     print(died.how)
 worker_process.end_worker(worker)
 """
@@ -268,8 +269,8 @@ def test_the_memory_of_whoever_started_a_worker_is_not_its_own(
 
 
 def test_a_worker_that_is_stopped_is_left_at_once(worker: Worker) -> None:
-    with pytest.raises(DiedError, match="stopped"):
-        ask(worker, message_of(task("hangs")), lambda: True)
+    with pytest.raises(WorkerDiedError, match="stopped"):
+        ask(worker, task("hangs"), lambda: True)
 
 
 @pytest.mark.parametrize(
@@ -292,21 +293,21 @@ def test_how_a_worker_ended_gives_the_status(how: str, status: str) -> None:
 def test_a_submission_is_judged_again_without_the_file_that_ended_the_worker(
     odd: PoolSettings,
 ) -> None:
-    seat = Seat(odd)
+    slot = WorkerSlot(odd)
     try:
-        judged, answer = judge_in(seat, task("crashes"), never)
+        judged, answer = judge_in(slot, task("crashes"), never)
     finally:
-        seat.leave()
+        slot.stop()
     assert answer["broken"] == {"second.usda": "crashed usd-core (SIGSEGV)"}
     assert judged.broken == answer["broken"]
 
 
 def test_a_submission_that_ends_every_worker_is_given_up(odd: PoolSettings) -> None:
-    seat = Seat(odd)
+    slot = WorkerSlot(odd)
     try:
-        _, answer = judge_in(seat, task("early"), never)
+        _, answer = judge_in(slot, task("early"), never)
     finally:
-        seat.leave()
+        slot.stop()
     assert answer == {"failed": "ran out of time (0.6 s)"}
 
 
@@ -327,7 +328,7 @@ def test_one_worker_judges_many_submissions(odd: PoolSettings) -> None:
 def test_a_worker_is_replaced_after_many_submissions(
     odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.pool._TASKS_OF_A_WORKER", 2)
+    monkeypatch.setattr("lab3_usd.grade.workers.worker_slot._TASKS_OF_A_WORKER", 2)
     answers = [answer for _, answer in run_tasks(map(task, ["well"] * 4), odd)]
     assert len({answer["by"] for answer in answers}) == 2
 
@@ -344,10 +345,10 @@ def test_a_run_that_is_given_up_ends_its_workers(odd: PoolSettings) -> None:
 RUN = """
 import signal, sys, time
 from pathlib import Path
-from lab3_usd.grade import worker_process
-from lab3_usd.grade.judge import Task
-from lab3_usd.grade.limits import Limits
-from lab3_usd.grade.pool import run_tasks
+from lab3_usd.grade.workers import worker_process
+from lab3_usd.grade.workers.messages import PoolSettings, Task
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.workers.pool import run_tasks
 # Whoever started the tests may ignore signals, which is inherited.
 signal.signal(signal.SIGHUP, signal.SIG_IGN if sys.argv[1] == "ignored" else signal.SIG_DFL)
 signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -355,7 +356,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 worker_process._MAIN = Path(sys.argv[2]).read_text()
 tasks = [Task(name, name, ()) for name in ("well", "hangs")]
 seconds = 2 if sys.argv[1] == "ignored" else 60
-settings = worker_process.PoolSettings(None, None, Limits(seconds=seconds))
+settings = PoolSettings(None, None, Limits(seconds=seconds))
 for task, _ in run_tasks(tasks, settings):
     print(task.student, flush=True)
     if sys.argv[1] == "outside":
@@ -475,7 +476,7 @@ def test_an_answer_without_end_is_not_read_for_ever(
     os.write(outlet, said)
     os.close(outlet)
     listener = Worker(worker.process, worker.scratch, Limits(answer_size=4096))
-    worker_process._listen(listener, os.fdopen(inlet, "rb"))
+    worker_pipes._listen(listener, os.fdopen(inlet, "rb"))
     assert [listener.lines.get_nowait() for _ in heard] == heard
     assert listener.lines.empty()
 
@@ -484,7 +485,18 @@ def test_a_task_survives_the_way_to_a_worker() -> None:
     sent = Task(
         "jané", "jane-1", (Source(Path("/a b"), "c.usda"),), late=True, broken={"a": "b"}, known="k"
     )
-    assert task_of(message_of(sent)) == sent
+    assert decode(encode(sent), Task) == sent
+
+
+def test_names_that_are_no_text_survive_the_way_to_a_worker() -> None:
+    sent = Task("jane", "jane", (Source(Path("/class/\udcff"), "\udcff.usda"),))
+    assert decode(encode(sent), Task) == sent
+
+
+@pytest.mark.parametrize("line", [b"[" * 100_000, b'"\xff"', b'{"turn": "first"}', b"[1]", b""])
+def test_a_line_that_is_no_message_is_refused(line: bytes) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011 - of several kinds
+        decode(line, Reply)
 
 
 def test_the_environment_of_a_worker_holds_no_plugin_path_and_no_secret(
@@ -492,14 +504,19 @@ def test_the_environment_of_a_worker_holds_no_plugin_path_and_no_secret(
 ) -> None:
     for name in ("PXR_PLUGINPATH_NAME", "PYTHONPATH", "AWS_SECRET_ACCESS_KEY", "https_proxy"):
         monkeypatch.setenv(name, str(tmp_path))
-    known = surroundings.environment(tmp_path)
-    assert set(known) <= {*surroundings._KEPT, "HOME", "TMPDIR", "PXR_WORK_THREAD_LIMIT"}
+    known = worker_process.environment(tmp_path)
+    assert set(known) <= {
+        *worker_process._KEPT_VARIABLES,
+        "HOME",
+        "TMPDIR",
+        "PXR_WORK_THREAD_LIMIT",
+    }
 
 
 WRITES = """
 import json, sys
 sys.stdin.readline()
-print(json.dumps({{"ready": {{"caches": sys.dont_write_bytecode}}}}), flush=True)
+print(json.dumps({{"confined": {{"caches": sys.dont_write_bytecode}}}}), flush=True)
 sys.stdin.readline()
 """
 
@@ -523,7 +540,7 @@ def test_a_real_worker_judges_and_leaves_nothing_behind(tmp_path: Path) -> None:
     made = start_worker(settings_for(tmp_path))
     try:
         sent = Task("jane", "jane", (Source(tmp_path / "jane"),))
-        answer = ask(made, message_of(sent), never)
+        answer = ask(made, sent, never)
         left = sorted(path.name for path in made.scratch.iterdir())
     finally:
         end_worker(made)
@@ -547,7 +564,7 @@ def confined(code: str, *arguments: Path) -> str:
     """What a process prints that has put a fence around `arguments[0]` before it runs `code`."""
     opening = (
         "import sys\nfrom pathlib import Path\n"
-        "from lab3_usd.grade.confine import *\n"
+        "from lab3_usd.grade.workers.confine import *\n"
         "place = Path(sys.argv[1])\n"
     )
     done = subprocess.run(
@@ -661,7 +678,8 @@ def test_a_worker_has_limits(tmp_path: Path, code: str, outcome: str) -> None:
     file = tmp_path / "file"
     file.touch()
     script = (
-        "from lab3_usd.grade.limits import Limits\nlimit_resources(Limits(memory=512 << 20))\n"
+        "from lab3_usd.grade.intake.limits import Limits\n"
+        "limit_resources(Limits(memory=512 << 20))\n"
         f"try:\n    {code}\n    print('fine')\n"
         "except (MemoryError, OSError) as error:\n    print(type(error).__name__)\n"
     )
@@ -669,7 +687,7 @@ def test_a_worker_has_limits(tmp_path: Path, code: str, outcome: str) -> None:
 
 
 def test_where_there_is_no_landlock_nothing_is_fenced(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lab3_usd.grade.confine.sys.platform", "darwin")
+    monkeypatch.setattr("lab3_usd.grade.workers.confine.sys.platform", "darwin")
     assert fence_files([Path("/")], []) is False
 
 

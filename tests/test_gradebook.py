@@ -13,33 +13,33 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftovers
-from lab3_usd.grade.gradebook import (
+from lab3_usd.grade.book.gradebook import (
     check_target,
     known_digest,
     read_result,
     write_student,
     write_tables,
 )
-from lab3_usd.grade.judge import not_judged
-from lab3_usd.grade.load_rubric import load_rubric
-from lab3_usd.grade.rubric import COLUMNS
-from lab3_usd.grade.submissions import Handed
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.grade.intake.submissions import StudentSubmission
+from lab3_usd.grade.scoring.load_rubric import load_rubric
+from lab3_usd.grade.scoring.rubric import COLUMNS
+from lab3_usd.grade.workers.submission_grading import ungraded_record
+from lab3_usd.spec.load.loader import load_lab
 
 RUBRIC = load_rubric(None, load_lab())
 SALT = "salt"
 ITEMS = [item.id for item in RUBRIC.items]
 
 
-def handed(student: str) -> Handed:
-    return Handed(student, "", student, ())
+def handed(student: str) -> StudentSubmission:
+    return StudentSubmission(student, "", student, ())
 
 
 def answer(student: str) -> dict[str, Any]:
-    return {**not_judged(RUBRIC, student, "graded", ""), "digest": "d1"}
+    return {**ungraded_record(RUBRIC, student, "graded", ""), "digest": "d1"}
 
 
-def written(out: Path, *students: str) -> list[Handed]:
+def written(out: Path, *students: str) -> list[StudentSubmission]:
     """Write a gradebook of these students."""
     class_ = [handed(student) for student in students]
     for each in class_:

@@ -6,7 +6,7 @@ import pytest
 from scene_changes import FLOOR, Change, define, several, slab, switch, weld, with_api
 from scene_stages import built, told
 
-from lab3_usd.stage.compare_terms import applied
+from lab3_usd.stage.compare.terms import applied_schemas
 
 SLAB, BODY, KINEMATIC = "/World/Slab", "PhysicsRigidBodyAPI", "physics:kinematicEnabled"
 FALLS = {
@@ -41,7 +41,7 @@ def test_a_ground_that_falls_is_no_ground(change: Change, checkpoint: str) -> No
     stage = built(checkpoint)
     change(stage)
     (site,) = (site for rule, site, _ in told(stage, checkpoint) if rule == "S13")
-    assert BODY in applied(stage.GetPrimAtPath(site))
+    assert BODY in applied_schemas(stage.GetPrimAtPath(site))
 
 
 STAYS = {

@@ -19,11 +19,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lab3_usd.errors import StageError
-from lab3_usd.grade.archives import ArchiveError, _common_top, is_archive, unpack
-from lab3_usd.grade.guard import check_layer
-from lab3_usd.grade.intake import Intake, TooLargeError
-from lab3_usd.grade.limits import Limits
-from lab3_usd.grade.staging import Source, stage_submission
+from lab3_usd.grade.intake.archives import ArchiveError, _common_top, is_archive, unpack
+from lab3_usd.grade.intake.guard import check_layer
+from lab3_usd.grade.intake.limits import Limits, TooLargeError
+from lab3_usd.grade.intake.staging import Source, stage_submission
+from lab3_usd.grade.intake.submission_copy import SubmissionCopy
 
 SMALL = Limits(
     files=20, file_size=1 << 20, total_size=3 << 20, ratio=50, folders=6, nesting=20, prims=100
@@ -229,9 +229,9 @@ def files_below(folder: Path) -> dict[str, bytes]:
 def unpacked(archive: Path, limits: Limits = SMALL) -> tuple[dict[str, bytes], list[str]]:
     """What comes out of an archive, and what is refused of it."""
     target = archive.parent / "out"
-    intake = Intake(target, limits)
-    unpack(archive, "", intake)
-    return files_below(target) if target.exists() else {}, [each.path for each in intake.refused]
+    copy = SubmissionCopy(target, limits)
+    unpack(archive, "", copy)
+    return files_below(target) if target.exists() else {}, [each.path for each in copy.refused]
 
 
 @pytest.mark.parametrize("name", ["a.zip", "a.ZIP", "a.tar", "a.tar.gz", "a.tgz", "a.tar.xz"])
@@ -299,8 +299,8 @@ def test_a_file_that_is_too_large_costs_itself_alone_in_every_form(tmp_path: Pat
 
 def test_a_video_in_the_archive_of_a_class_keeps_its_name(tmp_path: Path) -> None:
     entries = {"jane/work/a.usda": STAGE, "jane/demo.mp4": VIDEO, "jane/1.png": VIDEO}
-    intake = Intake(tmp_path / "class", SMALL, archives=True)
-    unpack(zipped(tmp_path / "a.zip", entries), "", intake)
+    copy = SubmissionCopy(tmp_path / "class", SMALL, archives=True)
+    unpack(zipped(tmp_path / "a.zip", entries), "", copy)
     folder, refused = staged(tmp_path, Source(tmp_path / "class" / "jane"))
     assert files_below(folder) == {"work/a.usda": STAGE, "demo.mp4": b"\0", "1.png": b"\0"}
     assert refused == []
@@ -418,12 +418,23 @@ def test_the_number_of_files_has_a_limit(tmp_path: Path, ending: str) -> None:
         unpacked(archive)
 
 
-def test_an_encrypted_file_is_refused(tmp_path: Path) -> None:
-    archive = zipped(tmp_path / "a.zip", {"secret": b"x"})
+def encrypted(archive: Path) -> Path:
+    """The archive, whose only file says that it is encrypted."""
     data = bytearray(archive.read_bytes())
     data[6] |= 1
     data[data.index(b"PK\x01\x02") + 8] |= 1
-    assert unpacked(write(archive, bytes(data))) == ({}, ["secret"])
+    return write(archive, bytes(data))
+
+
+def test_an_encrypted_file_is_refused(tmp_path: Path) -> None:
+    assert unpacked(encrypted(zipped(tmp_path / "a.zip", {"secret": b"x"}))) == ({}, ["secret"])
+
+
+def test_an_encrypted_video_counts_by_its_name(tmp_path: Path) -> None:
+    assert unpacked(encrypted(zipped(tmp_path / "a.zip", {"a.mp4": b"x"}))) == (
+        {"a.mp4": b"\0"},
+        [],
+    )
 
 
 def test_a_damaged_file_is_dropped_and_named(tmp_path: Path) -> None:
@@ -604,9 +615,9 @@ def test_brackets_that_close_do_not_count(tmp_path: Path) -> None:
 
 
 def test_a_name_that_is_no_unicode_is_refused(tmp_path: Path) -> None:
-    intake = Intake(tmp_path, SMALL)
-    assert intake.place("work/a\udcff.usda") is None
-    assert [each.path for each in intake.refused] == ["work/a\\udcff.usda"]
+    copy = SubmissionCopy(tmp_path, SMALL)
+    assert copy.place("work/a\udcff.usda") is None
+    assert [each.path for each in copy.refused] == ["work/a\\udcff.usda"]
 
 
 def test_files_too_many_folders_deep_are_refused(tmp_path: Path) -> None:
@@ -623,22 +634,22 @@ def test_folders_too_deep_are_not_walked(tmp_path: Path) -> None:
 
 
 def test_a_picture_whose_name_is_taken_is_not_written_twice(tmp_path: Path) -> None:
-    intake = Intake(tmp_path, SMALL)
+    copy = SubmissionCopy(tmp_path, SMALL)
     for _ in range(2):
-        intake.take("a.mp4", 5, io.BytesIO(b"video"))
-    intake.take(".hidden.mp4", 5, io.BytesIO(b"video"))
+        copy.take("a.mp4", 5, io.BytesIO(b"video"))
+    copy.take(".hidden.mp4", 5, io.BytesIO(b"video"))
     assert files_below(tmp_path) == {"a.mp4": b"\0"}
 
 
 def test_a_file_that_went_well_is_not_forgotten(tmp_path: Path) -> None:
-    intake = Intake(tmp_path, SMALL)
-    intake.take("a", 1, io.BytesIO(b"x"))
-    intake.forget("a", "damaged")
-    assert (files_below(tmp_path), intake.refused) == ({"a": b"x"}, [])
+    copy = SubmissionCopy(tmp_path, SMALL)
+    copy.take("a", 1, io.BytesIO(b"x"))
+    copy.forget("a", "damaged")
+    assert (files_below(tmp_path), copy.refused) == ({"a": b"x"}, [])
 
 
 def test_a_file_shorter_than_it_says_ends_where_it_ends(tmp_path: Path) -> None:
-    Intake(tmp_path, SMALL).take("a", 100, io.BytesIO(b"x"))
+    SubmissionCopy(tmp_path, SMALL).take("a", 100, io.BytesIO(b"x"))
     assert files_below(tmp_path) == {"a": b"x"}
 
 
@@ -660,5 +671,5 @@ def test_a_file_that_cannot_be_opened_is_refused(
             raise PermissionError(13, "Permission denied")
         return real(path, *arguments)  # type: ignore[call-overload]  # as it was called
 
-    monkeypatch.setattr("lab3_usd.grade.staging.os.open", refuse)
+    monkeypatch.setattr("lab3_usd.grade.intake.staging.os.open", refuse)
     assert staged(tmp_path, Source(tmp_path / "jane"))[1] == ["work/a.usda"]

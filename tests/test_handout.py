@@ -24,8 +24,8 @@ from handout_table import (
 )
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
 
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.builder import BuildOptions, build_files, plan_files
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 
 Nodes = dict[str, Usd.Prim]
 STAGES = range(9)

@@ -13,12 +13,14 @@ from grade_files import starter, submission
 from hostile import INPUTS, Kit, make_kit, write_all
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.limits import Limits
-from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.stage.write.builder import build_checkpoint
+
+pytestmark = pytest.mark.xdist_group("hostile")
 
 GOOD = "a_good_one"
 # Few files are copied before their number is too large, also where the machine is busy.
-LIMITS = Limits(seconds=4, files=900)
+LIMITS = Limits(seconds=12, files=900)
 STATUSES = {
     "a_cut_zip": "unreadable",
     "a_tar_bomb": "too large",

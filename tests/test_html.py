@@ -31,10 +31,10 @@ from report_examples import (
     write_stage,
 )
 
-from lab3_usd.check.finding import Report, Score
-from lab3_usd.report import html_pictures
-from lab3_usd.report.formats import render
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.model.finding import Report, Score
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.html import pictures as html_pictures
+from lab3_usd.spec.load.loader import load_lab
 
 MARKUP = (
     *HOSTILE,
@@ -342,8 +342,8 @@ def test_pictures_without_room_are_left_out_and_said(
         tmp_path, lambda stage: set_value(stage, f"{DRIVE}/make_array.inputs:arrayType", "x"), "02"
     )
     whole = read(page(judged(paths)))
-    monkeypatch.setattr(html_pictures, "ROOM", 0)
-    monkeypatch.setattr(html_pictures, "LEAST", 15_000)
+    monkeypatch.setattr(html_pictures, "PICTURE_CHARACTERS", 0)
+    monkeypatch.setattr(html_pictures, "LEAST_CHARACTERS", 15_000)
     tree = read(page(judged(paths)))
     assert [len(list(each.all("svg", "lab3"))) for each in (whole, tree)] == [2, 1]
     left_out = [

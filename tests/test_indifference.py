@@ -12,9 +12,9 @@ from pxr import Sdf, Usd
 from second_author import Style, author_lab
 from second_graphs import FOOTPRINT, ROBOT, graphs_until
 
-from lab3_usd.check.checker import check_stage
-from lab3_usd.check.finding import StageResult
-from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.model.finding import StageResult
+from lab3_usd.stage.write.builder import build_checkpoint
 
 STYLES = {
     "as the handout names it": Style(),

@@ -10,24 +10,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from lab3_usd.report.drawing import saved_places
-from lab3_usd.report.drawing.curves import around, points, through
-from lab3_usd.report.drawing.ghosts import settled
-from lab3_usd.report.drawing.measure import EDGE, measured
-from lab3_usd.report.drawing.ordering import Link, Slot, crossings, ordered
-from lab3_usd.report.drawing.ranks import backward, ranks
-from lab3_usd.report.drawing.routing import routed
-from lab3_usd.report.drawing.saved_places import saved
-from lab3_usd.report.drawing.stacking import stacked
-from lab3_usd.report.drawing.text_width import clip_end, clip_path, text_width
-from lab3_usd.report.layout import layered
-from lab3_usd.report.picture_model import HEADER, Box, Curve, End, Point, Row
+from lab3_usd.report.layout import editor_positions
+from lab3_usd.report.layout.box_size import EDGE, sized
+from lab3_usd.report.layout.curves import around, points, through
+from lab3_usd.report.layout.editor_positions import at_editor_positions
+from lab3_usd.report.layout.layered import layered
+from lab3_usd.report.layout.missing_positions import position_missing
+from lab3_usd.report.layout.ordering import Link, Slot, crossings, ordered
+from lab3_usd.report.layout.ranks import backward, ranks
+from lab3_usd.report.layout.routing import routed
+from lab3_usd.report.layout.stacking import stacked
+from lab3_usd.report.layout.text_width import clip_end, clip_path, text_width
+from lab3_usd.report.picture import HEADER, Box, Curve, End, Point, Row
 
 IN, OUT = "inputs:in", "outputs:out"
 
 
 def box(key: str, at: Point | None = None, inputs: int = 1, outputs: int = 1) -> Box:
-    return measured(
+    return sized(
         Box(
             key=key,
             title=key,
@@ -152,14 +152,16 @@ def test_a_single_wire_between_two_boxes_runs_level() -> None:
 
 
 def test_saved_places_are_kept() -> None:
-    drawn = saved([box("a", (100, 50)), box("b", (600, 300))], chain("a", "b"))
+    drawn = at_editor_positions([box("a", (100, 50)), box("b", (600, 300))], chain("a", "b"))
     assert drawn is not None
     a, b = drawn[0]
     assert (b.x - a.x, b.y - a.y) == (500, 250)
 
 
 def test_saved_places_too_close_together_are_drawn_apart_in_the_same_order() -> None:
-    drawn = saved([box("a", (0, 0)), box("b", (150, 0)), box("c", (0, 60))], chain("a", "b"))
+    drawn = at_editor_positions(
+        [box("a", (0, 0)), box("b", (150, 0)), box("c", (0, 60))], chain("a", "b")
+    )
     assert drawn is not None
     a, b, c = drawn[0]
     assert geometry.overlapping(drawn[0]) == []
@@ -175,7 +177,7 @@ def test_saved_places_too_close_together_are_drawn_apart_in_the_same_order() -> 
 )
 def test_saved_places_that_cannot_be_drawn_are_refused(places: list[Point | None]) -> None:
     boxes = [box(key, at) for key, at in zip("ab", places, strict=True)]
-    assert saved(boxes, []) is None
+    assert at_editor_positions(boxes, []) is None
 
 
 def test_a_wire_without_a_way_refuses_the_saved_places() -> None:
@@ -190,27 +192,32 @@ def test_a_wire_without_a_way_refuses_the_saved_places() -> None:
 def test_saved_places_without_a_way_for_a_wire_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(saved_places, "routed", lambda *_: None)
-    assert saved_places.saved([box("a", (0, 0)), box("b", (400, 0))], chain("a", "b")) is None
+    monkeypatch.setattr(editor_positions, "routed", lambda *_: None)
+    assert (
+        editor_positions.at_editor_positions(
+            [box("a", (0, 0)), box("b", (400, 0))], chain("a", "b")
+        )
+        is None
+    )
 
 
 def test_a_wire_passes_around_a_box_in_its_way() -> None:
     boxes = [box("a", (0, 0)), box("b", (400, 0)), box("c", (800, 0))]
-    drawn = saved(boxes, [wire("a", "c")])
+    drawn = at_editor_positions(boxes, [wire("a", "c")])
     assert drawn is not None
     assert geometry.crossings(*drawn) == []
     assert geometry.loose_ends(*drawn) == []
 
 
 def test_a_wire_to_a_box_on_the_left_passes_around_both() -> None:
-    drawn = saved([box("a", (800, 0)), box("b", (0, 0))], [wire("a", "b")])
+    drawn = at_editor_positions([box("a", (800, 0)), box("b", (0, 0))], [wire("a", "b")])
     assert drawn is not None
     assert geometry.crossings(*drawn) == []
 
 
 def test_wires_of_different_outputs_do_not_share_a_lane() -> None:
     boxes = [box("a", (0, 0), outputs=2), box("b", (400, 0)), box("c", (800, 0), inputs=2)]
-    drawn = saved(boxes, [wire("a", "c"), wire("a", "c", 1, 1)])
+    drawn = at_editor_positions(boxes, [wire("a", "c"), wire("a", "c", 1, 1)])
     assert drawn is not None
     one, other = ([y for x, y in points(curve.path) if 450 < x < 700] for curve in drawn[1])
     assert min(abs(y - z) for y in one for z in other) >= 8
@@ -220,7 +227,7 @@ def test_wires_of_different_outputs_do_not_share_a_lane() -> None:
 def test_a_missing_node_stands_to_its_neighbours_as_in_the_spec(way: tuple[str, str]) -> None:
     live = box("live", (1000, 500))
     ghost = box("ghost", (50, 100))
-    boxes = settled(
+    boxes = position_missing(
         [live, ghost],
         chain(*way),
         {"live": (450, 150), "ghost": (50, 100)},
@@ -233,25 +240,29 @@ def test_a_missing_node_does_not_hide_another() -> None:
     live = box("live", (0, 0))
     ghost = box("ghost")
     home = {"live": (0.0, 0.0), "ghost": (0.0, 0.0)}
-    boxes = settled([live, ghost], [], home, frozenset({"live"}))
+    boxes = position_missing([live, ghost], [], home, frozenset({"live"}))
     assert by_key(boxes)["ghost"].at == (0, live.h + 26)
 
 
 @pytest.mark.parametrize("home", [{}, {"ghost": (0.0, 0.0)}], ids=["no role", "a role"])
 def test_the_end_of_a_dead_wire_stands_left_of_its_target(home: dict[str, Point]) -> None:
     live = box("live", (1000, 500))
-    boxes = settled([live, box("ghost")], chain("ghost", "live"), home, frozenset({"live"}))
+    boxes = position_missing(
+        [live, box("ghost")], chain("ghost", "live"), home, frozenset({"live"})
+    )
     assert by_key(boxes)["ghost"].at == (1000 - live.w - 80, 500)
 
 
 def test_a_node_without_place_or_wire_stands_left_of_the_first() -> None:
     live = box("live", (1000, 500))
-    boxes = settled([live, box("loose")], [], {}, frozenset({"live", "loose"}))
+    boxes = position_missing([live, box("loose")], [], {}, frozenset({"live", "loose"}))
     assert by_key(boxes)["loose"].at == (1000 - live.w - 80, 500)
 
 
 def test_nodes_made_by_a_script_have_no_places() -> None:
-    boxes = settled([box("a", (0, 0)), box("b"), box("c")], [], {}, frozenset({"a", "b", "c"}))
+    boxes = position_missing(
+        [box("a", (0, 0)), box("b"), box("c")], [], {}, frozenset({"a", "b", "c"})
+    )
     assert [each.at for each in boxes] == [None, None, None]
 
 
@@ -260,19 +271,19 @@ def test_a_box_is_as_high_as_its_rows() -> None:
 
 
 def test_a_box_without_rows_is_its_header() -> None:
-    assert measured(Box("a", "a", "", "frame")).h == HEADER
+    assert sized(Box("a", "a", "", "frame")).h == HEADER
 
 
 def test_every_expected_value_makes_its_row_higher() -> None:
     row = Row("inputs:x", "x", "in", value=("1",))
-    plain = measured(Box("a", "a", "", "data", settings=(row,)))
-    faulty = measured(Box("a", "a", "", "data", settings=(replace(row, expected=("2",)),)))
+    plain = sized(Box("a", "a", "", "data", settings=(row,)))
+    faulty = sized(Box("a", "a", "", "data", settings=(replace(row, expected=("2",)),)))
     assert faulty.h - plain.h == 15
 
 
 def test_a_box_is_wide_enough_for_its_title() -> None:
     title = "W" * 40
-    assert measured(Box("a", title, "", "data")).w >= text_width(title, 13, bold=True)
+    assert sized(Box("a", title, "", "data")).w >= text_width(title, 13, bold=True)
 
 
 @pytest.mark.parametrize("text", ["日本語", "é", "\u0301", "W"])

@@ -36,8 +36,8 @@ from scene_changes import (
 from scene_stages import built, findings_of, model_of, told
 
 from lab3_usd.check.checker import judge
-from lab3_usd.check.sensor_place import sensor_homes
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.check.scene.sensor_location import sensor_relocations
+from lab3_usd.spec.load.loader import load_lab
 
 CORE = "omni:sensor:Core:"
 ELEVATION = f"{CORE}emitterState:s001:elevationDeg"
@@ -203,7 +203,7 @@ def test_a_rate_that_is_no_number_is_a_fault(kind: str, value: object) -> None:
 def test_sensors_that_stand_elsewhere_are_mapped_to_where_they_are() -> None:
     stage = built("05")
     move_prim(LIDAR, ELSEWHERE)(stage)
-    assert sensor_homes(load_lab(), model_of(stage)) == {LIDAR: ELSEWHERE}
+    assert sensor_relocations(load_lab(), model_of(stage)) == {LIDAR: ELSEWHERE}
 
 
 def test_a_place_behind_a_missing_asset_is_not_verifiable() -> None:

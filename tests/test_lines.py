@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from pxr import Sdf, Usd, UsdUtils
 from usda_measure import Spot, build_text_stages, measure, spec_paths, spots_of, text_files
 
-from lab3_usd.stage import lines
-from lab3_usd.stage.lines import Place, Site, locate
-from lab3_usd.stage.opening import quiet
-from lab3_usd.stage.usda_scan import scan_text
+from lab3_usd.stage.read import source_locations
+from lab3_usd.stage.read.opening import quiet
+from lab3_usd.stage.read.source_locations import Site, SourceLocation, locate
+from lab3_usd.stage.read.usda_scan import scan_text
 
 # In a marked text, «path» stands where the spec at that path begins.
 MARK = re.compile("«(.*?)»")
@@ -165,7 +165,7 @@ def write(file: Path, marked: str) -> dict[str, Spot]:
 
 def place_of(
     file: Path, prim: str, name: str | None = None, given_as: str = "in/lab.usda"
-) -> Place:
+) -> SourceLocation:
     site: Site = (prim, name)
     stage = Usd.Stage.Open(str(file))
     return locate(stage, given_as, [site])[site]
@@ -271,7 +271,7 @@ def test_a_site_is_where_its_strongest_opinion_begins(
     mark: str,
 ) -> None:
     file, marks = layered
-    assert place_of(file, prim, name) == Place(layer or "in/lab.usda", *marks[layer][mark])
+    assert place_of(file, prim, name) == SourceLocation(layer or "in/lab.usda", *marks[layer][mark])
 
 
 @pytest.mark.parametrize(
@@ -281,7 +281,7 @@ def test_a_site_is_where_its_strongest_opinion_begins(
 def test_a_site_without_anything_above_it_is_in_the_root_layer_at_no_line(
     layered: tuple[Path, dict[str, dict[str, Spot]]], prim: str, name: str | None
 ) -> None:
-    assert place_of(layered[0], prim, name) == Place("in/lab.usda", None, None)
+    assert place_of(layered[0], prim, name) == SourceLocation("in/lab.usda", None, None)
 
 
 def test_a_prim_below_a_deactivated_one_is_at_that_one(
@@ -312,7 +312,7 @@ def test_each_layer_is_scanned_once(
     layered: tuple[Path, dict[str, dict[str, Spot]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scanned: list[str] = []
-    monkeypatch.setattr(lines, "scan_text", lambda text: scanned.append(text) or {})
+    monkeypatch.setattr(source_locations, "scan_text", lambda text: scanned.append(text) or {})
     sites = [("/World", None), ("/World/Leaf", None), ("/World", "only"), ("/World", "inputs:in")]
     found = locate(Usd.Stage.Open(str(layered[0])), "lab.usda", sites)
     assert list(found) == sites
@@ -322,7 +322,7 @@ def test_each_layer_is_scanned_once(
 def test_no_layer_is_scanned_without_a_site(
     layered: tuple[Path, dict[str, dict[str, Spot]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delattr(lines, "scan_text")
+    monkeypatch.delattr(source_locations, "scan_text")
     assert locate(Usd.Stage.Open(str(layered[0])), "lab.usda", []) == {}
 
 
@@ -331,12 +331,12 @@ def test_a_binary_layer_has_a_name_and_no_lines(tmp_path: Path, ending: str) -> 
     write(tmp_path / "a.usda", 'def "A" { int a; }\n')
     binary = tmp_path / f"a.{ending}"
     Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda")).Export(str(binary))
-    assert place_of(binary, "/A", "a", binary.name) == Place(binary.name, None, None)
+    assert place_of(binary, "/A", "a", binary.name) == SourceLocation(binary.name, None, None)
 
 
 def test_a_text_layer_may_be_named_usd(tmp_path: Path) -> None:
     spots = write(tmp_path / "a.usd", 'def "A" { «a»int a; }\n')
-    assert place_of(tmp_path / "a.usd", "/A", "a", "a.usd") == Place("a.usd", *spots["a"])
+    assert place_of(tmp_path / "a.usd", "/A", "a", "a.usd") == SourceLocation("a.usd", *spots["a"])
 
 
 def test_a_binary_sublayer_has_no_lines_while_its_root_has(tmp_path: Path) -> None:
@@ -344,8 +344,12 @@ def test_a_binary_sublayer_has_no_lines_while_its_root_has(tmp_path: Path) -> No
     stage.DefinePrim("/A")
     stage.Save()
     spots = write(tmp_path / "lab.usda", '( subLayers = [@base.usdc@] )\n«B»def "B" {}\n')
-    assert place_of(tmp_path / "lab.usda", "/A", None, "lab.usda") == Place("base.usdc", None, None)
-    assert place_of(tmp_path / "lab.usda", "/B", None, "lab.usda") == Place("lab.usda", *spots["B"])
+    assert place_of(tmp_path / "lab.usda", "/A", None, "lab.usda") == SourceLocation(
+        "base.usdc", None, None
+    )
+    assert place_of(tmp_path / "lab.usda", "/B", None, "lab.usda") == SourceLocation(
+        "lab.usda", *spots["B"]
+    )
 
 
 def test_a_layer_in_a_package_has_no_lines(tmp_path: Path) -> None:
@@ -360,7 +364,7 @@ def test_a_layer_in_memory_has_neither_name_nor_lines() -> None:
     stage = Usd.Stage.CreateInMemory()
     stage.DefinePrim("/A")
     site: Site = ("/A", None)
-    assert locate(stage, "", [site]) == {site: Place("", None, None)}
+    assert locate(stage, "", [site]) == {site: SourceLocation("", None, None)}
 
 
 def test_a_sublayer_in_memory_has_neither_name_nor_lines(tmp_path: Path) -> None:
@@ -369,7 +373,7 @@ def test_a_sublayer_in_memory_has_neither_name_nor_lines(tmp_path: Path) -> None
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         stage.DefinePrim("/B")
     site: Site = ("/B", None)
-    assert locate(stage, "lab.usda", [site]) == {site: Place("", None, None)}
+    assert locate(stage, "lab.usda", [site]) == {site: SourceLocation("", None, None)}
 
 
 def test_an_opinion_that_is_not_saved_yet_has_no_line(tmp_path: Path) -> None:
@@ -377,7 +381,7 @@ def test_an_opinion_that_is_not_saved_yet_has_no_line(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(tmp_path / "lab.usda"))
     stage.DefinePrim("/B")
     site: Site = ("/B", None)
-    assert locate(stage, "lab.usda", [site]) == {site: Place("lab.usda", None, None)}
+    assert locate(stage, "lab.usda", [site]) == {site: SourceLocation("lab.usda", None, None)}
 
 
 def test_a_layer_whose_file_is_gone_has_no_lines(tmp_path: Path) -> None:
@@ -385,7 +389,7 @@ def test_a_layer_whose_file_is_gone_has_no_lines(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(tmp_path / "lab.usda"))
     (tmp_path / "lab.usda").unlink()
     site: Site = ("/A", None)
-    assert locate(stage, "lab.usda", [site]) == {site: Place("lab.usda", None, None)}
+    assert locate(stage, "lab.usda", [site]) == {site: SourceLocation("lab.usda", None, None)}
 
 
 def test_a_layer_on_another_drive_keeps_its_own_path(

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from lab3_usd.check.finding import Problem
-from lab3_usd.check.registry import rules_of, run_rule
-from lab3_usd.check.subjects_lab import Agreement, MapSubject
-from lab3_usd.lab.map_subject import find_map, map_subject
-from lab3_usd.spec.load_ros import map_facts
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.check.registry import rules_of
+from lab3_usd.lab.maps.map_files import find_map, map_subject
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.lab_files import Agreement, MapSubject
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.ros import map_facts
 
 FACTS = map_facts(load_lab().scene)
 RULES = {found.id: found for found in rules_of("maps", "M")}
@@ -40,7 +40,7 @@ def given(folder: Path, text: str = GOOD, data: bytes | None = None) -> MapSubje
 
 
 def problems(subject: MapSubject) -> dict[str, list[Problem]]:
-    found = {rule_id: run_rule(each, subject) for rule_id, each in RULES.items()}
+    found = {rule_id: list(each.check(subject)) for rule_id, each in RULES.items()}
     return {rule_id: each for rule_id, each in found.items() if each}
 
 

@@ -12,7 +12,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from lab3_usd.commands.map import command
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
-from lab3_usd.lab.maps import (
+from lab3_usd.lab.maps.grid import (
     FREE,
     OCCUPIED,
     UNKNOWN,
@@ -25,9 +25,9 @@ from lab3_usd.lab.maps import (
     read_map_yaml,
     read_pgm,
 )
-from lab3_usd.lab.raster import DrawnMap, MapFrame, draw_map
-from lab3_usd.stage.slices import CutAt, slice_stage
-from lab3_usd.stage.starter import build_starter
+from lab3_usd.lab.maps.raster import DrawnMap, MapFrame, draw_map
+from lab3_usd.stage.geometry.slices import SliceOptions, slice_stage
+from lab3_usd.stage.write.starter import build_starter
 
 OUTSIDE = Path(__file__).resolve().parents[2] / "shared" / "turtlebot3"
 INCH = 0.0254
@@ -477,7 +477,7 @@ def test_the_map_of_robotis_world_agrees_with_robotis_map(
     theirs = read_pgm(OUTSIDE / "map.pgm")
     described = read_map_yaml(OUTSIDE / "map.yaml")
     frame = MapFrame(described.resolution, described.origin[:2], theirs.width, theirs.height)
-    cut = slice_stage(world_stage(world), CutAt("/robot", "/lidar", 0.182))
+    cut = slice_stage(world_stage(world), SliceOptions("/robot", "/lidar", 0.182))
     ours = draw_map(frame, cut.segments, (-2.0, -0.5)).grid
     walls_found = agreement(theirs, ours)
     free = [index for index, value in enumerate(theirs.cells) if value == FREE]

@@ -30,12 +30,12 @@ from plain_graphs import (
     with_nodes,
 )
 
-from lab3_usd.check.finding import Finding
-from lab3_usd.check.matcher import match
-from lab3_usd.check.met import setting_met, target_met
-from lab3_usd.check.model import GraphModel, Node
-from lab3_usd.check.subject import Roles
-from lab3_usd.spec.spec import GraphSpec
+from lab3_usd.check.match.conformance import setting_matches, target_matches
+from lab3_usd.check.match.matcher import match
+from lab3_usd.check.match.result import Roles
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.spec.graph import GraphSpec
 
 GRAPHS = ("ROS_Clock", "ROS_Drive", "ROS_Lidar2D", "ROS_Camera", "ROS_OdomTF")
 SLOW = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
@@ -120,7 +120,7 @@ def test_of_two_equal_nodes_the_one_named_as_the_handout_does_is_taken() -> None
     first = replace(context, path=f"{clock.path}/a_context")
     found = roles(with_nodes(clock, publisher, first))
     assert names(found)["ros2_context"] == "ros2_context"
-    assert found.stand_ins == {first.path: "ros2_context"}
+    assert found.equivalents == {first.path: "ros2_context"}
     assert [node.name for node in found.extra] == ["a_context"]
 
 
@@ -236,9 +236,9 @@ def _differences(spec: GraphSpec, given: Mapping[str, Node | None]) -> tuple[int
     unmet = 0
     for role, node in given.items():
         for setting in spec.nodes[role].settings if node else ():
-            unmet += not setting_met(node, setting, node.value(setting.port))
+            unmet += not setting_matches(node, setting, node.value(setting.port))
         for target in spec.nodes[role].targets if node else ():
-            unmet += not target_met(node, target)
+            unmet += not target_matches(node, target)
     for wire in spec.wires:
         source, end = given[wire.source.role], given[wire.target.role]
         if source and end:

@@ -11,7 +11,7 @@ import yaml
 from click.testing import CliRunner
 
 from lab3_usd.cli import lab3
-from lab3_usd.lab.nav2 import (
+from lab3_usd.lab.nav2.files import (
     LAUNCH_FILE,
     LIDAR_RVIZ_FILE,
     PARAMS_FILE,
@@ -19,8 +19,8 @@ from lab3_usd.lab.nav2 import (
     nav2_files,
     write_nav2,
 )
-from lab3_usd.spec.load_ros import load_ros
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.ros import load_ros
 
 FILES = nav2_files(load_lab(), load_ros())
 

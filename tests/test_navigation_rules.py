@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from lab3_usd.check.finding import Problem
-from lab3_usd.check.registry import rules_of, run_rule
-from lab3_usd.check.subjects_lab import NavigationSubject
-from lab3_usd.lab.nav2 import PARAMS_FILE, nav2_files
-from lab3_usd.lab.params import read_params
-from lab3_usd.spec.load_ros import load_ros
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.check.registry import rules_of
+from lab3_usd.lab.nav2.files import PARAMS_FILE, nav2_files
+from lab3_usd.lab.nav2.parameters import read_params
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.lab_files import NavigationSubject
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.ros import load_ros
 
 ROS = load_ros()
 LAB = load_lab()
@@ -26,7 +26,7 @@ def read(folder: Path, text: str) -> NavigationSubject:
 
 
 def problems(subject: NavigationSubject) -> dict[str, list[Problem]]:
-    found = {rule_id: run_rule(each, subject) for rule_id, each in RULES.items()}
+    found = {rule_id: list(each.check(subject)) for rule_id, each in RULES.items()}
     return {rule_id: each for rule_id, each in found.items() if each}
 
 

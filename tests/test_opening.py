@@ -10,14 +10,14 @@ from types import SimpleNamespace
 import pytest
 from pxr import Tf, Usd
 
-from lab3_usd.check.checker import check_stage
-from lab3_usd.check.folder_starter import find_starters
-from lab3_usd.check.submitted import Listing
 from lab3_usd.errors import StageError
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.opening import open_stage
-from lab3_usd.stage.ports import DamagedError, property_names
-from lab3_usd.stage.reader import read_stage
+from lab3_usd.judge.folder_starter import find_starters
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.model.submission import Listing
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.opening import open_stage
+from lab3_usd.stage.read.ports import DamagedError, property_names
+from lab3_usd.stage.read.reader import read_stage
 
 
 def saved(path: Path) -> Path:
@@ -66,7 +66,7 @@ def test_damage_that_shows_while_a_stage_is_read_makes_it_unreadable(
     def fail(*_arguments: object) -> None:
         raise error
 
-    monkeypatch.setattr("lab3_usd.stage.reader._read_model", fail)
+    monkeypatch.setattr("lab3_usd.stage.read.reader._read_model", fail)
     path = saved(tmp_path / "Lab3_00_student_start.usda")
     assert check_stage(path).verdict == "unreadable"
     with pytest.raises(StageError, match="damaged"):
@@ -80,7 +80,7 @@ def test_a_starter_in_which_damage_shows_late_is_a_fault_of_the_submission(
         raise DamagedError
 
     listing = Listing({}, starter=saved(tmp_path / "start.usda").name)
-    monkeypatch.setattr("lab3_usd.stage.reader._read_model", fail)
+    monkeypatch.setattr("lab3_usd.stage.read.reader._read_model", fail)
     found = find_starters(tmp_path, listing, None, load_lab())
     assert found.compared is None
     assert found.submitted is not None

@@ -17,22 +17,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from lab3_usd.check.finding import Finding
-from lab3_usd.check.frames import Edge
-from lab3_usd.check.hidden_frames import Hidden
-from lab3_usd.check.matcher import match
-from lab3_usd.check.model import Absent, GraphModel, Node, PortState, StageModel
-from lab3_usd.check.subject import Roles
+from lab3_usd.check.match.matcher import match
+from lab3_usd.check.match.result import Roles
+from lab3_usd.check.tf.frames import Edge
+from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames
 from lab3_usd.errors import UsageError
-from lab3_usd.report.dot import celled, dot, quoted
-from lab3_usd.report.frames_picture import frames_picture, spec_frames_picture
-from lab3_usd.report.mermaid import coded, mermaid
-from lab3_usd.report.picture_model import Box, Curve, Picture, Row, State, port_id
-from lab3_usd.report.pictures import graph_picture, spec_picture
-from lab3_usd.report.png import png
-from lab3_usd.report.stage_pictures import stage_pictures
-from lab3_usd.report.svg import svg, svg_file
-from lab3_usd.report.svg_style import (
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.stage import AbsentPrim, GraphModel, Node, PortState, StageModel
+from lab3_usd.report.picture import Box, Curve, Picture, Row, State, port_id
+from lab3_usd.report.picture_formats.dot import celled, dot, quoted
+from lab3_usd.report.picture_formats.mermaid import coded, mermaid
+from lab3_usd.report.picture_formats.png import png
+from lab3_usd.report.picture_formats.svg import svg, svg_file
+from lab3_usd.report.picture_formats.svg_style import (
     BELOW_TITLE,
     HEADERS,
     ON_HEADER,
@@ -40,8 +37,11 @@ from lab3_usd.report.svg_style import (
     THEMES,
     stylesheet,
 )
+from lab3_usd.report.pictures.graph_picture import graph_picture, spec_picture
+from lab3_usd.report.pictures.stage_pictures import stage_pictures
+from lab3_usd.report.pictures.tf_picture import frames_picture, spec_frames_picture
 from lab3_usd.spec.catalog import Value
-from lab3_usd.spec.spec import GraphSpec
+from lab3_usd.spec.graph import GraphSpec
 
 LAB = models.lab()
 CLOCK = LAB.graphs["ROS_Clock"]
@@ -302,7 +302,7 @@ def test_a_wire_that_nobody_finds_fault_with_is_not_marked() -> None:
         graph,
         nodes,
         {each.path: role for role, each in nodes.items()},
-        stand_ins={twin.path: "ros2_context"},
+        equivalents={twin.path: "ros2_context"},
     )
     picture = graph_picture(CLOCK, roles, graph, ())
     assert states(picture.curves) == {"ok": 3}
@@ -313,7 +313,7 @@ def test_a_wire_from_a_deactivated_node_comes_from_a_box_that_says_so() -> None:
     old = f"{CLOCK.path}/old_time"
     node = models.wired(node_of(clock(), PUBLISHER), "inputs:timeStamp", f"{old}.outputs:x")
     graph = changed(clock(), node)
-    graph = replace(graph, absent=(Absent(old, "", "deactivated"),))
+    graph = replace(graph, absent=(AbsentPrim(old, "", "deactivated"),))
     picture = drawn(graph, finding(PUBLISHER, "inputs:timeStamp"))
     assert box_of(picture, old).subtitle == "deactivated"
     assert into(picture, PUBLISHER, "inputs:timeStamp")["old_time", "outputs:x"] == "wrong"
@@ -591,8 +591,8 @@ def test_a_frame_says_who_publishes_it() -> None:
     assert (subtitles["odom"], subtitles["base_link"]) == ("by AMCL", "by publisher")
 
 
-def hidden_at(prim: str, *, links: bool) -> Hidden:
-    return Hidden(
+def hidden_at(prim: str, *, links: bool) -> UnresolvedFrames:
+    return UnresolvedFrames(
         prim, links=links, asset="robot.usd", parent="base_footprint", publisher="/graph/publisher"
     )
 
@@ -603,7 +603,7 @@ def test_what_a_missing_asset_could_tell_is_drawn_as_unknown_and_not_as_missing(
     picture = frames_picture(LAB.frames, [ASKED[0], ASKED[-1]], unknown)
     assert [box.family for box in picture.boxes].count("absent") == len(names)
     assert {curve.state for curve in picture.curves} == {"ok"}
-    assert "absent" in {sign.kind for sign in picture.signs}
+    assert "absent" in {entry.kind for entry in picture.legend}
     assert picture.subtitle == f"2 transforms  ·  {len(names)} unknown"
     (missing,) = [
         curve for curve in frames_picture(LAB.frames, [ASKED[0], *ASKED[2:]], unknown[1:]).curves
@@ -856,9 +856,9 @@ def test_dot_keeps_every_string_of_a_stage_in_its_quotes() -> None:
 
 def test_the_same_graph_gives_the_same_bytes_for_every_hash_seed() -> None:
     code = (
-        "from lab3_usd.report.pictures import spec_picture\n"
-        "from lab3_usd.report.svg import svg_file\n"
-        "from lab3_usd.spec.loader import load_lab\n"
+        "from lab3_usd.report.pictures.graph_picture import spec_picture\n"
+        "from lab3_usd.report.picture_formats.svg import svg_file\n"
+        "from lab3_usd.spec.load.loader import load_lab\n"
         "print(svg_file(spec_picture(load_lab().graphs['ROS_OdomTF'])))\n"
     )
     outputs = {

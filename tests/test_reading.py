@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from breaking import broken, judged, place, the_lab
 
-from lab3_usd.check.model import StageModel
-from lab3_usd.check.running import run_states
-from lab3_usd.check.topics import endpoints
-from lab3_usd.stage.reader import read_model
+from lab3_usd.check.ros.running import run_states
+from lab3_usd.check.ros.topics import endpoints
+from lab3_usd.model.stage import StageModel
+from lab3_usd.stage.read.reader import read_model
 
 
 def read(*steps: dict[str, object]) -> StageModel:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from breaking import broken, judged
+from breaking import broken, correct_stage, judged
+from scene_changes import CAMERA, LIDAR
 
-from lab3_usd.check.finding import Finding
+from lab3_usd.model.finding import Finding
 
 CONTEXT = "/World/ROS_Clock/ros2_context"
 
@@ -59,3 +60,38 @@ def test_a_graph_is_moved_to_a_path_that_is_free() -> None:
     found = told("G02", {"move": ["ROS_Clock", "/World/ActionGraph"]})
     assert found.related == ()
     assert (found.hint or "").startswith("rename")
+
+
+@pytest.mark.parametrize(("sensor", "rule"), [(CAMERA, "C04"), (LIDAR, "L04")])
+def test_a_sensor_that_was_moved_is_only_moved_back(sensor: str, rule: str) -> None:
+    stage = correct_stage("05")
+    stage.GetPrimAtPath(sensor).GetAttribute("xformOp:translate").Set((1, 2, 3))
+    (found,) = [each for each in judged(stage, "05").findings if each.rule == rule]
+    assert f"set Translate to {found.expected}" in (found.hint or "")
+    assert "Rigid Body" not in (found.hint or "")
+
+
+def test_a_hint_names_the_graph_and_the_node() -> None:
+    found = told("P01", {"set": ["ROS_Clock/ros2_context.inputs:domain_id", 7]})
+    assert found.hint == (
+        "in ROS_Clock, select ROS2 Context and set domain_id to 0 in the Property panel"
+    )
+
+
+def test_of_two_nodes_alike_a_hint_names_the_prim() -> None:
+    found = told("W01", {"disconnect": "ROS_Drive/break_linear_velocity.inputs:tuple"})
+    assert (found.hint or "").startswith("in ROS_Drive, drag a wire from scale_linear_velocity")
+    assert (found.hint or "").endswith("to tuple of Break 3 Vector (break_linear_velocity)")
+
+
+def test_the_hint_for_a_missing_node_lists_its_connections() -> None:
+    found = told("N01", {"remove": "ROS_Drive/scale_linear_velocity"})
+    assert found.hint == (
+        "add Scale To/From Stage Units to ROS_Drive and connect "
+        "ros2_subscribe_twist.linearVelocity -> value, result -> break_linear_velocity.tuple"
+    )
+
+
+def test_a_stage_that_fails_has_not_met_everything() -> None:
+    found = judged(broken("05", [{"move": ["ROS_Clock", "/World/ActionGraph"]}]), "05")
+    assert [each.id for each in found.requirements if not each.met] == ["ROS_Clock/other/G02"]

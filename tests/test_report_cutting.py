@@ -13,13 +13,13 @@ from msgspec.structs import replace
 from pxr import Sdf
 from report_examples import MISSING_WIRE
 
-from lab3_usd.check.checker import check_stage
-from lab3_usd.check.finding import ChecklistItem, Crash, Report, Score, StageResult, Submission
-from lab3_usd.check.folder import FolderSettings, check_folder
 from lab3_usd.check.registry import all_rules
 from lab3_usd.cli import lab3
-from lab3_usd.report.cutting import LONGEST, cut, cut_all, cut_report
-from lab3_usd.report.formats import FORMATS, Options, render
+from lab3_usd.judge.folder import FolderSettings, check_folder
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.model.finding import ChecklistItem, Crash, Report, Score, StageResult, Submission
+from lab3_usd.report.formats.registry import FORMATS, Options, render
+from lab3_usd.report.safe_text import LONGEST, truncated, truncated_report, truncated_values
 
 HUGE = "<" * (1 << 18)
 NAME = "n" * (1 << 18)
@@ -27,16 +27,16 @@ MOST = 250_000  # without a huge value the largest page has half of it
 
 
 def test_a_text_that_is_read_whole_stays() -> None:
-    assert cut("x" * LONGEST) == "x" * LONGEST
+    assert truncated("x" * LONGEST) == "x" * LONGEST
 
 
 def test_a_longer_one_says_how_long_it_was() -> None:
-    assert cut(HUGE) == f"{HUGE[:LONGEST]}... (262144 characters)"
+    assert truncated(HUGE) == f"{HUGE[:LONGEST]}... (262144 characters)"
 
 
 def test_numbers_lists_and_what_is_absent_stay_what_they_are() -> None:
     data = {"a": [HUGE, 1, None], "b": ("x", 2.5), "c": True}
-    assert cut_all(data) == {"a": [cut(HUGE), 1, None], "b": ("x", 2.5), "c": True}
+    assert truncated_values(data) == {"a": [truncated(HUGE), 1, None], "b": ("x", 2.5), "c": True}
 
 
 def test_every_text_of_a_report_is_cut_but_the_names_of_files() -> None:
@@ -44,10 +44,10 @@ def test_every_text_of_a_report_is_cut_but_the_names_of_files() -> None:
     finding = replace(MISSING_WIRE, message=HUGE, prim=HUGE, related=(HUGE,), layer=path)
     result = StageResult(path, "05", "fail", Score(0, 0), (finding,), (), (Crash("X", HUGE),))
     line = ChecklistItem("1", "text", "person", HUGE)
-    report = cut_report(Report((result,), (Submission(path, (finding,), (line,)),)))
+    report = truncated_report(Report((result,), (Submission(path, (finding,), (line,)),)))
     (found,) = report.results
     (about,) = report.submissions
-    short = cut(HUGE)
+    short = truncated(HUGE)
     assert (found.path, found.findings[0].layer) == (path, path)
     assert found.findings[0].message == found.findings[0].prim == short
     assert found.findings[0].related == (short,)
@@ -181,5 +181,5 @@ def test_what_lies_beside_the_stages_makes_no_report_large(
 
 def test_a_cut_text_is_still_json() -> None:
     result = StageResult("a", "05", "fail", Score(0, 0), (replace(MISSING_WIRE, message=HUGE),))
-    (shown,) = json.loads(render("json", Report((result,))))["results"]
-    assert shown["findings"][0]["message"] == cut(HUGE)
+    (printable,) = json.loads(render("json", Report((result,))))["results"]
+    assert printable["findings"][0]["message"] == truncated(HUGE)

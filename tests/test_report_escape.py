@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lab3_usd.report.escape import visible
+from lab3_usd.report.safe_text import visible
 
 
 @pytest.mark.parametrize(

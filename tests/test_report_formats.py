@@ -9,7 +9,7 @@ import pytest
 from report_examples import EMPTY, HOSTILE, REPORT, RULES, hostile
 
 from lab3_usd.errors import UsageError
-from lab3_usd.report.formats import FORMATS, Options, format_named, render
+from lab3_usd.report.formats.registry import FORMATS, Options, format_named, render
 
 OURS = list(FORMATS)
 
@@ -26,9 +26,10 @@ def test_a_known_format_is_found() -> None:
 
 def test_a_format_is_imported_when_it_is_asked_for() -> None:
     code = (
-        "import sys; from lab3_usd.report.formats import FORMATS, render;"
-        "from lab3_usd.check.finding import Report; render('csv', Report(()));"
-        "print(*[n for n, f in FORMATS.items() if f'lab3_usd.report.{f.module}' in sys.modules])"
+        "import sys; from lab3_usd.report.formats.registry import FORMATS, render;"
+        "from lab3_usd.model.finding import Report; render('csv', Report(()));"
+        "folder = 'lab3_usd.report.formats';"
+        "print(*[n for n, f in FORMATS.items() if f'{folder}.{f.module}' in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["csv"]

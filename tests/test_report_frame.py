@@ -8,8 +8,7 @@ import pytest
 from msgspec.structs import replace
 from report_examples import LAYER, MISSING_WIRE, STAGE_TEXT, write_stage
 
-from lab3_usd.report.excerpt import Excerpt, read_excerpts
-from lab3_usd.report.frame import code_frame
+from lab3_usd.report.source_excerpt import Excerpt, excerpt_lines, read_excerpts
 
 
 @pytest.fixture(autouse=True)
@@ -20,10 +19,10 @@ def _beside_the_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def marked(excerpt: Excerpt, line: int, column: int, width: int = 80) -> str:
     """Return the character of the marked line that stands over the caret."""
-    frame = code_frame(excerpt, line, column, width)
-    at = next(index for index, shown in enumerate(frame) if shown.startswith(">"))
-    assert frame[at + 1].endswith("^")
-    return frame[at][len(frame[at + 1]) - 1]
+    result = excerpt_lines(excerpt, line, column, width)
+    at = next(index for index, shown in enumerate(result) if shown.startswith(">"))
+    assert result[at + 1].endswith("^")
+    return result[at][len(result[at + 1]) - 1]
 
 
 def test_an_excerpt_is_the_line_and_its_neighbours() -> None:
@@ -67,8 +66,8 @@ def test_tabs_and_escapes_move_the_caret() -> None:
 
 @pytest.mark.parametrize(("text", "columns"), [("日本 x", 5), ("e\u0301e\u0301 x", 3)])
 def test_the_caret_counts_columns_and_not_letters(text: str, columns: int) -> None:
-    frame = code_frame(Excerpt(1, (text,)), 1, text.index("x") + 1, 80)
-    assert frame[1] == "    | " + " " * columns + "^"
+    result = excerpt_lines(Excerpt(1, (text,)), 1, text.index("x") + 1, 80)
+    assert result[1] == "    | " + " " * columns + "^"
 
 
 @pytest.mark.parametrize("column", [1, 20, 60, 150, 400, 480])
@@ -76,9 +75,9 @@ def test_the_caret_counts_columns_and_not_letters(text: str, columns: int) -> No
 def test_no_line_is_wider_than_asked(column: int, letter: str) -> None:
     excerpt = Excerpt(1, (f"{letter * 100}:{letter * 399}",))
     columns = 2 if letter == "日" else 1
-    for shown in code_frame(excerpt, 1, column, 60):
+    for shown in excerpt_lines(excerpt, 1, column, 60):
         assert sum(columns if sign == letter else 1 for sign in shown) <= 60
 
 
 def test_without_a_column_only_the_line_is_marked() -> None:
-    assert code_frame(Excerpt(1, ("one", "two")), 2, None, 80) == ["  1 | one", "> 2 | two"]
+    assert excerpt_lines(Excerpt(1, ("one", "two")), 2, None, 80) == ["  1 | one", "> 2 | two"]

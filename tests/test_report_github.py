@@ -9,10 +9,10 @@ import pytest
 from msgspec.structs import replace
 from report_examples import FAILED, HOSTILE, LAYER, MISSING_WIRE, REPORT, hostile
 
-from lab3_usd.check.finding import Report
-from lab3_usd.report.escape import visible
-from lab3_usd.report.formats import Options, render
-from lab3_usd.report.identity import relative_path
+from lab3_usd.model.finding import Report
+from lab3_usd.report.entries import relative_path
+from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.report.safe_text import visible
 
 UNESCAPE_DATA = {"%0D": "\r", "%0A": "\n", "%25": "%"}
 UNESCAPE_PROPERTY = {**UNESCAPE_DATA, "%3A": ":", "%2C": ","}

@@ -9,8 +9,8 @@ from jsonschema import Draft202012Validator
 from msgspec.structs import replace
 from report_examples import CRASHED, FAILED, LAYER, MISSING_WIRE, REPORT
 
-from lab3_usd.check.finding import Report
-from lab3_usd.report.formats import render
+from lab3_usd.model.finding import Report
+from lab3_usd.report.formats.registry import render
 
 # As GitLab documents the format for custom tools.
 SPECIFICATION = {

@@ -10,10 +10,10 @@ from jsonschema import Draft202012Validator
 from msgspec.structs import replace
 from report_examples import BROKEN, DRIVE, FAILED, HOSTILE, MISSING_WIRE, REPORT, hostile
 
-from lab3_usd.check.finding import Report
 from lab3_usd.errors import UsageError
-from lab3_usd.report.formats import Options, render
-from lab3_usd.report.gradescope import VISIBILITIES
+from lab3_usd.model.finding import Report
+from lab3_usd.report.formats.gradescope import VISIBILITIES
+from lab3_usd.report.formats.registry import Options, render
 
 FORMAT = {"enum": ["text", "html", "simple_format", "md", "ansi"]}
 # As Gradescope documents results.json; `score` must be there or in every test.

@@ -13,9 +13,9 @@ from jsonschema import Draft202012Validator
 from report_examples import CRASHED, EMPTY, FAILED, HOSTILE, MISSING_WIRE, REPORT, hostile
 from report_schema import assert_valid, problems_of, validator
 
-from lab3_usd.check.finding import Report
-from lab3_usd.report.formats import Options, render
-from lab3_usd.report.json_report import dump, error_report, report_json
+from lab3_usd.model.finding import Report
+from lab3_usd.report.formats.json_report import dump, error_report, finding_json, report_json
+from lab3_usd.report.formats.registry import Options, render
 
 
 def test_the_schema_is_a_schema() -> None:
@@ -59,6 +59,7 @@ def test_a_finding_has_every_field_in_order() -> None:
         ("handout", "C9"),
         ("hint", MISSING_WIRE.hint),
         ("related", list(MISSING_WIRE.related)),
+        ("fault", finding_json(MISSING_WIRE)["fault"]),
     ]
 
 
@@ -140,9 +141,9 @@ def test_the_schema_refuses_a_wrong_value(key: str, value: object) -> None:
 
 def test_json_imports_nothing_heavy() -> None:
     code = (
-        "import sys, lab3_usd.report.json_report;"
+        "import sys, lab3_usd.report.formats.json_report;"
         "print([m for m in ('pxr', 'networkx', 'yaml', 'jinja2', 'click', 'importlib.metadata',"
-        " 'email', 'hashlib', 'xml', 'lab3_usd.report.text') if m in sys.modules])"
+        " 'email', 'hashlib', 'xml', 'lab3_usd.report.formats.text') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

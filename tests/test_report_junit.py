@@ -7,9 +7,9 @@ from xml.etree import ElementTree as ET
 import pytest
 from report_examples import CRASHED, FAILED, HOSTILE, PASSED, REPORT, hostile
 
-from lab3_usd.check.finding import Report
-from lab3_usd.report.escape import visible
-from lab3_usd.report.formats import render
+from lab3_usd.model.finding import Report
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.safe_text import visible
 
 # Element: required attributes, optional attributes, children; as junit-10.xsd has them.
 SCHEMA = {

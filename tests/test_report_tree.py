@@ -9,11 +9,11 @@ import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
 
-from lab3_usd.check.frames import Edge
-from lab3_usd.check.hidden_frames import Hidden
+from lab3_usd.check.tf.frames import Edge
+from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames
 from lab3_usd.cli import lab3
-from lab3_usd.report.tree import TreeReport, as_dot, as_json, as_text, faults, roots
-from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text, roots, tree_faults
+from lab3_usd.stage.write.builder import build_checkpoint
 
 
 def edges(*pairs: str) -> tuple[Edge, ...]:
@@ -30,7 +30,7 @@ def text(*pairs: str, unknown: tuple[str, ...] = (), verbose: bool = False) -> l
 
 
 def kinds(*pairs: str) -> list[tuple[str, str]]:
-    return [(fault.frame, fault.kind) for fault in faults(TreeReport("x", edges(*pairs)))]
+    return [(fault.frame, fault.kind) for fault in tree_faults(TreeReport("x", edges(*pairs)))]
 
 
 def test_a_tree_is_drawn_in_the_order_it_is_published() -> None:
@@ -117,7 +117,7 @@ def test_unknown_publishers_are_named() -> None:
     assert text(unknown=("/g/any",)) == ["! /g/any publishes frames that the stage does not tell"]
 
 
-LINKS = Hidden("/robot", True, "robot.usd", "base", "/g/p", "/g/c", "/tf")  # noqa: FBT003
+LINKS = UnresolvedFrames("/robot", True, "robot.usd", "base", "/g/p", "/g/c", "/tf")  # noqa: FBT003
 FRAME = replace(LINKS, prim="/robot/arm", links=False)
 
 

@@ -7,7 +7,7 @@ from pxr import Sdf, Usd
 from scene_stages import built, model_of
 
 from lab3_usd.check.checker import Judgement, judge
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab
 
 ROBOT = "/turtlebot3_burger"
 DRAGGED = f"/World{ROBOT}"

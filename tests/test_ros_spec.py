@@ -10,9 +10,9 @@ import pytest
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.load_ros import load_ros, map_facts
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.spec.ros_spec import RosSpec, file_word
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.ros import load_ros, map_facts
+from lab3_usd.spec.ros import RosSpec, file_word
 
 ROS = load_ros()
 

@@ -16,14 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from lab3_usd.check.finding import ChecklistItem, Finding, Requirement, Score, StageResult
 from lab3_usd.check.registry import all_rules
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
-from lab3_usd.grade.load_rubric import everything_asked, load_rubric
-from lab3_usd.grade.rubric import Rubric
-from lab3_usd.grade.scoring import Grade, ItemGrade, grade
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.grade.scoring.load_rubric import everything_asked, load_rubric
+from lab3_usd.grade.scoring.rubric import Rubric
+from lab3_usd.grade.scoring.scoring import Grade, ItemGrade, grade
+from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, Score, StageResult
+from lab3_usd.spec.load.loader import load_lab
 
 LAB = load_lab()
 ASKED = everything_asked(LAB)
@@ -512,7 +512,7 @@ def test_no_text_brings_the_reading_of_a_rubric_down(tmp_path: Path, text: str, 
     path.write_text(text)
     reading = (
         "import sys\nfrom pathlib import Path\nfrom lab3_usd.errors import SpecError\n"
-        "from lab3_usd.spec.yaml_file import read_foreign_yaml\n"
+        "from lab3_usd.spec.load.yaml_file import read_foreign_yaml\n"
         "try:\n    read_foreign_yaml(Path(sys.argv[1]))\n"
         "except SpecError as error:\n    print(error)\n"
     )

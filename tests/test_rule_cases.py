@@ -10,7 +10,8 @@ import pytest
 import yaml
 from breaking import broken, judged, place
 
-from lab3_usd.check.checker import Judgement, ordered
+from lab3_usd.check.checker import Judgement
+from lab3_usd.model.order import ordered
 
 FOLDER = Path(__file__).resolve().parent / "cases"
 

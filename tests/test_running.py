@@ -6,8 +6,14 @@ import models as m
 import pytest
 from msgspec.structs import replace
 
-from lab3_usd.check.model import GraphModel, Node, PortState, Prim, StageModel
-from lab3_usd.check.running import doubt, effective, live_nodes, run_states, running_nodes
+from lab3_usd.check.ros.running import (
+    effective_value,
+    live_nodes,
+    run_states,
+    running_nodes,
+    severity_if_uncertain,
+)
+from lab3_usd.model.stage import GraphModel, Node, PortState, Prim, StageModel
 from lab3_usd.spec.catalog import Value
 
 TICK = "omni.graph.action.OnPlaybackTick"
@@ -103,8 +109,8 @@ def test_a_sure_event_beats_a_doubtful_one() -> None:
     )
     stage = m.only(replace(given, nodes=(sender, *given.nodes[1:])))
     assert state_of(stage) == "runs"
-    assert doubt(stage, m.lab(), SENDER) is None
-    assert doubt(stage, m.lab(), SENDER, custom.path) == "warning"
+    assert severity_if_uncertain(stage, m.lab(), SENDER) is None
+    assert severity_if_uncertain(stage, m.lab(), SENDER, custom.path) == "warning"
 
 
 def test_another_event_may_fire_in_a_graph_that_the_physics_evaluates() -> None:
@@ -151,7 +157,7 @@ def test_an_input_brings_its_value_to_another(kind: str) -> None:
     constant = m.valued(m.node(f"{PLACE}/constant", kind), port, "map")
     sender = m.wired(m.node(SENDER, ODOMETRY), "inputs:odomFrameId", f"{constant.path}.{port}")
     live = live_nodes(m.only(m.graph(PLACE, constant, sender)), m.lab())
-    assert effective(live[SENDER], "inputs:odomFrameId", live) == "map"
+    assert effective_value(live[SENDER], "inputs:odomFrameId", live) == "map"
 
 
 def test_what_a_node_computes_nobody_knows() -> None:
@@ -161,7 +167,7 @@ def test_what_a_node_computes_nobody_knows() -> None:
         m.node(SENDER, ODOMETRY), "inputs:odomFrameId", f"{unknown.path}.outputs:value"
     )
     live = live_nodes(m.only(m.graph(PLACE, unknown, sender)), m.lab())
-    assert effective(live[SENDER], "inputs:odomFrameId", live) is None
+    assert effective_value(live[SENDER], "inputs:odomFrameId", live) is None
 
 
 def test_a_push_graph_of_an_instance_may_run() -> None:

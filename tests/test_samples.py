@@ -8,12 +8,12 @@ import pytest
 from breaking import broken, correct_stage, judged, place, the_lab
 from pxr import Sdf, Usd
 
-from lab3_usd.check.checker import check_stage
-from lab3_usd.check.unchanged import against_starter, open_starter
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.compare import compare_starter
-from lab3_usd.stage.samples import changes_after_start, hold_at_start
-from lab3_usd.stage.starter import build_starter
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.judge.starter import against_starter, open_starter
+from lab3_usd.stage.compare.starter import compare_starter
+from lab3_usd.stage.read.time_samples import changes_after_start, hold_start_values
+from lab3_usd.stage.write.builder import build_checkpoint
+from lab3_usd.stage.write.starter import build_starter
 
 LIDAR = "/turtlebot3_burger/base_scan/Lidar2D"
 TOPIC = "ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:topicName"
@@ -93,7 +93,7 @@ def wall(stage: Usd.Stage) -> Usd.Attribute:
 def test_a_wall_that_is_moved_at_the_start_differs_from_the_starter(time: float) -> None:
     starter, stage = correct_stage("00"), correct_stage("05")
     wall(stage).Set((3.0, 3.0, 0.0), time)
-    hold_at_start(stage)
+    hold_start_values(stage)
     changes = compare_starter(starter, stage, the_lab(), "05").changes
     assert [change.prim for change in changes] == [str(wall(stage).GetPrim().GetPath())]
 
@@ -142,9 +142,9 @@ def against(starter: Path, path: Path, checkpoint: str) -> list[str]:
 
 def test_a_stage_without_samples_is_left_alone() -> None:
     stage = correct_stage("05")
-    hold_at_start(stage)
+    hold_start_values(stage)
     assert stage.GetSessionLayer().empty
-    assert list(changes_after_start(stage)) == []
+    assert changes_after_start(stage) == ()
 
 
 def test_a_stage_is_held_once() -> None:
@@ -153,7 +153,7 @@ def test_a_stage_is_held_once() -> None:
     stage.GetAttributeAtPath(path).Set("/scan", 0)
     stage.GetAttributeAtPath(path).Set("scan1", 3)
     for _ in range(2):
-        hold_at_start(stage)
+        hold_start_values(stage)
         assert [(each.property, each.time) for each in changes_after_start(stage)] == [
             ("inputs:topicName", 3.0)
         ]
@@ -163,7 +163,7 @@ def test_a_value_that_is_blocked_at_the_start_is_none() -> None:
     stage = correct_stage("05")
     attribute = stage.GetAttributeAtPath(place(TOPIC))
     attribute.Set(Sdf.ValueBlock(), 0)
-    hold_at_start(stage)
+    hold_start_values(stage)
     assert attribute.Get() is None
 
 

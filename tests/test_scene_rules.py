@@ -45,11 +45,11 @@ from scene_changes import (
 from scene_sabotage import scene_sabotage
 from scene_stages import built, findings_of, stage_rules, told
 
-from lab3_usd.check.finding import Finding
 from lab3_usd.check.registry import Rule
 from lab3_usd.check.scene_item import is_met
-from lab3_usd.check.scene_items import scene_items
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.check.scene_requirements import scene_items
+from lab3_usd.model.finding import Finding
+from lab3_usd.spec.load.loader import load_lab
 
 FAULTS = scene_sabotage()
 LINK_LEFT = f"{ROBOT}/wheel_left_link"
@@ -495,9 +495,10 @@ def test_lights_and_ground_below_one_deactivated_prim_are_one_fault() -> None:
     assert told(stage, "00") == [("S13", "/Environment", None)]
 
 
-def test_a_deactivated_world_is_not_also_said_to_lack_its_camera() -> None:
+@pytest.mark.parametrize("change", [deactivate("/World"), remove("/World")])
+def test_a_missing_world_is_not_also_said_to_lack_its_camera(change: Change) -> None:
     stage = built("00")
-    deactivate("/World")(stage)
+    change(stage)
     assert told(stage, "00") == [("S01", "/World", None)]
 
 

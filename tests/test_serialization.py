@@ -11,8 +11,8 @@ import pytest
 from handout_table import GRAPHS, ROS_DRIVE, SENSORS
 from pxr import Sdf, Usd, UsdUtils
 
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.builder import BuildOptions, build_files, plan_files
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 
 GRAPH_ATTRIBUTES = {
     "evaluationMode": ("token", "Automatic"),

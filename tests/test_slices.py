@@ -8,9 +8,9 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.errors import UsageError
-from lab3_usd.stage import slices
-from lab3_usd.stage.slices import CutAt, Segment, StageSlice, slice_stage
-from lab3_usd.stage.starter import build_starter
+from lab3_usd.stage.geometry import slices
+from lab3_usd.stage.geometry.slices import Segment, SliceOptions, StageSlice, slice_stage
+from lab3_usd.stage.write.starter import build_starter
 
 ROBOT, LIDAR = "/robot", "/robot/scan"
 
@@ -42,7 +42,7 @@ def mesh(stage: Usd.Stage, points: list[Any], faces: list[list[int]]) -> Usd.Pri
 
 
 def cut(stage: Usd.Stage, height: float | None = 0.0) -> StageSlice:
-    return slice_stage(stage, CutAt(ROBOT, LIDAR, height))
+    return slice_stage(stage, SliceOptions(ROBOT, LIDAR, height))
 
 
 def bounds(segments: tuple[Segment, ...]) -> list[float]:
@@ -260,7 +260,7 @@ def test_a_stage_without_the_link_needs_a_height(stage: Usd.Stage) -> None:
 def test_the_bundled_starter_is_cut_at_its_lidar(tmp_path: Path) -> None:
     build_starter(tmp_path / "starter.usda")
     made = Usd.Stage.Open(str(tmp_path / "starter.usda"))
-    found = slice_stage(made, CutAt("/turtlebot3_burger", "/turtlebot3_burger/base_scan"))
+    found = slice_stage(made, SliceOptions("/turtlebot3_burger", "/turtlebot3_burger/base_scan"))
     assert found.height == pytest.approx(0.182)
     assert found.robot == (1.8, 0.0)
     assert bounds(found.segments) == pytest.approx([-6.0, -3.1, 2.5, 4.6])

@@ -8,10 +8,9 @@ from typing import Any
 import pytest
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.catalog import Port
-from lab3_usd.spec.compatible import compatible
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.spec.values import fits, known_type, typed
+from lab3_usd.spec.catalog import Port, can_connect
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.values import fits_type, is_known_type, typed_value
 
 CATALOG = load_lab().catalog
 PORTS = [port for node_type in CATALOG.types.values() for port in node_type.ports.values()]
@@ -68,25 +67,25 @@ WRONG: list[tuple[Any, str]] = [
 
 @pytest.mark.parametrize(("value", "usd_type"), FITTING)
 def test_value_fits(value: Any, usd_type: str) -> None:
-    assert fits(value, usd_type)
+    assert fits_type(value, usd_type)
 
 
 @pytest.mark.parametrize(("value", "usd_type"), WRONG)
 def test_value_does_not_fit(value: Any, usd_type: str) -> None:
-    assert not fits(value, usd_type)
+    assert not fits_type(value, usd_type)
 
 
 @pytest.mark.parametrize(("value", "usd_type"), WRONG)
 def test_a_value_that_does_not_fit_is_refused_with_its_place(value: Any, usd_type: str) -> None:
     with pytest.raises(SpecError) as refused:
-        typed(value, usd_type, "file: role: port")
+        typed_value(value, usd_type, "file: role: port")
     assert str(refused.value).startswith(f"file: role: port is {value!r}")
     assert usd_type in str(refused.value)
 
 
 @pytest.mark.parametrize(("value", "usd_type"), FITTING)
 def test_a_typed_value_is_what_was_written(value: Any, usd_type: str) -> None:
-    as_lists = typed(value, usd_type, "")
+    as_lists = typed_value(value, usd_type, "")
     assert as_lists == deep_tuple(value)
 
 
@@ -96,34 +95,34 @@ def deep_tuple(value: Any) -> Any:
 
 @pytest.mark.parametrize("usd_type", ["float", "double"])
 def test_a_whole_number_becomes_a_real_one(usd_type: str) -> None:
-    value = typed(1, usd_type, "")
+    value = typed_value(1, usd_type, "")
     assert isinstance(value, float)
-    assert typed([1], f"{usd_type}[]", "") == (1.0,)
+    assert typed_value([1], f"{usd_type}[]", "") == (1.0,)
 
 
 def test_elements_of_a_vector_become_real_numbers() -> None:
-    vector = typed([1, 2, 3], "vector3d", "")
+    vector = typed_value([1, 2, 3], "vector3d", "")
     assert isinstance(vector, tuple)
     assert [type(part) for part in vector] == [float] * 3
 
 
 def test_a_typed_value_is_hashable_and_cannot_change() -> None:
-    hash(typed([[1, 2, 3]], "double3[]", ""))
+    hash(typed_value([[1, 2, 3]], "double3[]", ""))
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_a_number_that_is_none_does_not_fit(value: float) -> None:
-    assert not fits(value, "double")
-    assert not fits([value, 0.0], "float2")
+    assert not fits_type(value, "double")
+    assert not fits_type([value, 0.0], "float2")
 
 
 def test_every_port_of_the_catalog_has_a_type_that_values_can_be_written_in() -> None:
-    assert [port for port in PORTS if not port.is_target and not known_type(port.usd_type)] == []
+    assert [port for port in PORTS if not port.is_target and not is_known_type(port.usd_type)] == []
 
 
 @pytest.mark.parametrize("name", ["uint65", "token[][]", "", "rel", "vector"])
 def test_other_names_are_no_types(name: str) -> None:
-    assert not known_type(name)
+    assert not is_known_type(name)
 
 
 def port(ogn_type: str) -> Port:
@@ -149,7 +148,7 @@ def port(ogn_type: str) -> Port:
     ],
 )
 def test_can_be_wired(source: str, target: str) -> None:
-    assert compatible(port(source), port(target))
+    assert can_connect(port(source), port(target))
 
 
 @pytest.mark.parametrize(
@@ -175,12 +174,12 @@ def test_can_be_wired(source: str, target: str) -> None:
     ],
 )
 def test_cannot_be_wired(source: str, target: str) -> None:
-    assert not compatible(port(source), port(target))
+    assert not can_connect(port(source), port(target))
 
 
 def test_every_data_port_can_be_wired_to_its_own_kind_and_no_relationship_can() -> None:
     for each in PORTS:
-        assert compatible(each, each) is not each.is_target
+        assert can_connect(each, each) is not each.is_target
 
 
 def test_a_port_is_called_short_without_its_side() -> None:

@@ -11,10 +11,16 @@ from typing import Any
 
 import pytest
 
-from lab3_usd.grade.archives import ArchiveError, unpack
-from lab3_usd.grade.intake import Intake, Refused
-from lab3_usd.grade.limits import Limits
-from lab3_usd.grade.staging import Source, Staged, source_message, source_of, stage_submission
+from lab3_usd.grade.intake.archives import ArchiveError, unpack
+from lab3_usd.grade.intake.file_filter import RefusedFile
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.staging import (
+    Source,
+    StagedSubmission,
+    stage_submission,
+)
+from lab3_usd.grade.intake.submission_copy import SubmissionCopy
+from lab3_usd.grade.workers.messages import decode, encode
 
 STAGE = b'#usda 1.0\ndef Xform "World"\n{\n}\n'
 UNFOLDS = b"a: &a 1\nb: [" + b"*a, " * 60 + b"]"
@@ -26,7 +32,7 @@ def write(path: Path, data: bytes) -> Path:
     return path
 
 
-def staged(tmp_path: Path, *sources: Source) -> Staged:
+def staged(tmp_path: Path, *sources: Source) -> StagedSubmission:
     target = tmp_path / "copy"
     target.mkdir()
     return stage_submission(sources, target, Limits())
@@ -72,7 +78,7 @@ def unreadable(monkeypatch: pytest.MonkeyPatch, name: str, *parts: str) -> None:
             raise PermissionError(13, "Permission denied")
         return really(path, *arguments, **options)
 
-    monkeypatch.setattr(f"lab3_usd.grade.staging.os.{name}", refuse)
+    monkeypatch.setattr(f"lab3_usd.grade.intake.staging.os.{name}", refuse)
 
 
 def test_a_folder_that_cannot_be_read_costs_only_itself(
@@ -82,7 +88,7 @@ def test_a_folder_that_cannot_be_read_costs_only_itself(
     write(tmp_path / "jane/locked/b.usda", STAGE)
     unreadable(monkeypatch, "scandir", "locked")
     found = staged(tmp_path, Source(tmp_path / "jane"))
-    assert found.refused == (Refused("locked", "it cannot be read (Permission denied)"),)
+    assert found.refused == (RefusedFile("locked", "it cannot be read (Permission denied)"),)
 
 
 def test_a_submission_that_cannot_be_read_is_unreadable_without_its_path(
@@ -110,7 +116,7 @@ def test_an_archive_that_cannot_be_read_is_not_said_to_be_damaged(
 
     monkeypatch.setattr(Path, "open", refuse)
     with pytest.raises(ArchiveError) as raised:
-        unpack(archive, "", Intake(tmp_path, Limits()))
+        unpack(archive, "", SubmissionCopy(tmp_path, Limits()))
     assert str(raised.value) == "jane.zip: cannot be read (Permission denied)"
 
 
@@ -122,14 +128,14 @@ def test_a_full_disk_is_nobodys_fault(tmp_path: Path, monkeypatch: pytest.Monkey
     def full(*_arguments: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Intake, "_write", full)
+    monkeypatch.setattr(SubmissionCopy, "_write", full)
     with pytest.raises(OSError, match="No space"):
         staged(tmp_path, Source(archive))
 
 
 def test_what_was_left_out_on_the_way_is_refused_and_changes_the_digest(tmp_path: Path) -> None:
     write(tmp_path / "jane/work/a.usda", STAGE)
-    left_out = (Refused("work/b.usda", "it is damaged in the archive"),)
+    left_out = (RefusedFile("work/b.usda", "it is damaged in the archive"),)
     found = staged(tmp_path, Source(tmp_path / "jane", left_out=left_out))
     assert found.refused == left_out
     (tmp_path / "copy").rename(tmp_path / "first")
@@ -147,5 +153,5 @@ def test_a_source_with_a_fault_makes_the_submission_unreadable(tmp_path: Path) -
 
 
 def test_a_source_is_the_same_after_its_way_to_a_worker(tmp_path: Path) -> None:
-    source = Source(tmp_path, "a.zip", left_out=(Refused("b", "c"),), fault="d")
-    assert source_of(source_message(source)) == source
+    source = Source(tmp_path, "a.zip", left_out=(RefusedFile("b", "c"),), fault="d")
+    assert decode(encode(source), Source) == source

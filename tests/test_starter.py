@@ -18,7 +18,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdValidation
 from lab3_usd.commands.starter import command
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError, UsageError
-from lab3_usd.stage.starter import build_starter, starter_layer
+from lab3_usd.stage.write.starter import build_starter, starter_layer
 
 URDF_FACTS = Path(__file__).resolve().parents[2] / "shared" / "turtlebot3" / "burger_facts.json"
 ROBOT = "/turtlebot3_burger"

@@ -9,13 +9,13 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 from submissions import LAB, ROBOT, SPEC, edit_stage
 
-from lab3_usd.check.changes import Change, Difference, Kind, Site, StarterSubject
-from lab3_usd.check.checker import check_stage
-from lab3_usd.check.finding import Problem, StageResult
-from lab3_usd.check.registry import Rule, rules_of, run_rule
-from lab3_usd.check.unchanged import against_starter, open_starter, starter_findings
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.starter import build_starter
+from lab3_usd.check.registry import Rule, rules_of
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.judge.starter import against_starter, open_starter, starter_findings
+from lab3_usd.model.changes import Change, Difference, Kind, Site, StarterSubject
+from lab3_usd.model.finding import Problem, StageResult
+from lab3_usd.stage.write.builder import build_checkpoint
+from lab3_usd.stage.write.starter import build_starter
 
 RULES = {found.id: found for found in rules_of("starter", "U")}
 WALL = "/Environment/Walls/East"
@@ -39,7 +39,7 @@ def gone(prim: str, *, physics: bool = True, related: tuple[str, ...] = ()) -> C
 def said(*changes: Change, blamed: tuple[Site, ...] = ()) -> list[tuple[str, Problem]]:
     subject = StarterSubject(SPEC.starter, changes, frozenset(blamed))
     return [
-        (rule_id, each) for rule_id, found in RULES.items() for each in run_rule(found, subject)
+        (rule_id, each) for rule_id, found in RULES.items() for each in list(found.check(subject))
     ]
 
 
@@ -316,6 +316,44 @@ def test_what_stands_elsewhere_is_not_missing_as_well(
 def test_what_was_deactivated_is_told_though_a_finding_relates_to_it() -> None:
     off = Change(WALL, "Cube", absent="deactivated", physics=True)
     for absent, expected in ((off, ["U01"]), (gone(WALL), [])):
-        subject = StarterSubject(SPEC.starter, (absent,), missed=frozenset({WALL}))
-        found = [name for name, rule in RULES.items() for _ in run_rule(rule, subject)]
+        subject = StarterSubject(SPEC.starter, (absent,), related_prims=frozenset({WALL}))
+        found = [name for name, rule in RULES.items() for _ in list(rule.check(subject))]
         assert found == expected
+
+
+# -- what another rule tells by its effect
+
+
+GROUND = "/Environment/GroundPlane"
+SCAN_JOINT = f"{ROBOT}/joints/scan_joint"
+
+
+def raised(height: float) -> Edit:
+    def put(stage: Usd.Stage) -> None:
+        UsdGeom.XformCommonAPI(stage.GetPrimAtPath(GROUND)).SetTranslate(Gf.Vec3d(0, 0, height))
+
+    return put
+
+
+def switched_off(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath(SCAN_JOINT).GetAttribute("physics:jointEnabled").Set(False)  # noqa: FBT003
+
+
+def tied_to_itself(stage: Usd.Stage) -> None:
+    joint = stage.GetPrimAtPath(SCAN_JOINT)
+    joint.GetRelationship("physics:body0").SetTargets([f"{ROBOT}/base_scan"])
+
+
+@pytest.mark.parametrize(
+    ("edit", "rule"), [(switched_off, "S12"), (tied_to_itself, "S12"), (raised(-0.1), "S19")]
+)
+def test_a_change_is_told_once_by_the_rule_of_its_effect(
+    tmp_path: Path, edit: Edit, rule: str
+) -> None:
+    starter = tmp_path / "starter.usda"
+    build_starter(starter)
+    edit_stage(starter, raised(0.0))
+    stage = build_checkpoint(starter, "00", tmp_path / "Lab3_00_student_start.usda")
+    edit_stage(stage, edit)
+    result = against_starter(check_stage(stage), open_starter(starter, LAB), LAB)
+    assert [each.rule for each in result.findings if each.severity == "error"] == [rule]

@@ -30,13 +30,13 @@ from submissions import (
     write_submission,
 )
 
-from lab3_usd.check.finding import Report
-from lab3_usd.check.folder import is_submission, lone_stage_notes, map_findings
 from lab3_usd.check.registry import rules_of
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError
-from lab3_usd.lab import submission as listing
-from lab3_usd.report.json_report import report_json
+from lab3_usd.judge.folder import is_submission, lone_stage_notes, map_findings
+from lab3_usd.lab.submission import listing
+from lab3_usd.model.finding import Report
+from lab3_usd.report.formats.json_report import report_json
 
 LAST = list(LAB.checkpoints)[-1]
 SOME_GRAPH_FAULTS = list(graph_faults(LAB, LAB.checkpoints[LAST]))[7::40]
@@ -96,7 +96,7 @@ def test_the_report_as_json_is_as_the_schema_says(folder: Path) -> None:
     result = checked(folder)
     report = assert_valid(report_json(Report(result.results, (result.submission,))))
     (submission,) = report["submissions"]
-    assert [each["rule"] for each in submission["findings"]] == ["M09", "X01"]
+    assert [each["rule"] for each in submission["findings"]] == ["X01", "M09"]
     assert len(submission["checklist"]) == len(SPEC.checklist)
 
 
@@ -257,6 +257,16 @@ def test_a_map_may_be_given_beside_the_submission(folder: Path, tmp_path: Path) 
     shutil.copytree(data_folder("maps"), tmp_path / "supplied")
     delete("maps")(folder)
     assert faults(checked(folder, maps=tmp_path / "supplied")) == []
+
+
+def test_a_map_is_not_handed_in_before_a_stage_needs_it(folder: Path) -> None:
+    delete("maps")(folder)
+    for number in ("07", "08"):
+        delete(stage_name(number))(folder)
+    found = [each for each in checked(folder).submission.findings if each.rule.startswith("M")]
+    assert [(each.rule, each.message) for each in found] == [
+        ("M10", "not handed in, so not checked")
+    ]
 
 
 def test_the_walls_of_the_stage_are_compared_with_the_map(folder: Path) -> None:

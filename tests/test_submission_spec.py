@@ -12,8 +12,8 @@ import yaml
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.load_submission import FILE, load_submission
-from lab3_usd.spec.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.submission import FILE, load_submission
 
 
 def drop(part: str, key: str) -> Callable[[dict[str, Any]], object]:

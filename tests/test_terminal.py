@@ -12,8 +12,8 @@ from pxr import Usd
 from lab3_usd import check_stage
 from lab3_usd.cli import lab3
 from lab3_usd.errors import Lab3Error
-from lab3_usd.stage.builder import build_checkpoint
-from lab3_usd.stage.starter import build_starter
+from lab3_usd.stage.write.builder import build_checkpoint
+from lab3_usd.stage.write.starter import build_starter
 
 NAME = "Lab3_05_odometry_tf.usda"
 # What usd-core begins its own lines with.

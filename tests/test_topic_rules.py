@@ -6,9 +6,9 @@ import models as m
 import pytest
 from msgspec.structs import replace
 
-from lab3_usd.check.finding import Problem
-from lab3_usd.check.model import GraphModel, Node, PortState, StageModel
-from lab3_usd.check.registry import rules_of, run_rule
+from lab3_usd.check.registry import rules_of
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
 from lab3_usd.spec.catalog import Value
 
 TICK_TYPE = m.lab().graphs[m.ODOM_TF].nodes["on_playback_tick"].type.type
@@ -23,7 +23,7 @@ def problems(
 ) -> dict[str, list[Problem]]:
     subject = m.subject(stage, checkpoint, **given)  # type: ignore[arg-type]
     found = {
-        rule.id: run_rule(rule, subject) for rule in rules_of("stage", "Q") if rule.id[0] == "Q"
+        rule.id: list(rule.check(subject)) for rule in rules_of("stage", "Q") if rule.id[0] == "Q"
     }
     return {rule_id: said for rule_id, said in found.items() if said}
 

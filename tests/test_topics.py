@@ -12,12 +12,12 @@ from click.testing import CliRunner
 from msgspec.structs import replace
 from pxr import Usd
 
-from lab3_usd.check.model import Node, PortState, StageModel
-from lab3_usd.check.qos import Qos, decode
-from lab3_usd.check.topics import Endpoint, endpoints, resolve
+from lab3_usd.check.ros.qos import Qos, decode
+from lab3_usd.check.ros.topics import Endpoint, endpoints, resolve
 from lab3_usd.cli import lab3
+from lab3_usd.model.stage import Node, PortState, StageModel
 from lab3_usd.spec.catalog import Value
-from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.stage.write.builder import build_checkpoint
 
 LIDAR, CAMERA, INFO = "ros2_rtx_lidar_helper", "ros2_camera_helper", "ros2_camera_info_helper"
 QOS_TYPE = "isaacsim.ros2.bridge.ROS2QoSProfile"

@@ -5,12 +5,11 @@ from __future__ import annotations
 import pytest
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
-from lab3_usd.check.model import Matrix
-from lab3_usd.check.poses import IDENTITY
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage.places import Places
-from lab3_usd.stage.reader import read_model
-from lab3_usd.stage.transforms import local_transform
+from lab3_usd.model.stage import Matrix
+from lab3_usd.model.transform_math import IDENTITY
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.geometry.transforms import TransformCache, local_transform
+from lab3_usd.stage.read.reader import read_model
 
 Op = UsdGeom.XformOp
 VALUES = {
@@ -94,7 +93,7 @@ def test_a_reset_leaves_out_the_parent() -> None:
     child = UsdGeom.Xform.Define(stage, "/a/b")
     child.AddTranslateOp().Set(Gf.Vec3d(0, 1, 0))
     child.SetResetXformStack(True)  # noqa: FBT003 - USD's signature
-    world = Places().world(child.GetPrim())
+    world = TransformCache().world(child.GetPrim())
     assert world[12:15] == (0, 1, 0)
     assert same(world, UsdGeom.XformCache().GetLocalToWorldTransform(child.GetPrim()))
 
@@ -105,7 +104,7 @@ def test_a_type_that_usd_does_not_know_stands_where_it_says() -> None:
     lidar = stage.DefinePrim("/a/lidar", "OmniLidar")
     lidar.CreateAttribute("xformOp:translate", Sdf.ValueTypeNames.Double3).Set((0, 0, 2))
     lidar.CreateAttribute("xformOpOrder", Sdf.ValueTypeNames.TokenArray).Set(["xformOp:translate"])
-    assert Places().world(lidar)[12:15] == (5, 0, 2)
+    assert TransformCache().world(lidar)[12:15] == (5, 0, 2)
 
 
 @pytest.mark.parametrize("name", ["xformOp:translate", "xformOp:wobble", "sidewards"])
@@ -156,7 +155,7 @@ def test_a_prim_without_an_order_of_its_own_has_no_local_transform() -> None:
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.Xform.Define(stage, "/a").AddTranslateOp().Set(Gf.Vec3d(5, 0, 0))
     plain = UsdGeom.Xform.Define(stage, "/a/b").GetPrim()
-    local, world = Places().of(plain, "/a/b")
+    local, world = TransformCache().of(plain, "/a/b")
     assert local is None
     assert world[12:15] == (5, 0, 0)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lab3_usd.spec.compiled import FILE
+from lab3_usd.spec.load.compiled import FILE, TYPES_FILE
 
 # One worker makes the archives and the environment, the others need not make them again.
 pytestmark = pytest.mark.xdist_group("wheel")
@@ -51,7 +51,7 @@ def names_in(wheel: Path) -> set[str]:
 
 def modules_in(wheel: Path) -> set[str]:
     """The compiled templates."""
-    return {name for name in names_in(wheel) if "/report/templates/compiled/" in name}
+    return {name for name in names_in(wheel) if "/report/html/templates/compiled/" in name}
 
 
 def files_below(folder: Path) -> set[str]:
@@ -102,7 +102,8 @@ def test_wheel_carries_the_package_and_every_data_file(wheel: Path, repository: 
         for folder in DATA
         for name in files_below(repository / folder)
     }
-    compiled = {f"lab3_usd/_data/graphs/{FILE}"} | modules_in(wheel)
+    graphs = "lab3_usd/_data/graphs"
+    compiled = {f"{graphs}/{FILE}", f"{graphs}/isaac/{TYPES_FILE}"} | modules_in(wheel)
     assert names_in(wheel) == package | data | compiled
     templates = {name for name in package if name.endswith(".html.j2")}
     assert len(modules_in(wheel)) >= len(templates)
@@ -148,9 +149,9 @@ def test_the_installed_package_reads_no_yaml_at_start(elsewhere: Path) -> None:
 
 def test_the_installed_package_compiles_no_template(elsewhere: Path) -> None:
     code = (
-        "import sys; from lab3_usd.report.html_templates import fill; import jinja2;"
+        "import sys; from lab3_usd.report.html.templates import fill; import jinja2;"
         "jinja2.Environment.compile = None;"
-        "from lab3_usd.report.html_templates import environment;"
+        "from lab3_usd.report.html.templates import environment;"
         "print(len([environment().get_template(n) for n in ('report.html.j2', 'class.html.j2')]))"
     )
     assert run("env/bin/python", "-c", code, cwd=elsewhere).strip() == "2"

@@ -9,9 +9,9 @@ from pathlib import Path
 import usda_scanner
 from pxr import Sdf, Usd, UsdUtils
 
-from lab3_usd.spec.loader import load_lab
-from lab3_usd.stage import usda_scan
-from lab3_usd.stage.builder import BuildOptions, build_files, plan_files
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read import usda_scan
+from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 
 Spot = tuple[int, int]
 

@@ -14,33 +14,33 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from lab3_usd.check.checker import check_stage
-    from lab3_usd.check.finding import Finding, Report, Requirement, Score, StageResult
-    from lab3_usd.check.frames import published_edges
+    from lab3_usd.check.tf.frames import published_edges
     from lab3_usd.errors import Lab3Error, SpecError, StageError, UsageError
-    from lab3_usd.spec.loader import load_lab
-    from lab3_usd.stage.builder import build_checkpoint
-    from lab3_usd.stage.reader import read_stage
-    from lab3_usd.stage.starter import build_starter
+    from lab3_usd.judge.stage import check_stage
+    from lab3_usd.model.finding import Finding, Report, Requirement, Score, StageResult
+    from lab3_usd.spec.load.loader import load_lab
+    from lab3_usd.stage.read.reader import read_stage
+    from lab3_usd.stage.write.builder import build_checkpoint
+    from lab3_usd.stage.write.starter import build_starter
 
 # Where each public name lives; imported when it is first asked for, so that pxr is not loaded
 # by those who only want the rules or the errors.
 _HOMES = {
-    "Finding": "lab3_usd.check.finding",
+    "Finding": "lab3_usd.model.finding",
     "Lab3Error": "lab3_usd.errors",
-    "Report": "lab3_usd.check.finding",
-    "Requirement": "lab3_usd.check.finding",
-    "Score": "lab3_usd.check.finding",
+    "Report": "lab3_usd.model.finding",
+    "Requirement": "lab3_usd.model.finding",
+    "Score": "lab3_usd.model.finding",
     "SpecError": "lab3_usd.errors",
     "StageError": "lab3_usd.errors",
-    "StageResult": "lab3_usd.check.finding",
+    "StageResult": "lab3_usd.model.finding",
     "UsageError": "lab3_usd.errors",
-    "build_checkpoint": "lab3_usd.stage.builder",
-    "build_starter": "lab3_usd.stage.starter",
-    "check_stage": "lab3_usd.check.checker",
-    "load_lab": "lab3_usd.spec.loader",
-    "published_edges": "lab3_usd.check.frames",
-    "read_stage": "lab3_usd.stage.reader",
+    "build_checkpoint": "lab3_usd.stage.write.builder",
+    "build_starter": "lab3_usd.stage.write.starter",
+    "check_stage": "lab3_usd.judge.stage",
+    "load_lab": "lab3_usd.spec.load.loader",
+    "published_edges": "lab3_usd.check.tf.frames",
+    "read_stage": "lab3_usd.stage.read.reader",
 }
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""The command line: which commands exist, and what each exit status means."""
+"""The command line: which commands exist, and the exit codes."""
 
 from __future__ import annotations
 
@@ -13,25 +13,10 @@ from typing import Literal, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
-from lab3_usd.errors import Lab3Error
+from lab3_usd.commands.table import COMMANDS, EXAMPLES, GROUPS
+from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.errors import Lab3Error, UsageError
 
-# Each command is a module that defines `command`; it is imported only when it is asked for,
-# so that `lab3 --help` starts without pxr and networkx.
-COMMANDS = {
-    "build": "Build the nine checkpoint stages from a starter scene.",
-    "check": "Check stages or whole submissions against the lab.",
-    "starter": "Write the bundled starter scene.",
-    "map": "Make an occupancy map from the walls of a stage.",
-    "rules": "List all rules.",
-    "rule": "Explain one rule.",
-    "tf": "Print the TF tree that a stage publishes.",
-    "topics": "Print the topics that a stage publishes and subscribes to.",
-    "nav2": "Write launch, parameter and RViz files for localization and navigation.",
-    "collect": "Write the script that collects evidence from the running system.",
-    "draw": "Draw Action Graphs and the TF tree.",
-    "grade": "Grade a whole class of submissions.",
-    "completion": "Print the shell completion script.",
-}
 EXIT_USAGE = 2
 EXIT_CRASH = 3
 EXIT_INTERRUPTED = 130  # what a shell says of a command that Ctrl-C ended
@@ -42,7 +27,7 @@ class LazyGroup(click.Group):
     """A group whose commands are imported when they are run."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Name the commands in the order a course meets them."""
+        """Name the commands, group by group."""
         del ctx
         return list(COMMANDS)
 
@@ -58,8 +43,29 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands from the table, so that help imports none of them."""
         del ctx
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        for users, commands in GROUPS.items():
+            with formatter.section(f"Commands for {users}"):
+                formatter.write_dl(list(commands.items()))
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Show examples."""
+        del ctx
+        with formatter.section("Examples"):
+            formatter.write_dl(list(EXAMPLES.items()), col_max=50)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that is called; of one that does not exist, say which are like it."""
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-"):
+            from difflib import get_close_matches  # noqa: PLC0415 - only after a slip
+
+            close = " or ".join(f"'{each}'" for each in get_close_matches(name, COMMANDS))
+            hint = f"did you mean {close}?" if close else "lab3 --help lists all"
+            message = f"there is no command '{name}'; {hint}"
+            raise click.UsageError(message)
+        return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Complete the names of commands from the table, so that the Tab key imports none."""
@@ -79,6 +85,24 @@ def _print_version(context: click.Context, _option: click.Parameter, asked: bool
         context.exit()
 
 
+def _use_lab(context: click.Context, _option: click.Parameter, folder: str | None) -> None:
+    """Name the lab's folder in the environment, which every process of this command reads."""
+    if folder is None:
+        return
+    if not Path(folder).is_dir():
+        message = f"{folder}: there is no such folder; --lab names one that describes a lab"
+        raise UsageError(message)
+    before = os.environ.get(LAB_VARIABLE)
+    os.environ[LAB_VARIABLE] = str(Path(folder).resolve())
+
+    def put_back() -> None:
+        os.environ.pop(LAB_VARIABLE)
+        if before is not None:
+            os.environ[LAB_VARIABLE] = before
+
+    context.call_on_close(put_back)
+
+
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
     "--version",
@@ -87,6 +111,15 @@ def _print_version(context: click.Context, _option: click.Parameter, asked: bool
     expose_value=False,
     callback=_print_version,
     help="Show the version and exit.",
+)
+@click.option(
+    "--lab",
+    type=click.Path(),
+    metavar="DIR",
+    is_eager=True,
+    expose_value=False,
+    callback=_use_lab,
+    help="The folder that describes the lab, in place of the bundled one (or set LAB3_LAB).",
 )
 def lab3() -> None:
     """Author and check the USD stages of the TurtleBot 3 lab, without Isaac Sim."""
@@ -115,9 +148,9 @@ def run() -> NoReturn:
 
 
 def main() -> None:
-    """Run the command line; a wrong call is one line on stderr and exit status 2.
+    """Run the command line; a wrong call is one line on stderr and exit code 2.
 
-    Where JSON was asked for, JSON is what comes, on every exit status.
+    With --format json, JSON is printed with every exit code.
     """
     # A command lives for a moment: looking for garbage in the meantime only costs time.
     gc.freeze()
@@ -170,7 +203,7 @@ def _described(error: Exception) -> str:
 def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:
     click.echo(f"lab3: {message}", err=True)
     if _json_asked_for(sys.argv[1:]):
-        from lab3_usd.report.json_report import dump, error_report  # noqa: PLC0415 - only here
+        from lab3_usd.report.formats.json_report import dump, error_report  # noqa: PLC0415 - only here
 
         click.echo(dump(error_report(message, kind)), nl=False)
     sys.exit(status)

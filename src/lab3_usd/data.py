@@ -1,8 +1,21 @@
 """Where the data files live: beside the package in a wheel, at the top level of a checkout."""
 
+import os
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent
+LAB_VARIABLE = "LAB3_LAB"
+
+
+def own_lab() -> Path | None:
+    """Return the folder of another lab that the environment names, None for the bundled one."""
+    named = os.environ.get(LAB_VARIABLE, "")
+    return Path(named).resolve() if named else None
+
+
+def lab_folder() -> Path:
+    """Return the folder that describes the lab: the one the environment names, else the bundled."""
+    return own_lab() or data_folder("graphs")
 
 
 def data_folder(name: str) -> Path:

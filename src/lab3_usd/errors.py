@@ -15,3 +15,7 @@ class StageError(Lab3Error):
 
 class UsageError(Lab3Error):
     """The command or call was given something it cannot work with."""
+
+
+class RecordingError(Lab3Error):
+    """A recording cannot be read: none, damaged, or too large."""

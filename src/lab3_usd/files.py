@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tempfile
 from collections.abc import Iterable
@@ -30,18 +31,29 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool = False) ->
     refuse_existing(target, force=force)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-        temporary = Path(name)
+        temporary = temporary_beside(target)
         try:
-            with open(handle, "wb") as file:  # noqa: PTH123 - a handle, not a path
+            with temporary.open("wb") as file:
                 file.writelines(parts)
-            temporary.chmod(0o644)
             temporary.replace(target)
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         message = f"{target} cannot be written ({error.strerror})"
         raise UsageError(message) from error
+
+
+def temporary_beside(target: Path, suffix: str = "") -> Path:
+    """Make an empty file in the folder of `target`, which others may read, under a hidden name.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=suffix)
+    os.close(handle)
+    temporary = Path(name)
+    temporary.chmod(0o644)
+    return temporary
 
 
 def leftovers(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:

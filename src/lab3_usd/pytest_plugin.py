@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from lab3_usd.check.finding import Finding, Requirement, StageResult
+    from lab3_usd.model.finding import Finding, Requirement, StageResult
 
 ENDINGS = (".usd", ".usda", ".usdc")
 
@@ -46,8 +46,8 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     named = [Path(path).resolve() for path in parent.config.getoption("--lab3")]
     if not any(path in {file_path, *file_path.parents} for path in named):
         return None
-    from lab3_usd.check.checker import checkpoint_of  # noqa: PLC0415 - only when it is used
-    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415 - only when it is used
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
     if checkpoint_of(file_path.name, load_lab()) is None:
         return None
@@ -59,7 +59,7 @@ class CheckpointFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """Yield a test for each requirement, and one for faults that belong to none."""
-        from lab3_usd.check.checker import check_stage  # noqa: PLC0415 - only when it is used
+        from lab3_usd.judge.stage import check_stage  # noqa: PLC0415 - only when it is used
 
         result = check_stage(self.path)
         for requirement in result.requirements:

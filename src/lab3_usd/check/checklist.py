@@ -10,12 +10,12 @@ from typing import Literal
 
 from msgspec import Struct
 
-from lab3_usd.check.finding import ChecklistItem, Finding, Requirement, StageResult
-from lab3_usd.check.subjects_lab import Evidence
-from lab3_usd.check.submitted import Listing
-from lab3_usd.spec.ros_spec import RosSpec
-from lab3_usd.spec.spec import Lab
-from lab3_usd.spec.submission_spec import ChecklistSpec, SubmissionSpec
+from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult
+from lab3_usd.model.lab_files import Evidence
+from lab3_usd.model.submission import Listing
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.ros import RosSpec
+from lab3_usd.spec.submission import ChecklistSpec, SubmissionSpec
 
 State = Literal["met", "not met", "not shown", "person"]
 _Verdict = tuple[State, str]
@@ -24,7 +24,7 @@ _ORDER: tuple[State, ...] = ("not met", "not shown", "person", "met")
 _EVIDENCE = "E"
 
 
-class Known(Struct, frozen=True):
+class ChecklistInput(Struct, frozen=True):
     """Everything that is known of a submission when its checklists are decided."""
 
     lab: Lab
@@ -47,57 +47,57 @@ class Known(Struct, frozen=True):
         yield from (each for each in (*stage, *self.findings) if each.severity == "error")
 
 
-def decide(known: Known) -> tuple[ChecklistItem, ...]:
+def decide_checklist(given: ChecklistInput) -> tuple[ChecklistItem, ...]:
     """Return every line of the checklists with its state and the reason."""
-    return tuple(_item(line, known) for line in known.spec.checklist)
+    return tuple(_item(line, given) for line in given.spec.checklist)
 
 
-def _item(line: ChecklistSpec, known: Known) -> ChecklistItem:
-    verdicts = list(_verdicts(line, known))
+def _item(line: ChecklistSpec, given: ChecklistInput) -> ChecklistItem:
+    verdicts = list(_verdicts(line, given))
     state = min((state for state, _ in verdicts), key=_ORDER.index)
     reasons = dict.fromkeys(why for found, why in verdicts if found == state and why)
     return ChecklistItem(line.section, line.text, state, "; ".join(reasons))
 
 
-def _verdicts(line: ChecklistSpec, known: Known) -> Iterator[_Verdict]:
+def _verdicts(line: ChecklistSpec, given: ChecklistInput) -> Iterator[_Verdict]:
     if line.stages:
-        yield _stages(line.stages, known)
+        yield _stages(line.stages, given)
     if line.requirements:
-        yield _requirements(line.requirements, known)
+        yield _requirements(line.requirements, given)
     if line.rules:
-        yield from _rules(line.rules, known)
+        yield from _rules(line.rules, given)
     for name in line.shown:
-        yield _shown(name, known)
+        yield _shown(name, given)
     for name in line.deliverables:
-        yield _deliverable(name, known)
+        yield _deliverable(name, given)
     if line.person:
         yield "person", line.person
 
 
-def _stages(which: str, known: Known) -> _Verdict:
+def _stages(which: str, given: ChecklistInput) -> _Verdict:
     if which == "all":
         wrong = [
             checkpoint.file
-            for number, checkpoint in known.lab.checkpoints.items()
-            if not _is_handed_in(number, known)
+            for number, checkpoint in given.lab.checkpoints.items()
+            if not _is_handed_in(number, given)
         ]
         return ("not met", f"missing or misnamed: {', '.join(wrong)}") if wrong else ("met", "")
-    number = max(known.lab.checkpoints) if which == "last" else which
-    result = known.results.get(number)
+    number = given.lab.last if which == "last" else which
+    result = given.results.get(number)
     if result is None:
-        return "not shown", f"{known.lab.checkpoints[number].file} is missing"
+        return "not shown", f"{given.lab.checkpoints[number].file} is missing"
     if result.verdict == "unreadable":
         return "not met", f"{result.path} cannot be read"
     return "met", ""
 
 
-def _is_handed_in(number: str, known: Known) -> bool:
-    stage = known.listing.stages.get(number)
-    return stage is not None and stage.how in {"right", "misplaced"}
+def _is_handed_in(number: str, given: ChecklistInput) -> bool:
+    stage = given.listing.stages.get(number)
+    return stage is not None and stage.naming in {"right", "misplaced"}
 
 
-def _requirements(patterns: tuple[str, ...], known: Known) -> _Verdict:
-    last = known.last
+def _requirements(patterns: tuple[str, ...], given: ChecklistInput) -> _Verdict:
+    last = given.last
     if last is None:
         return "not shown", "no stage could be read"
     for pattern in patterns:
@@ -122,34 +122,35 @@ def _titles(missed: list[Requirement]) -> str:
     return f"{missed[0].group}: {missed[0].title}{more}"
 
 
-def _rules(rules: tuple[str, ...], known: Known) -> Iterator[_Verdict]:
-    for found in known.errors():
+def _rules(rules: tuple[str, ...], given: ChecklistInput) -> Iterator[_Verdict]:
+    for found in given.errors():
         if found.rule in rules:
             yield "not met", f"{found.rule}: {found.message}"
             return
-    for found in known.findings:
+    for found in given.findings:
         # A note on saved output says that it does not show what it is there for.
         if found.rule in rules and found.rule.startswith(_EVIDENCE) and found.severity == "note":
             yield "not shown", f"{found.rule}: {found.message}"
             return
 
 
-def _shown(name: str, known: Known) -> _Verdict:
+def _shown(name: str, given: ChecklistInput) -> _Verdict:
     kind, _, target = name.partition(" ")
-    outputs: Mapping[str, object] = getattr(known.evidence, kind)
+    outputs: Mapping[str, object] = getattr(given.evidence, kind)
     if not outputs.get(target):
-        return "not shown", f"no output of `{_command(kind, target, known)}`"
+        return "not shown", f"no output of `{_command(kind, target, given)}`"
     sites = {target, " -> ".join(target.split())}
-    for found in known.errors():
+    for found in given.errors():
         if found.rule.startswith(_EVIDENCE) and found.property in sites and target:
             return "not met", f"{found.rule}: {found.message}"
     return "met", ""
 
 
-def _command(kind: str, target: str, known: Known) -> str:
+def _command(kind: str, target: str, given: ChecklistInput) -> str:
     """Return the command whose output would show it."""
-    for command in known.ros.commands:
-        is_goal = kind == "goals" and command.of == known.ros.goal.status
+    for command in given.ros.commands:
+        goal = given.ros.goal
+        is_goal = kind == "goals" and goal is not None and command.of == goal.status
         if is_goal or (command.kind.name, command.target) == (kind, target):
             return command.line
     return _name_of(kind, target)
@@ -160,8 +161,11 @@ def _name_of(kind: str, target: str) -> str:
     return f"{kind.replace('_', ' ')} {target}".strip()
 
 
-def _deliverable(name: str, known: Known) -> _Verdict:
-    wanted, found = known.spec.deliverables[name], known.listing.found.get(name, ())
-    if len(found) >= wanted.at_least:
+def _deliverable(name: str, given: ChecklistInput) -> _Verdict:
+    deliverable, found = given.spec.deliverables[name], given.listing.found.get(name, ())
+    if len(found) >= deliverable.at_least:
         return "met", ""
-    return "not shown", f"{wanted.title}: {len(found)} found, at least {wanted.at_least} expected"
+    return (
+        "not shown",
+        f"{deliverable.title}: {len(found)} found, at least {deliverable.at_least} expected",
+    )

@@ -4,19 +4,32 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 from msgspec import Struct
 
-from lab3_usd.check.finding import Problem, Severity
+from lab3_usd.errors import UsageError
+from lab3_usd.model.finding import Problem, Severity
 
-# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, what
-# came out of judging it, the stage beside its starter, the map files, the saved output of the
-# running system, the folder.
+# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, its
+# transforms (from the checkpoint on that asks for them), what came out of judging it, the stage
+# beside its starter, the map files, the saved output of the running system, the folder. Rules of
+# the scope `model` look at a stage with or without a spec, those of `lint` at one without.
 Scope = Literal[
-    "graph", "stage", "outcome", "starter", "maps", "navigation", "evidence", "submission", "file"
+    "graph",
+    "stage",
+    "model",
+    "lint",
+    "frames",
+    "outcome",
+    "starter",
+    "maps",
+    "navigation",
+    "evidence",
+    "submission",
+    "file",
 ]
 Check = TypeVar("Check", bound=Callable[..., Iterator[Problem]])
 
@@ -30,6 +43,7 @@ FAMILIES = {
     "S": "scene",
     "L": "lidar",
     "C": "camera",
+    "D": "sensors",
     "T": "frames",
     "Q": "topics",
     "U": "starter",
@@ -38,6 +52,56 @@ FAMILIES = {
     "E": "evidence",
     "X": "submission",
     "Z": "fence",
+    "K": "lint",
+}
+# The modules below check/rules that hold the rules of each family.
+MODULES = {
+    "F": ("submission.files",),
+    "G": ("graphs.graphs",),
+    "N": ("graphs.nodes", "graphs.extras"),
+    "P": ("graphs.settings", "graphs.defaults", "graphs.limits"),
+    "R": ("graphs.targets",),
+    "W": ("graphs.wires",),
+    "S": (
+        "scene.scene",
+        "scene.robot",
+        "scene.articulation",
+        "scene.joints",
+        "scene.drives",
+        "scene.resting",
+        "scene.world",
+        "scene.later_parts",
+        "scene.time_samples",
+    ),
+    "L": ("sensors.lidar", "sensors.scan", "scene.later_parts"),
+    "C": ("sensors.camera", "scene.later_parts"),
+    "D": ("sensors.other", "scene.later_parts"),
+    "T": (
+        "ros.frames",
+        "ros.frame_tree",
+        "ros.frame_ids",
+        "ros.odom_parent",
+        "ros.own_parent",
+    ),
+    "Q": ("ros.topics",),
+    "U": ("scene.starter",),
+    "M": ("submission.maps",),
+    "V": ("submission.navigation", "submission.parameter_values"),
+    "E": ("submission.evidence", "submission.evidence_topics", "submission.evidence_frames"),
+    "X": ("submission.submission", "submission.handed_in"),
+    "Z": ("submission.files",),
+    "K": (
+        "lint.running",
+        "lint.zeros",
+        "lint.wires",
+        "lint.types",
+        "lint.names",
+        "lint.topics",
+        "lint.frames",
+        "lint.robot",
+        "lint.wheels",
+        "lint.sensors",
+    ),
 }
 
 
@@ -90,9 +154,23 @@ def rule(
 
 def all_rules() -> dict[str, Rule]:
     """Return every rule by id, in order of id; imports the families on the first call."""
-    for family in FAMILIES.values():
-        importlib.import_module(f"lab3_usd.check.rules.{family}")
+    _import(FAMILIES)
     return dict(sorted(_RULES.items()))
+
+
+def check_rule_names(names: Iterable[str], where: str = "") -> tuple[str, ...]:
+    """Return ids of rules and letters of families, in capitals; `where` opens the message.
+
+    Raises:
+        UsageError: there is no such rule or family; left out, it would hide every fault.
+    """
+    found = tuple(name.strip().upper() for name in names)
+    for name in found:
+        if name not in FAMILIES and name not in all_rules():
+            place = f"{where}: " if where else ""
+            message = f"{place}there is no rule or family '{name}'; lab3 rules lists them"
+            raise UsageError(message)
+    return found
 
 
 def rules_of(scope: Scope, *families: str) -> list[Rule]:
@@ -100,17 +178,17 @@ def rules_of(scope: Scope, *families: str) -> list[Rule]:
 
     Only those families are imported.
     """
-    for family in families:
-        importlib.import_module(f"lab3_usd.check.rules.{FAMILIES[family]}")
+    _import(families)
     return list(_in_order(scope, families))
+
+
+def _import(families: Iterable[str]) -> None:
+    for family in families:
+        for module in MODULES[family]:
+            importlib.import_module(f"lab3_usd.check.rules.{module}")
 
 
 @cache
 def _in_order(scope: Scope, families: tuple[str, ...]) -> tuple[Rule, ...]:
     rules = (found for _, found in sorted(_RULES.items()) if found.scope == scope)
     return tuple(found for found in rules if found.id[0] in families)
-
-
-def run_rule(found: Rule, subject: Any) -> list[Problem]:  # noqa: ANN401 - the scope decides
-    """Run one rule over its subject; what it raises is the caller's to record as a crash."""
-    return list(found.check(subject))

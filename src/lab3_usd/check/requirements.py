@@ -6,24 +6,31 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec.structs import replace
 
-from lab3_usd.check.candidates import moved
-from lab3_usd.check.finding import Finding, Requirement, Score
-from lab3_usd.check.frames import published_edges
-from lab3_usd.check.met import setting_met, setting_value, source_path, target_met
-from lab3_usd.check.model import Node
-from lab3_usd.check.say import shown, titled
+from lab3_usd.check.match.conformance import (
+    setting_matches,
+    setting_value,
+    source_path,
+    target_matches,
+)
+from lab3_usd.check.relocation import relocated_path
 from lab3_usd.check.scene_item import is_met
-from lab3_usd.check.scene_items import scene_items
+from lab3_usd.check.scene_requirements import SCENE, scene_items
 from lab3_usd.check.subject import GraphSubject, StageSubject
-from lab3_usd.check.tf_view import tf_view, waived_frames
-from lab3_usd.spec.spec import Lab, NodeSpec, Setting, Target, Wire
+from lab3_usd.check.tf.frames import published_edges
+from lab3_usd.check.tf.lab_frames import tf_view, waived_frames
+from lab3_usd.model.finding import Finding, Requirement, Score
+from lab3_usd.model.formatting import display, role_title
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.spec.graph import NodeSpec, Setting, Target, Wire
+from lab3_usd.spec.lab import Lab
 
 
 def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     """Yield every node, setting, target and wire of one graph, met or not."""
     for role, spec in subject.spec.nodes.items():
         node = subject.roles.node_of[role]
-        yield _item(subject, "node", role, titled(spec), node is not None, spec.handout)
+        yield _item(subject, "node", role, role_title(spec), node is not None, spec.handout)
         for setting in spec.settings:
             yield _setting(subject, spec, setting, node)
         for target in spec.targets:
@@ -49,10 +56,10 @@ def _setting(
     subject: GraphSubject, spec: NodeSpec, setting: Setting, node: Node | None
 ) -> Requirement:
     short = setting.port.partition(":")[2]
-    met = node is not None and setting_met(
-        node, setting, setting_value(subject.live, node, setting.port)
+    met = node is not None and setting_matches(
+        node, setting, setting_value(subject.live_nodes, node, setting.port)
     )
-    title = f"{titled(spec)}: {short} = {shown(setting.value)}"
+    title = f"{role_title(spec)}: {short} = {display(setting.value)}"
     return _item(subject, "setting", f"{spec.role}.{short}", title, met, setting.handout)
 
 
@@ -60,8 +67,8 @@ def _target(
     subject: GraphSubject, spec: NodeSpec, target: Target, node: Node | None
 ) -> Requirement:
     short = target.port.partition(":")[2]
-    met = node is not None and target_met(node, target)
-    title = f"{titled(spec)}: {short} = {', '.join(target.prims)}"
+    met = node is not None and target_matches(node, target)
+    title = f"{role_title(spec)}: {short} = {', '.join(target.prims)}"
     return _item(subject, "target", f"{spec.role}.{short}", title, met, target.handout)
 
 
@@ -76,7 +83,7 @@ def _fed(subject: GraphSubject, wire: Wire, source: Node, target: Node) -> bool:
     paths = [source_path(source, wire)]
     paths += [
         f"{path}.{wire.source.port}"
-        for path, role in subject.roles.stand_ins.items()
+        for path, role in subject.roles.equivalents.items()
         if role == wire.source.role
     ]
     return any(path in target.sources(wire.target.port) for path in paths)
@@ -89,19 +96,21 @@ def scene_requirements(
 
     The items read as in `lab`, whose prims are looked up where they really stand.
     """
-    told = [each for each in findings if each.severity == "error"]
+    errors = [each for each in findings if each.severity == "error"]
     robot = lab.scene["robot"]["path"]
     for item in scene_items(lab, subject.checkpoint):
-        met = is_met(replace(item, prim=_stands(item.prim, robot, subject.homes)), told)
+        met = is_met(
+            replace(item, prim=_actual_path(item.prim, robot, subject.relocations)), errors
+        )
         yield Requirement(item.id, item.group, "scene", item.title, met, item.handout)
 
 
-def _stands(path: str, robot: str, homes: Mapping[str, str]) -> str:
+def _actual_path(path: str, robot: str, relocations: Mapping[str, str]) -> str:
     """Return where a prim of the lab stands; a link that stands elsewhere is where it is missed."""
-    for expected, home in homes.items():
+    for expected, actual in relocations.items():
         if path == expected != robot:
             return path
-        path = moved(path, {expected: home})
+        path = relocated_path(path, {expected: actual})
     return path
 
 
@@ -134,6 +143,40 @@ def _is_below(child: str, ancestor: str, parents: Mapping[str, str]) -> bool:
         if child == ancestor:
             return True
     return False
+
+
+def with_other_faults(
+    requirements: Iterable[Requirement],
+    findings: Iterable[Finding],
+    graphs: Mapping[str, GraphModel | None],
+) -> tuple[Requirement, ...]:
+    """Where all requirements are met, add one for each part that has errors all the same.
+
+    A graph at another path, or a second one beside it, is a fault although every node is there: a
+    stage that fails has not met everything. `graphs` are the graphs of the stage by their names in
+    the lab; what lies in none of them is of the scene.
+    """
+    asked = tuple(requirements)
+    if not all(each.met for each in asked):
+        return asked
+    added: dict[str, Requirement] = {}
+    for finding in findings:
+        group = _group_of(finding, graphs)
+        if finding.severity == "error":
+            title = f"nothing else is wrong: {finding.rule} {finding.name}"
+            item = f"{group}/other/{finding.rule}"
+            added.setdefault(
+                group, Requirement(item, group, "scene", title, met=False, handout=finding.handout)
+            )
+    return (*asked, *added.values())
+
+
+def _group_of(finding: Finding, graphs: Mapping[str, GraphModel | None]) -> str:
+    for prim in (finding.prim, *finding.related):
+        for name, graph in graphs.items():
+            if graph is not None and is_at_or_below(prim, graph.path):
+                return name
+    return SCENE
 
 
 def score(requirements: Iterable[Requirement]) -> Score:

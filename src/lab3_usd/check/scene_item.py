@@ -7,10 +7,10 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.check.absence import is_at_or_below
-from lab3_usd.check.finding import Finding
-from lab3_usd.check.physics import BODY_ENABLED
-from lab3_usd.check.posing import ORDER
+from lab3_usd.check.scene.pose_errors import ORDER
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.physics import BODY_ENABLED
 
 POSE = {
     "translate": ("position", "xformOp:translate"),
@@ -21,7 +21,7 @@ _ROTATE = "xformOp:rotate"
 # What tells as well that a part of a pose is wrong: a prim that does not follow its parent.
 _ALSO = {"translate": (ORDER, BODY_ENABLED), "rotate": (_ROTATE,)}
 # A prim that one of these rules finds missing meets nothing that is asked of it or below it.
-_MISSING = ("S01", "S07", "L01", "L03", "C01", "C03")
+_MISSING = ("S01", "S07", "L01", "L03", "C01", "C03", "D01", "D03")
 
 
 class SceneItem(Struct, frozen=True):

@@ -51,8 +51,8 @@ def command(  # noqa: PLR0913, PLR0917 - one parameter per option
 
     STARTER is the supplied scene; without it the bundled one is used. It is opened read-only.
     """
-    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415 - keeps --help fast
-    from lab3_usd.stage.builder import (  # noqa: PLC0415
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.stage.write.builder import (  # noqa: PLC0415
         BuildOptions,
         StarterError,
         build_files,
@@ -92,13 +92,13 @@ def _numbers(known: list[str], through: str | None, only: str | None) -> list[st
 
 def _warn(starter: Path) -> None:
     """Say what is merely unlike the handout in a starter that was built on all the same."""
-    from lab3_usd.check.checker import check_stage  # noqa: PLC0415 - only for a given starter
-    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
-    from lab3_usd.stage.fitness import remarks  # noqa: PLC0415
-    from lab3_usd.stage.opening import open_stage  # noqa: PLC0415
+    from lab3_usd.judge.stage import check_stage  # noqa: PLC0415 - only for a given starter
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
+    from lab3_usd.stage.write.starter_check import deviations  # noqa: PLC0415
 
-    for prim, message in remarks(load_lab(), open_stage(starter)):
+    for prim, message in deviations(load_lab(), open_stage(starter)):
         click.echo(f"warning: {prim}: {message}", err=True)
-    for finding in check_stage(starter, "00").findings:
+    for finding in check_stage(starter, load_lab().first).findings:
         if finding.severity != "note":
             click.echo(f"warning: {finding.prim}: {finding.message}", err=True)

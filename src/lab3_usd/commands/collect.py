@@ -24,8 +24,8 @@ def command(script: Path, *, force: bool) -> None:
     diagnostic command of the handout under `results/`, where `lab3 check` reads it.
     """
     from lab3_usd.files import write_whole  # noqa: PLC0415 - only this command needs these
-    from lab3_usd.lab.collect import collect_script  # noqa: PLC0415
-    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.lab.evidence.collect import collect_script  # noqa: PLC0415
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
     write_whole(script, collect_script(load_lab().ros).encode(), force=force)
     script.chmod(0o755)

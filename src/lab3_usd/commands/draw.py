@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING
 import click
 from msgspec import Struct
 
+from lab3_usd.commands.configuring import use_configured_lab
 from lab3_usd.commands.options import checkpoint_number
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
-from lab3_usd.report.svg_style import THEMES, Theme
+from lab3_usd.report.picture_formats.svg_style import THEMES, Theme
 
 if TYPE_CHECKING:
-    from lab3_usd.check.finding import Crash
-    from lab3_usd.report.picture_model import Picture
-    from lab3_usd.spec.spec import Lab
+    from lab3_usd.model.finding import Crash
+    from lab3_usd.report.picture import Picture
+    from lab3_usd.spec.lab import Lab
 
 FORMATS = ("svg", "png", "mermaid", "dot")
 ENDINGS = {"svg": "svg", "png": "png", "mermaid": "mmd", "dot": "dot"}
@@ -70,8 +71,9 @@ def command(  # noqa: PLR0913, PLR0917 - one parameter per option
     without one is drawn as it is. GRAPH is the name of a graph of the lab, or TF, and draws what
     the lab asks for.
     """
-    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415 - keeps --help fast
 
+    use_configured_lab(Path(target))
     lab = load_lab()
     drawing = (
         Drawing([_reference(lab, target, all_ports)], "")
@@ -117,8 +119,8 @@ def _stage_file(target: str, lab: Lab) -> Path:
 
 
 def _reference(lab: Lab, name: str, every_port: bool) -> Picture:  # noqa: FBT001
-    from lab3_usd.report.frames_picture import spec_frames_picture  # noqa: PLC0415
-    from lab3_usd.report.pictures import spec_picture  # noqa: PLC0415
+    from lab3_usd.report.pictures.graph_picture import spec_picture  # noqa: PLC0415
+    from lab3_usd.report.pictures.tf_picture import spec_frames_picture  # noqa: PLC0415
 
     if name == TREE:
         return spec_frames_picture(lab.frames)
@@ -131,9 +133,10 @@ def _of_stage(
     number: str | None,
     every_port: bool,  # noqa: FBT001
 ) -> Drawing:
-    from lab3_usd.check.checker import checkpoint_of, judge  # noqa: PLC0415
-    from lab3_usd.report.stage_pictures import stage_pictures  # noqa: PLC0415
-    from lab3_usd.stage.reader import read_stage  # noqa: PLC0415
+    from lab3_usd.check.checker import judge  # noqa: PLC0415
+    from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
+    from lab3_usd.report.pictures.stage_pictures import stage_pictures  # noqa: PLC0415
+    from lab3_usd.stage.read.reader import read_stage  # noqa: PLC0415
 
     number = (
         checkpoint_of(path.name, lab)
@@ -155,10 +158,10 @@ def _of_stage(
 
 def _encoder(form: str, theme: Theme) -> Callable[[Picture], bytes]:
     """Return what turns a picture into the bytes of its file."""
-    from lab3_usd.report.dot import dot  # noqa: PLC0415
-    from lab3_usd.report.mermaid import mermaid  # noqa: PLC0415
-    from lab3_usd.report.png import png  # noqa: PLC0415
-    from lab3_usd.report.svg import svg_file  # noqa: PLC0415
+    from lab3_usd.report.picture_formats.dot import dot  # noqa: PLC0415
+    from lab3_usd.report.picture_formats.mermaid import mermaid  # noqa: PLC0415
+    from lab3_usd.report.picture_formats.png import png  # noqa: PLC0415
+    from lab3_usd.report.picture_formats.svg import svg_file  # noqa: PLC0415
 
     encoders: dict[str, Callable[[Picture], bytes]] = {
         "svg": lambda picture: svg_file(picture, theme).encode(),

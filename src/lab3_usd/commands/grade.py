@@ -1,4 +1,4 @@
-"""`lab3 grade`: a whole class, each submission behind a fence of its own."""
+"""`lab3 grade`: grade a class, each submission in isolation."""
 
 from __future__ import annotations
 
@@ -96,8 +96,8 @@ def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one ent
     wrong usage or rubric, 3 the tool itself failed, 130 interrupted: go on with --resume.
     """
     from lab3_usd.grade.class_run import ClassSettings, grade_class  # noqa: PLC0415
-    from lab3_usd.grade.limits import MEGABYTE, Limits  # noqa: PLC0415
-    from lab3_usd.grade.remote import is_address  # noqa: PLC0415
+    from lab3_usd.grade.intake.limits import MEGABYTE, Limits  # noqa: PLC0415
+    from lab3_usd.grade.intake.remote import is_address  # noqa: PLC0415
 
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),
@@ -108,7 +108,7 @@ def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one ent
         jobs=options["jobs"] or _processors(),
         resume=options["resume"],
         runner=_runner(options["cluster"]),
-        say=lambda line: click.echo(f"lab3: {line}", err=True),
+        notify=lambda line: click.echo(f"lab3: {line}", err=True),
     )
     rows = grade_class(settings, _progress())
     counts = Counter(row["status"] for row in rows)
@@ -119,10 +119,10 @@ def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one ent
 
 def _runner(cluster: str | None) -> Any:  # noqa: ANN401 - see class_run.Runner
     if cluster is None:
-        from lab3_usd.grade.pool import run_tasks  # noqa: PLC0415
+        from lab3_usd.grade.workers.pool import run_tasks  # noqa: PLC0415
 
         return run_tasks
-    from lab3_usd.grade.cluster import cluster_runner  # noqa: PLC0415 - Dask
+    from lab3_usd.grade.workers.cluster import cluster_runner  # noqa: PLC0415 - Dask
 
     return cluster_runner(cluster)
 

@@ -13,8 +13,9 @@ from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
 
 if TYPE_CHECKING:
-    from lab3_usd.lab.raster import MapFrame
-    from lab3_usd.stage.slices import StageSlice
+    from lab3_usd.lab.maps.raster import MapFrame
+    from lab3_usd.spec.lab import Lab
+    from lab3_usd.stage.geometry.slices import StageSlice
 
 CELLS = click.IntRange(1, 10_000)
 FARTHEST = 100_000.0  # metres; no laboratory is larger, and larger numbers lose centimetres
@@ -65,17 +66,21 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None: 
     frame is the world of the stage.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.lab.maps import MapFile, map_yaml, pgm  # noqa: PLC0415
-    from lab3_usd.lab.raster import draw_map  # noqa: PLC0415
-    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.lab.maps.grid import MapFile, map_yaml, pgm  # noqa: PLC0415
+    from lab3_usd.lab.maps.raster import draw_map  # noqa: PLC0415
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
-    scene = load_lab().scene
+    lab = load_lab()
+    scene = lab.scene
+    if "map" not in scene:
+        message = f"{lab.title} has no map: its scene.yaml describes none"
+        raise UsageError(message)
     spec = scene["map"]
     yaml_file, image_file = folder / spec["yaml"], folder / spec["image"]
     for file in (yaml_file, image_file):
         refuse_existing(file, force=force)
     frame = _frame(spec, options)
-    cut = _cut(stage, scene, options["height"])
+    cut = _cut(stage, lab, options["height"])
     start = options["start"] or cut.robot
     if start is None:
         message = f"{stage}: has no {scene['robot']['path']} to start from, give --start"
@@ -95,20 +100,23 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None: 
 
 
 def _frame(spec: Mapping[str, Any], options: Mapping[str, Any]) -> MapFrame:
-    from lab3_usd.lab.raster import MapFrame  # noqa: PLC0415
+    from lab3_usd.lab.maps.raster import MapFrame  # noqa: PLC0415
 
     width, height = options["size"] or (spec["width"], spec["height"])
     origin = options["origin"] or (spec["origin"][0], spec["origin"][1])
     return MapFrame(options["resolution"] or spec["resolution"], origin, width, height)
 
 
-def _cut(stage: Path, scene: Mapping[str, Any], height: float | None) -> StageSlice:
+def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
     """Cut the stage, and say what is not on the map."""
-    from lab3_usd.stage.opening import open_stage  # noqa: PLC0415
-    from lab3_usd.stage.slices import CutAt, slice_stage  # noqa: PLC0415
+    from lab3_usd.stage.geometry.slices import SliceOptions, slice_stage  # noqa: PLC0415
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
 
-    lidar_link = scene["lidar"]["path"].rpartition("/")[0]
-    cut = slice_stage(open_stage(stage), CutAt(scene["robot"]["path"], lidar_link, height))
+    robot: str = lab.scene["robot"]["path"]
+    if height is None and not lab.lidar_link:
+        message = f"{lab.title} has no lidar to take the height from, give --height"
+        raise UsageError(message)
+    cut = slice_stage(open_stage(stage), SliceOptions(robot, lab.lidar_link, height))
     if cut.missing:
         message = f"warning: not on the map is what {cut.missing} unresolved asset paths would hold"
         click.echo(message, err=True)

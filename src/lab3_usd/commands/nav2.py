@@ -23,8 +23,8 @@ def command(folder: Path, *, force: bool) -> None:
     For ROS 2 Humble, parts H and I of the handout; the lidar's RViz configuration is for D10.
     The files have not been run in ROS. Files that exist are kept.
     """
-    from lab3_usd.lab.nav2 import nav2_files, write_nav2  # noqa: PLC0415 - only this command
-    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.lab.nav2.files import nav2_files, write_nav2  # noqa: PLC0415 - only this command
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
     lab = load_lab()
     written, kept = write_nav2(folder, nav2_files(lab, lab.ros), force=force)

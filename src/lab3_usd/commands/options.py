@@ -1,4 +1,4 @@
-"""What several commands' options have in common."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import shutil
 import sys
 from collections.abc import Collection, Iterable
 
-from lab3_usd.check.finding import Finding
 from lab3_usd.errors import UsageError
 
 
@@ -17,18 +16,12 @@ def split_rules(values: Iterable[str]) -> tuple[str, ...]:
     Raises:
         UsageError: there is no such rule or family; left out, it would hide every fault.
     """
-    parts = tuple(
-        part.strip().upper() for value in values for part in value.split(",") if part.strip()
-    )
+    parts = [part for value in values for part in value.split(",") if part.strip()]
     if not parts:
         return ()
-    from lab3_usd.check.registry import FAMILIES, all_rules  # noqa: PLC0415 - only when named
+    from lab3_usd.check.registry import check_rule_names  # noqa: PLC0415 - only when named
 
-    for part in parts:
-        if part not in FAMILIES and part not in all_rules():
-            message = f"there is no rule or family '{part}'; lab3 rules lists them"
-            raise UsageError(message)
-    return parts
+    return check_rule_names(parts)
 
 
 def checkpoint_number(given: str, known: Collection[str]) -> str:
@@ -37,18 +30,22 @@ def checkpoint_number(given: str, known: Collection[str]) -> str:
     Raises:
         UsageError: there is no such checkpoint; the line lists those there are.
     """
-    number = f"{int(given):02}" if given.isdecimal() else given
+    number = next((each for each in known if _is_same_number(each, given)), given)
     if number not in known:
         message = f"there is no checkpoint '{given}'; known are {', '.join(known)}"
         raise UsageError(message)
     return number
 
 
-def chosen(finding: Finding, select: tuple[str, ...], ignore: tuple[str, ...]) -> bool:
-    """Whether a finding is wanted; a family letter means all of its rules."""
-    if select and not finding.rule.startswith(select):
+def _is_same_number(one: str, other: str) -> bool:
+    return one.isdecimal() and other.isdecimal() and int(one) == int(other)
+
+
+def chosen(rule: str, select: tuple[str, ...], ignore: tuple[str, ...]) -> bool:
+    """Whether the findings of a rule are wanted; a family letter means all of its rules."""
+    if select and not rule.startswith(select):
         return False
-    return not (ignore and finding.rule.startswith(ignore))
+    return not (ignore and rule.startswith(ignore))
 
 
 def wants_color() -> bool:

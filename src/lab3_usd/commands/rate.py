@@ -1,4 +1,4 @@
-"""A line on the terminal that says how far a long run is, how fast, and how long it takes."""
+"""A progress line on the terminal: how many are done, the rate, and the time left."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def command(target: Path, *, force: bool) -> None:
     A robot with physics in a closed room, as the handout's sections 2, 5 and A describe it, with
     neither graphs nor sensors.
     """
-    from lab3_usd.stage.starter import build_starter  # noqa: PLC0415 - pxr is slow to import
+    from lab3_usd.stage.write.starter import build_starter  # noqa: PLC0415 - pxr is slow to import
 
     build_starter(target, force=force)
     click.echo(target)

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from lab3_usd.commands.configuring import use_configured_lab
+
 
 @click.command("tf")
 @click.argument("stage", type=click.Path(path_type=Path))
@@ -27,23 +29,24 @@ def command(stage: Path, form: str, *, verbose: bool) -> None:
     be found stand below the tree, with a question mark.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.check.frames import (  # noqa: PLC0415
-        hidden_frames,
+    from lab3_usd.check.tf.frames import (  # noqa: PLC0415
         published_edges,
         unknown_publishers,
+        unresolved_frames,
     )
-    from lab3_usd.report.tree import TreeReport, as_dot, as_json, as_text  # noqa: PLC0415
-    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
-    from lab3_usd.stage.reader import read_stage  # noqa: PLC0415
+    from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text  # noqa: PLC0415
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.stage.read.reader import read_stage  # noqa: PLC0415
 
+    use_configured_lab(stage)
     lab = load_lab()
     model = read_stage(stage, lab)
     found = TreeReport(
         str(stage),
         published_edges(model, lab),
         unknown_publishers(model, lab),
-        {lab.frames.localization_edge[1]: lab.frames.localization_by},
-        hidden_frames(model, lab),
+        lab.frames.reserved,
+        unresolved_frames(model, lab),
     )
     if form == "text":
         click.echo("\n".join(as_text(found, verbose=verbose)))

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from lab3_usd.commands.configuring import use_configured_lab
+
 
 @click.command("topics")
 @click.argument("stage", type=click.Path(path_type=Path))
@@ -25,15 +27,16 @@ def command(stage: Path, form: str) -> None:
     publishes never.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.check.frames import hidden_frames, published_edges  # noqa: PLC0415
-    from lab3_usd.check.topics import endpoints  # noqa: PLC0415
+    from lab3_usd.check.ros.topics import endpoints  # noqa: PLC0415
+    from lab3_usd.check.tf.frames import published_edges, unresolved_frames  # noqa: PLC0415
     from lab3_usd.report.topic_table import TopicReport, as_csv, as_json, as_table  # noqa: PLC0415
-    from lab3_usd.spec.loader import load_lab  # noqa: PLC0415
-    from lab3_usd.stage.reader import read_stage  # noqa: PLC0415
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.stage.read.reader import read_stage  # noqa: PLC0415
 
+    use_configured_lab(stage)
     lab = load_lab()
     model = read_stage(stage, lab)
-    edges, hidden = published_edges(model, lab), hidden_frames(model, lab)
+    edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
     found = TopicReport(str(stage), endpoints(model, lab), edges, hidden)
     if form == "csv":
         click.echo(as_csv(found), nl=False)

@@ -4,36 +4,40 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from lab3_usd.data import data_folder
+from lab3_usd.data import lab_folder, own_lab
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.grade.class_archive import submissions_in
-from lab3_usd.grade.confine import WALLS
-from lab3_usd.grade.gradebook import Rows, check_target, known_digest, write_student, write_tables
-from lab3_usd.grade.judge import Json, Task, not_judged
-from lab3_usd.grade.limits import Limits
-from lab3_usd.grade.load_rubric import load_rubric
-from lab3_usd.grade.outcome import status_of
-from lab3_usd.grade.pool import run_tasks
-from lab3_usd.grade.remote import local_path
-from lab3_usd.grade.rubric import Rubric
-from lab3_usd.grade.submissions import Handed, Place, find_submissions
-from lab3_usd.grade.worker_process import PoolSettings
+from lab3_usd.grade.book.gradebook import (
+    Rows,
+    check_target,
+    known_digest,
+    write_student,
+    write_tables,
+)
+from lab3_usd.grade.intake.class_archive import submissions_in
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.remote import local_path
+from lab3_usd.grade.intake.submissions import ClassLocation, StudentSubmission, find_submissions
+from lab3_usd.grade.scoring.load_rubric import load_rubric
+from lab3_usd.grade.scoring.rubric import Rubric
+from lab3_usd.grade.workers.confine import WALLS
+from lab3_usd.grade.workers.messages import Json, PoolSettings, Task, status_of
+from lab3_usd.grade.workers.pool import Runner, run_tasks
+from lab3_usd.grade.workers.submission_grading import ungraded_record
 from lab3_usd.report.tool import tool_version
-from lab3_usd.spec.loader import load_lab
-
-Runner = Callable[[Iterable[Task], PoolSettings], Iterator[tuple[Task, Json]]]
+from lab3_usd.spec.load.loader import load_lab
 
 
 class ClassSettings(Struct, frozen=True):
     """What to grade, with what, and where to write.
 
-    `runner` has the tasks judged; `say` is told, in a line each, what of a class is passed over.
+    `runner` has the tasks judged; `notify` is told, in a line each, what of a class is passed over.
     """
 
     submissions: Path | str
@@ -44,7 +48,7 @@ class ClassSettings(Struct, frozen=True):
     jobs: int = 1
     resume: bool = False
     runner: Runner = run_tasks
-    say: Callable[[str], None] = lambda _line: None
+    notify: Callable[[str], None] = lambda _line: None
 
 
 def grade_class(
@@ -60,31 +64,34 @@ def grade_class(
         StageError: the starter cannot be opened.
         UsageError: there are no submissions, or the gradebook cannot be written.
     """
-    submissions = local_path(settings.submissions)
-    check_apart(submissions, settings.out)
+    place = local_path(settings.submissions)
+    check_apart(place, settings.out)
     rubric = load_rubric(settings.rubric, load_lab())
     check_starter(settings.starter)
     check_target(settings.out, resume=settings.resume)
     salt = salt_of(rubric, settings.starter)
-    with submissions_in(submissions) as place:
-        handed = [_with_lateness(each, rubric) for each in find_submissions(place, settings.say)]
-        by_folder = {each.folder: each for each in handed}
+    with submissions_in(place) as location:
+        found = find_submissions(location, settings.notify)
+        submissions = [_with_lateness(each, rubric) for each in found]
+        by_folder = {each.folder: each for each in submissions}
         items = [item.id for item in rubric.items]
-        tasks = (_task(each, settings, salt, items) for each in handed)
+        tasks = (_task(each, settings, salt, items) for each in submissions)
         pool = PoolSettings(
             settings.starter,
             settings.rubric,
             settings.limits,
-            _readable(place),
-            min(settings.jobs, len(handed)),
+            _readable(location),
+            min(settings.jobs, len(submissions)),
+            own_lab(),
         )
-        progress(0, len(handed))
+        progress(0, len(submissions))
         said: set[str] = set()
-        for done, (task, answer) in enumerate(settings.runner(tasks, pool), start=1):
-            _say_unconfined(answer, said, settings.say)
-            _record(settings.out, by_folder[task.folder], salt, answer, rubric)
-            progress(done, len(handed))
-    return write_tables(settings.out, handed, rubric)
+        with closing(settings.runner(tasks, pool)) as answers:
+            for done, (task, answer) in enumerate(answers, start=1):
+                _notify_unconfined(answer, said, settings.notify)
+                _record(settings.out, by_folder[task.folder], salt, answer, rubric)
+                progress(done, len(submissions))
+    return write_tables(settings.out, submissions, rubric)
 
 
 def check_apart(submissions: Path | str, out: Path) -> None:
@@ -99,11 +106,11 @@ def check_apart(submissions: Path | str, out: Path) -> None:
         raise UsageError(message)
 
 
-def _readable(place: Place) -> tuple[Path, ...]:
+def _readable(location: ClassLocation) -> tuple[Path, ...]:
     """Return what workers may read of a class."""
-    if isinstance(place.where, str):
+    if isinstance(location.where, str):
         return ()
-    return (place.where, *([place.nowhere] if place.left_out else []))
+    return (location.where, *([location.empty_folder] if location.left_out else []))
 
 
 def check_starter(starter: Path) -> None:
@@ -112,7 +119,7 @@ def check_starter(starter: Path) -> None:
     Raises:
         StageError: it cannot.
     """
-    from lab3_usd.stage.opening import open_stage  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - pxr
 
     if not starter.is_file():
         message = f"{starter}: there is no such file"
@@ -121,9 +128,9 @@ def check_starter(starter: Path) -> None:
 
 
 def salt_of(rubric: Rubric, starter: Path) -> str:
-    """Return what stands for everything that a grade depends on beside the submission."""
+    """Return a digest of everything that a grade depends on beside the submission."""
     digest = hashlib.sha256(f"{tool_version()}\0{rubric.digest}\0".encode())
-    for path in [starter, *sorted(data_folder("graphs").glob("*.yaml"))]:
+    for path in [starter, *sorted(lab_folder().glob("*.yaml"))]:
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     for name, content in sorted(_files_of(starter)):
         digest.update(name.encode("utf-8", "backslashreplace") + b"\0" + content)
@@ -132,7 +139,7 @@ def salt_of(rubric: Rubric, starter: Path) -> str:
 
 def _files_of(starter: Path) -> Iterator[tuple[str, bytes]]:
     """Yield name and digest of every file that the starter consists of, wherever they lie."""
-    from lab3_usd.stage.fence import files_of  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.fence.stages import files_of  # noqa: PLC0415 - pxr
 
     for each in files_of(starter):
         path = Path(each.partition("[")[0])  # a file in a package is read with the package
@@ -140,32 +147,43 @@ def _files_of(starter: Path) -> Iterator[tuple[str, bytes]]:
             yield path.name, hashlib.sha256(path.read_bytes()).digest()
 
 
-def _with_lateness(handed: Handed, rubric: Rubric) -> Handed:
+def _with_lateness(submission: StudentSubmission, rubric: Rubric) -> StudentSubmission:
     """Return the submission as late where the platform or the rubric says so."""
-    listed = not {handed.student, handed.number}.isdisjoint(rubric.late.students)
-    return replace(handed, late=handed.late or listed)
+    listed = not {submission.student, submission.number}.isdisjoint(rubric.late.students)
+    return replace(submission, late=submission.late or listed)
 
 
-def _task(handed: Handed, settings: ClassSettings, salt: str, items: Sequence[str]) -> Task:
-    known = known_digest(settings.out, handed, salt, items) if settings.resume else ""
+def _task(
+    submission: StudentSubmission, settings: ClassSettings, salt: str, items: Sequence[str]
+) -> Task:
+    known = known_digest(settings.out, submission, salt, items) if settings.resume else ""
     return Task(
-        handed.student, handed.folder, handed.sources, handed.late, handed.name, known=known
+        submission.student,
+        submission.folder,
+        submission.sources,
+        submission.late,
+        submission.name,
+        known=known,
     )
 
 
-def _say_unconfined(answer: Json, said: set[str], say: Callable[[str], None]) -> None:
+def _notify_unconfined(answer: Json, said: set[str], notify: Callable[[str], None]) -> None:
     """Say once, in one line, which walls this system does not put around workers."""
     missing = answer.get("unconfined", [])
     if not said.issuperset(missing):
         said.update(missing)
         walls = ", ".join(f"{name} ({WALLS[name]})" for name in missing)
-        say(f"workers run without every wall, see docs/promises.md; not held: {walls}")
+        notify(f"workers run without every wall, see docs/promises.md; not held: {walls}")
 
 
-def _record(out: Path, handed: Handed, salt: str, answer: Json, rubric: Rubric) -> None:
+def _record(
+    out: Path, submission: StudentSubmission, salt: str, answer: Json, rubric: Rubric
+) -> None:
     if answer.get("status") == "known":
         return
     if "failed" in answer:
         how, kept = answer["failed"], {key: answer[key] for key in answer if key != "failed"}
-        answer = kept | not_judged(rubric, handed.student, status_of(how), how, handed.name)
-    write_student(out, handed, salt, answer)
+        answer = kept | ungraded_record(
+            rubric, submission.student, status_of(how), how, submission.name
+        )
+    write_student(out, submission, salt, answer)

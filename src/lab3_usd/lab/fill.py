@@ -8,7 +8,7 @@ FOLDER = Path(__file__).resolve().parent / "templates"
 
 
 def fill_template(template: str, **values: object) -> str:
-    """Return the template with its values; a value that it names and nobody gave is a mistake."""
+    """Return the template with its values; a value that is missing is an error."""
     import jinja2  # noqa: PLC0415 - the other commands start without it
 
     environment = jinja2.Environment(

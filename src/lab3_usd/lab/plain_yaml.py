@@ -1,4 +1,4 @@
-"""Reads a stranger's YAML into plain data: text, truth values, and numbers one can compute with."""
+"""Reads untrusted YAML into plain data: text, truth values, and numbers one can compute with."""
 
 from __future__ import annotations
 

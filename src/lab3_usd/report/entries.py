@@ -1,16 +1,18 @@
-"""A report as a flat list of findings: what the formats without a hierarchy walk over."""
+"""A report as a flat list of findings, for the formats without a hierarchy."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
 from msgspec import Struct
 
-from lab3_usd.check.finding import SEVERITIES, Crash, Finding, Report
+from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report
 
 
 class Entry(Struct, frozen=True):
-    """A finding and where it was made: the path as given, and the checkpoint of a stage."""
+    """A finding with the path that was checked and the checkpoint of a stage."""
 
     path: str
     checkpoint: str | None
@@ -43,7 +45,7 @@ def entries(report: Report) -> Iterator[Entry]:
 
 
 def crashes(report: Report) -> Iterator[tuple[str, Crash]]:
-    """Yield every rule that failed itself, with the path it was looking at."""
+    """Yield every rule that crashed, with the path that was checked."""
     for result in report.results:
         for crash in result.crashes:
             yield result.path, crash
@@ -67,5 +69,18 @@ def summarize(report: Report) -> Summary:
 
 
 def site(finding: Finding) -> str:
-    """Return the path of the prim or property at fault, as the Stage panel takes it."""
+    """Return the path of the faulty prim or property, as the Stage panel accepts it."""
     return f"{finding.prim}.{finding.property}" if finding.property else finding.prim
+
+
+def relative_path(path: str, root: str | None) -> str:
+    """Return `path` with forward slashes, relative to `root` (the current folder) if below it.
+
+    Decided by the text alone: a link stays the file that was given.
+    """
+    base = os.path.normpath(Path.cwd() / (root or ""))
+    whole = os.path.normpath(Path.cwd() / path)
+    try:
+        return Path(whole).relative_to(base).as_posix()
+    except ValueError:
+        return Path(whole).as_posix()

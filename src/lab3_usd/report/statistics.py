@@ -1,16 +1,16 @@
-"""Faults counted by rule, and the one line that sums a run up."""
+"""Faults counted by rule, and the summary line of a run."""
 
 from __future__ import annotations
 
 from msgspec import Struct
 
-from lab3_usd.check.finding import SEVERITIES, Report, Severity
+from lab3_usd.model.finding import SEVERITIES, Report, Severity
 from lab3_usd.report.entries import Summary, entries
-from lab3_usd.report.escape import visible
+from lab3_usd.report.safe_text import visible
 
 
 class RuleCount(Struct, frozen=True):
-    """How often one rule found something of one severity, and in how many files."""
+    """The number of findings of one rule and severity, and of files that have them."""
 
     rule: str
     name: str

@@ -1,4 +1,4 @@
-"""The name and version that every machine-readable report is signed with."""
+"""The name and version of the program, for reports."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def tool_version() -> str:
     return _first_version(tuple(sys.path))
 
 
-@lru_cache(maxsize=1)  # each report of a class is signed
+@lru_cache(maxsize=1)  # each report of a class has it
 def _first_version(folders: tuple[str, ...]) -> str:
     for folder in folders:
         version = _version_in(folder)

@@ -10,12 +10,11 @@ from collections.abc import Iterator, Sequence
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from lab3_usd.check.frames import Edge
-from lab3_usd.check.hidden_frames import Hidden
-from lab3_usd.check.qos import PROFILE
-from lab3_usd.check.topics import Endpoint
-from lab3_usd.report.csv_report import safe_cell
-from lab3_usd.report.cutting import cut_all, shown
+from lab3_usd.check.ros.qos import PROFILE
+from lab3_usd.check.ros.topics import Endpoint
+from lab3_usd.check.tf.frames import Edge
+from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames
+from lab3_usd.report.safe_text import printable, safe_cell, truncated_values
 
 COLUMNS = ("topic", "type", "direction", "node", "frames", "queue", "qos", "rate")
 NOTHING = "-"
@@ -33,7 +32,7 @@ class TopicReport(Struct, frozen=True):
     path: str
     endpoints: tuple[Endpoint, ...]
     edges: tuple[Edge, ...]
-    hidden: tuple[Hidden, ...] = ()
+    hidden: tuple[UnresolvedFrames, ...] = ()
 
     def frames(self, endpoint: Endpoint) -> tuple[str, ...]:
         """Return the frames that an endpoint names, by its settings or its transforms."""
@@ -73,19 +72,19 @@ def as_csv(report: TopicReport) -> str:
 def as_json(report: TopicReport) -> str:
     """Return every topic with its settings and its whole QoS profile, as one JSON object."""
     data = {"file": report.path, "topics": [_item(e, report) for e in report.endpoints]}
-    return json.dumps(cut_all(data), indent=2)
+    return json.dumps(truncated_values(data), indent=2)
 
 
 def cells(endpoint: Endpoint, report: TopicReport) -> Iterator[str]:
     """Yield what each of `COLUMNS` says of an endpoint."""
-    yield shown(endpoint.topic or f"{endpoint.written!r} (no valid name)")
-    yield shown(endpoint.type or NOTHING)
+    yield printable(endpoint.topic or f"{endpoint.written!r} (no valid name)")
+    yield printable(endpoint.type or NOTHING)
     yield endpoint.direction
-    yield shown(endpoint.node.path)
-    yield shown(_listed(report.frames(endpoint), report.unknown(endpoint)))
+    yield printable(endpoint.node.path)
+    yield printable(_listed(report.frames(endpoint), report.unknown(endpoint)))
     yield NOTHING if endpoint.queue is None else str(endpoint.queue)
     yield _qos(endpoint)
-    yield shown(endpoint.rate if endpoint.runs else "never")
+    yield printable(endpoint.rate if endpoint.runs else "never")
 
 
 def _listed(frames: Sequence[str], unknown: Sequence[str]) -> str:

@@ -13,6 +13,8 @@ from lab3_usd.spec.values import Value as Value  # noqa: PLC0414 - the catalog's
 
 INPUT = "inputs:"
 OUTPUT = "outputs:"
+# OmniGraph casts between numbers of one shape by itself; a union takes what it is given.
+_NUMBERS = ("bool", "uchar", "int", "uint", "int64", "uint64", "half", "float", "double")
 
 
 class Port(Struct, frozen=True):
@@ -60,15 +62,45 @@ class Port(Struct, frozen=True):
         return self.name.startswith(OUTPUT) or self.output_only
 
 
-class Dynamic(Struct, frozen=True):
-    """Ports that exist only once asked for: `prefix` + number, as many as `count` says."""
+def can_connect(source: Port, target: Port) -> bool:
+    """Whether a wire can run from `source` to `target`.
+
+    Signals go to signals, relationships are never wired, unions take any data, other ports their
+    own type or a number of the same shape.
+    """
+    if source.is_execution or target.is_execution:
+        return source.is_execution and target.is_execution
+    if source.is_target or target.is_target:
+        return False
+    return source.is_union or target.is_union or _same_or_castable(source.ogn_type, target.ogn_type)
+
+
+def _same_or_castable(source: str, target: str) -> bool:
+    if source == target or {source, target} == {"string", "token"}:
+        return True
+    (one, shape), (other, other_shape) = _shape(source), _shape(target)
+    return shape == other_shape and one in _NUMBERS and other in _NUMBERS
+
+
+def _shape(ogn_type: str) -> tuple[str, str]:
+    """Split a type into the name of its element and its shape (`[3]`, `[]`, ...)."""
+    base, bracket, rest = ogn_type.partition("[")
+    return base, bracket + rest
+
+
+class Dynamic(Struct, frozen=True, forbid_unknown_fields=True):
+    """Ports that exist only once asked for: `prefix` + number, as many as `count` says.
+
+    `type` is OGN's own word for their type, `metadata` how a file lists the types they take.
+    """
 
     prefix: str
     count: str
     metadata: str
+    type: str = ""
 
 
-class TfPorts(Struct, frozen=True):
+class TfPorts(Struct, frozen=True, forbid_unknown_fields=True):
     """Which ports of a type carry TF frames.
 
     `names`: parent and child frame ids. `arrays`: parents and children that come by wire.
@@ -103,7 +135,7 @@ class NodeType(Struct, frozen=True):
     service, or '' for types that do not talk to ROS. `articulation` names the relationships at
     and below whose prims an articulation is looked for; `step_limits` the inputs that must be 0
     while the input of `time_step` is. In a stage in metres a node gives what comes into its inputs
-    `same_in_metres` as it is.
+    `same_in_metres` as it is. One that `grows_by_message` has its fields as ports, too.
     """
 
     type: str
@@ -124,6 +156,7 @@ class NodeType(Struct, frozen=True):
     step_limits: tuple[str, ...] = ()
     drives: DrivePorts | None = None
     same_in_metres: tuple[str, ...] = ()
+    grows_by_message: bool = False
 
     def input(self, short: str) -> Port | None:
         """Return the input `short`; a dynamic input that this type can grow counts."""
@@ -141,9 +174,10 @@ class NodeType(Struct, frozen=True):
     def port(self, name: str) -> Port | None:
         """Return the port with this full name (`inputs:execIn`), dynamic ones included."""
         found = self.ports.get(name)
-        if found is not None or not name.startswith(INPUT):
-            return found
-        return self._grown(name[len(INPUT) :])
+        if found is None and self.grows_by_message and ":" in name:
+            return Port(name, "any", "token")
+        is_grown = found is None and name.startswith(INPUT)
+        return self._grown(name[len(INPUT) :]) if is_grown else found
 
     def default(self, name: str, version: int | None) -> Value | None:
         """Return what a port without a value means in a file with this version of the type."""
@@ -163,7 +197,7 @@ class NodeType(Struct, frozen=True):
         return Port(INPUT + short, first.ogn_type, first.usd_type, accepts=first.accepts)
 
 
-class Scripts(Struct, frozen=True):
+class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
     """What runs code out of a file: patterns of node types, and schemas that prims carry."""
 
     types: tuple[str, ...]
@@ -178,7 +212,7 @@ class Scripts(Struct, frozen=True):
         return next((api for api in apis if api in self.apis), None)
 
 
-class Once(Struct, frozen=True, forbid_unknown_fields=True):
+class SingleSignal(Struct, frozen=True, forbid_unknown_fields=True):
     """The outputs of a type that signal a single time, unless something is wired into `again`."""
 
     outputs: tuple[str, ...]
@@ -190,7 +224,7 @@ class Catalog(Struct, frozen=True):
 
     `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
     in which it does, '' where a stage does not tell whether it will. `once` are the types with
-    outputs that signal a single time after Play.
+    outputs that signal a single time after Play. Below `world_frame` hangs what has no parent prim.
     """
 
     types: Mapping[str, NodeType]
@@ -199,8 +233,9 @@ class Catalog(Struct, frozen=True):
     renamed: Mapping[str, str]
     lookalikes: Mapping[str, str]
     events: Mapping[str, str]
-    once: Mapping[str, Once]
+    once: Mapping[str, SingleSignal]
     scripts: Scripts
+    world_frame: str
 
     def modern(self, name: str) -> str:
         """Return the 6.0.1 name of a type saved before 4.5; other names come back unchanged."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.spec.values import Value, typed
+from lab3_usd.spec.values import Value, typed_value
 
 
 class GraphAttribute(Struct, frozen=True):
@@ -105,9 +105,9 @@ def _attribute(name: str, entry: _AttributeEntry, where: str) -> GraphAttribute:
     return GraphAttribute(
         name=name,
         usd_type=entry.type,
-        value=typed(entry.value, entry.type, where),
-        accepted=tuple(typed(value, entry.type, where) for value in accepted),
+        value=typed_value(entry.value, entry.type, where),
+        accepted=tuple(typed_value(value, entry.type, where) for value in accepted),
         required=entry.required,
-        unwritten=None if unwritten is None else typed(unwritten, entry.type, where),
+        unwritten=None if unwritten is None else typed_value(unwritten, entry.type, where),
         handout=entry.handout,
     )

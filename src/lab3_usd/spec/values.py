@@ -23,6 +23,9 @@ _TUPLES = {
     "int2": ("int", 2),
     "vector3d": ("double", 3),
     "point3f": ("float", 3),
+    "color4f": ("float", 4),
+    "matrix4d": ("double4", 4),
+    "double2": ("double", 2),
     "double3": ("double", 3),
     "double4": ("double", 4),
     "quatd": ("double", 4),
@@ -49,34 +52,34 @@ _SCALARS: dict[str, Callable[[Any], bool]] = {
 }
 
 
-def known_type(usd_type: str) -> bool:
+def is_known_type(usd_type: str) -> bool:
     """Whether values of this USD type can be written in a spec."""
     base = usd_type.removesuffix("[]")
     return base in _TUPLES or base in _SCALARS
 
 
-def fits(value: Any, usd_type: str) -> bool:  # noqa: ANN401
+def fits_type(value: Any, usd_type: str) -> bool:  # noqa: ANN401
     """Whether a plain value can be stored in an attribute of this USD type."""
     if usd_type.endswith("[]"):
-        return isinstance(value, (list, tuple)) and all(fits(v, usd_type[:-2]) for v in value)
+        return isinstance(value, (list, tuple)) and all(fits_type(v, usd_type[:-2]) for v in value)
     if usd_type in _TUPLES:
         element, count = _TUPLES[usd_type]
         return (
             isinstance(value, (list, tuple))
             and len(value) == count
-            and all(fits(v, element) for v in value)
+            and all(fits_type(v, element) for v in value)
         )
     check = _SCALARS.get(usd_type)
     return check is not None and check(value)
 
 
-def typed(value: Any, usd_type: str, where: str) -> Value:  # noqa: ANN401
+def typed_value(value: Any, usd_type: str, where: str) -> Value:  # noqa: ANN401
     """Return `value` as it is stored: lists become tuples, numbers of float types floats.
 
     Raises:
         SpecError: the value does not fit the type; `where` opens the message.
     """
-    if not fits(value, usd_type):
+    if not fits_type(value, usd_type):
         message = f"{where} is {value!r}, expected a value of type {usd_type}"
         raise SpecError(message)
     return _frozen(value, usd_type)

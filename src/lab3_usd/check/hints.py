@@ -1,0 +1,48 @@
+"""Hints that name the graph and the node as the editor of Isaac Sim shows them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+
+from msgspec.structs import replace
+
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.formatting import node_title
+from lab3_usd.model.stage import Node
+
+_THE_NODE = "the node"
+
+
+def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> Iterator[Finding]:
+    """Yield findings; the hint of one about a node says which node of which graph.
+
+    `nodes` are those of the stage by path. Of two alike in one graph the name of the prim stands
+    in brackets behind the title.
+    """
+    alike = Counter((_graph(path), node_title(node)) for path, node in nodes.items())
+    for finding in findings:
+        node = nodes.get(finding.prim)
+        if node is None or not finding.hint:
+            yield finding
+            continue
+        title, name = node_title(node), finding.prim.rpartition("/")[2]
+        shown = title
+        if alike[_graph(finding.prim), title] > 1:
+            shown = f"{title} ({name})"
+        yield replace(finding, hint=_named(finding.hint, title, shown, _graph_name(finding.prim)))
+
+
+def _named(hint: str, title: str, shown: str, graph: str) -> str:
+    if f"{title} (" not in hint:
+        hint = hint.replace(title, shown, 1)
+    hint = hint.replace(_THE_NODE, shown, 1) if shown not in hint else hint
+    return hint if graph in hint else f"in {graph}, {hint}"
+
+
+def _graph(path: str) -> str:
+    return path.rpartition("/")[0]
+
+
+def _graph_name(path: str) -> str:
+    return _graph(path).rpartition("/")[2]

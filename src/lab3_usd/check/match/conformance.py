@@ -1,0 +1,90 @@
+"""Whether one thing that a spec asks of a node is met: the single place that decides it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from lab3_usd.model.stage import Node
+from lab3_usd.spec.catalog import INPUT, Value, can_connect
+from lab3_usd.spec.graph import Setting, Target, Wire
+from lab3_usd.spec.topic_names import resolved_topic
+
+TOLERANCE = 1e-6  # relative; the GUI writes float noise into doubles
+
+
+def same_value(one: Value | None, other: Value | None) -> bool:
+    """Whether two values are the same up to float noise; `1` and `1.0` are, `1` and `True` not."""
+    if type(one) is type(other) is not tuple and one == other:
+        return True
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(same_value, one, other))
+    if isinstance(one, bool) or isinstance(other, bool):
+        return one is other
+    if isinstance(one, (int, float)) and isinstance(other, (int, float)):
+        return math.isclose(one, other, rel_tol=TOLERANCE, abs_tol=1e-12)
+    return one == other
+
+
+def setting_value(nodes: Mapping[str, Node], node: Node, port: str, depth: int = 8) -> Value | None:
+    """Return the effective value of an input, followed through wires from other inputs.
+
+    `nodes` holds the live nodes of the stage by path. None where what comes over a wire is known
+    at run time only. `depth` ends the search where inputs feed each other in a ring.
+    """
+    for source in node.sources(port):
+        path, _, source_port = source.rpartition(".")
+        feeding = nodes.get(path)
+        if feeding is not None and _feeds(feeding, source_port, node, port):
+            # An input that a wire leaves from, as every constant's, brings what reaches it.
+            if not source_port.startswith(INPUT) or not depth:
+                return None
+            return setting_value(nodes, feeding, source_port, depth - 1)
+    return node.value(port)
+
+
+def _feeds(feeding: Node, source_port: str, node: Node, port: str) -> bool:
+    """Whether the application keeps this wire; one between types that do not fit it drops."""
+    if not feeding.has_port(source_port):
+        return False
+    source = None if feeding.type is None else feeding.type.port(source_port)
+    target = None if node.type is None else node.type.port(port)
+    if source is None or target is None:
+        return True
+    is_source = source.is_source or source_port.startswith(INPUT)
+    return is_source and can_connect(source, target)
+
+
+def setting_matches(node: Node, setting: Setting, value: Value | None) -> bool:
+    """Whether `value` at the setting's port is what the handout asks for.
+
+    Topics are compared as ROS 2 resolves them.
+    """
+    if value is None:
+        return False
+    if node.type is not None and setting.port in node.type.topics:
+        return resolved_topic(str(value)) == resolved_topic(str(setting.value))
+    return same_value(value, setting.value)
+
+
+def target_matches(node: Node, target: Target) -> bool:
+    """Whether the relationship names exactly the prims asked for, in any order.
+
+    The prims of the handout are as good, even where they do not work.
+    """
+    return targets_prims(node, target, target.prims) or targets_handout_prims(node, target)
+
+
+def targets_handout_prims(node: Node, target: Target) -> bool:
+    """Whether the relationship names what the handout asks for and what does not work here."""
+    return bool(target.handout_prims) and targets_prims(node, target, target.handout_prims)
+
+
+def targets_prims(node: Node, target: Target, prims: Sequence[str]) -> bool:
+    """Whether the relationship names exactly these prims, in any order."""
+    return sorted(set(node.targets(target.port))) == sorted(set(prims))
+
+
+def source_path(source: Node, wire: Wire) -> str:
+    """Return the property path from which `wire` leaves when `source` plays its source role."""
+    return f"{source.path}.{wire.source.port}"

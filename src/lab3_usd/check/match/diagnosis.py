@@ -1,0 +1,243 @@
+"""What is wrong with the wires of one graph: each fault once, with the best explanation found.
+
+A missing or retyped node silences the wires that touch it: the node's own finding speaks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from lab3_usd.check.match.conformance import source_path
+from lab3_usd.check.match.connections import closes_cycle, is_live, types_fit
+from lab3_usd.check.match.result import Kind, Roles, WireFault
+from lab3_usd.model.stage import Node
+from lab3_usd.spec.graph import GraphSpec, Wire
+
+
+@dataclass(slots=True)
+class _Work:
+    """The graph under diagnosis, and the connections that a fault has already explained."""
+
+    spec: GraphSpec
+    roles: Roles
+    live_nodes: Mapping[str, Node]
+    explained: set[tuple[str, str, str]] = field(default_factory=set)
+    silent: set[Wire] = field(default_factory=set)
+
+
+def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[WireFault, ...]:
+    """Return every faulty wire of a graph; `live` holds the live nodes of the stage by path."""
+    work = _Work(spec, roles, live)
+    asked = [wire for wire in spec.wires if _both_ends(work, wire)]
+    faults = [*_forbidden(work, asked), *_swaps(work, asked)]
+    open_wires = [wire for wire in asked if wire not in work.silent and not _fed(work, wire)]
+    # Bypassed wires are found first: what a bypass explains is no missing wire.
+    wrong = [fault for wire in open_wires for fault in _wrong(work, wire)]
+    faults += wrong
+    known = {fault.wire for fault in wrong}
+    unfed = [wire for wire in open_wires if wire not in known and wire not in work.silent]
+    # A wire that strayed on its own node explains that node's input before any other.
+    faults += [fault for wire in unfed for fault in _strayed(work, wire)]
+    faults += [f for wire in unfed if wire not in work.silent for f in _unfed(work, wire)]
+    faults += [fault for wire in asked for fault in _seconds(work, wire)]
+    faults += _unasked(work)
+    return tuple(faults)
+
+
+def _both_ends(work: _Work, wire: Wire) -> bool:
+    node_of = work.roles.node_of
+    return node_of[wire.source.role] is not None and node_of[wire.target.role] is not None
+
+
+def _ends(work: _Work, wire: Wire) -> tuple[Node, Node]:
+    source, target = work.roles.node_of[wire.source.role], work.roles.node_of[wire.target.role]
+    assert source is not None  # noqa: S101 - only wires with both ends come here
+    assert target is not None  # noqa: S101
+    return source, target
+
+
+def _accepted(work: _Work, wire: Wire) -> list[str]:
+    """Return the property paths that may feed a wire: the role's node and its stand-ins."""
+    source, _ = _ends(work, wire)
+    paths = [source_path(source, wire)]
+    for path, role in work.roles.equivalents.items():
+        if role == wire.source.role:
+            paths.append(f"{path}.{wire.source.port}")
+    return paths
+
+
+def _fed(work: _Work, wire: Wire) -> bool:
+    _, target = _ends(work, wire)
+    actual = target.sources(wire.target.port)
+    return any(path in actual for path in _accepted(work, wire))
+
+
+def _live_sources(work: _Work, node: Node, port: str) -> list[str]:
+    return [source for source in node.sources(port) if is_live(work.live_nodes, source)]
+
+
+def _forbidden(work: _Work, asked: list[Wire]) -> Iterator[WireFault]:
+    """Find the wires that the handout forbids, whatever else feeds the input."""
+    for wire in work.spec.forbidden_wires:
+        source, target = (work.roles.node_of[end.role] for end in (wire.source, wire.target))
+        if source is None or target is None:
+            continue
+        port, actual = wire.target.port, source_path(source, wire)
+        if actual not in target.sources(port):
+            continue
+        work.explained.add((target.path, port, actual))
+        instead = [each for each in asked if each.target == wire.target]
+        work.silent.update(instead)
+        expected = _accepted(work, instead[0])[0] if instead else None
+        yield WireFault("forbidden", target, port, expected, actual, [*instead, wire][0])
+
+
+def _swaps(work: _Work, asked: list[Wire]) -> Iterator[WireFault]:
+    """Find pairs of inputs that are fed by each other's source."""
+    open_wires = [wire for wire in asked if not _fed(work, wire)]
+    for index, one in enumerate(open_wires):
+        for other in open_wires[index + 1 :]:
+            if one in work.silent or other in work.silent or one.source == other.source:
+                continue
+            if _feeds(work, other, one) and _feeds(work, one, other):
+                work.silent |= {one, other}
+                _, target = _ends(work, one)
+                _, second = _ends(work, other)
+                yield WireFault(
+                    "swapped", target, one.target.port,
+                    _accepted(work, one)[0], _accepted(work, other)[0], one,
+                    f"{second.path}.{other.target.port}",
+                )  # fmt: skip
+
+
+def _feeds(work: _Work, source_of: Wire, into: Wire) -> bool:
+    """Whether the input of wire `into` is fed by the source of the other wire."""
+    _, target = _ends(work, into)
+    actual = target.sources(into.target.port)
+    return any(path in actual for path in _accepted(work, source_of))
+
+
+def _wrong(work: _Work, wire: Wire) -> Iterator[WireFault]:
+    """Explain an input that is fed, but by something else."""
+    source, target = _ends(work, wire)
+    port = wire.target.port
+    live = _live_sources(work, target, port)
+    if not live:
+        return
+    kind, actual = _classify(work, wire, source, live)
+    yield WireFault(kind, target, port, _accepted(work, wire)[0], actual, wire)
+
+
+def _classify(work: _Work, wire: Wire, source: Node, live: list[str]) -> tuple[Kind, str]:
+    actual = live[0]
+    path = actual.rpartition(".")[0]
+    if path != source.path and work.roles.graph is not None:
+        inside = {node.path for node in work.roles.graph.nodes}
+        if path not in inside:
+            return "foreign", actual
+    for earlier in work.spec.wires_into(wire.source.role):
+        if _both_ends(work, earlier) and actual in _accepted(work, earlier):
+            # The source that should pass through this node goes around it.
+            work.silent.add(earlier)
+            return "bypass", actual
+    return "wrong", actual
+
+
+def _strayed(work: _Work, wire: Wire) -> Iterator[WireFault]:
+    """Find the wire of an input that is not wired at another input of the same node."""
+    _, target = _ends(work, wire)
+    moved = None if target.sources(wire.target.port) else _moved_to(work, wire, [target])
+    if moved is not None:
+        work.silent.add(wire)
+        yield moved
+
+
+def _unfed(work: _Work, wire: Wire) -> Iterator[WireFault]:
+    """Explain an input that nothing live feeds: wired elsewhere, from nothing, or not at all."""
+    _, target = _ends(work, wire)
+    port, expected = wire.target.port, _accepted(work, wire)[0]
+    dead = target.sources(port)
+    if dead:
+        yield WireFault("dead", target, port, expected, dead[0], wire)
+        return
+    matched = [node for node in work.roles.node_of.values() if node is not None]
+    moved = _moved_to(work, wire, matched)
+    yield moved or WireFault("missing", target, port, expected, None, wire)
+
+
+def _moved_to(work: _Work, wire: Wire, nodes: list[Node]) -> WireFault | None:
+    """Find an input of these nodes that the wire goes into instead."""
+    _, target = _ends(work, wire)
+    expected = _accepted(work, wire)
+    for node in nodes:
+        for port, state in sorted(node.ports.items()):
+            for source in state.sources:
+                known = source not in expected or (node.path, port, source) in work.explained
+                if known or _is_asked(work, node, port, source):
+                    continue
+                work.explained.add((node.path, port, source))
+                elsewhere = f"{node.path}.{port}"
+                return WireFault(
+                    "moved", target, wire.target.port, expected[0], None, wire, elsewhere
+                )
+    return None
+
+
+def _is_asked(work: _Work, node: Node, port: str, source: str) -> bool:
+    """Whether some wire of the spec, required or optional, is exactly this connection."""
+    for wire in (*work.spec.wires, *work.spec.optional_wires):
+        if wire.target.port != port or work.roles.node_of[wire.target.role] is not node:
+            continue
+        if _both_ends(work, wire) and source in _accepted(work, wire):
+            return True
+    return False
+
+
+def _seconds(work: _Work, wire: Wire) -> Iterator[WireFault]:
+    """Find further sources on an input that has its right one."""
+    if not _fed(work, wire):
+        return
+    _, target = _ends(work, wire)
+    port = wire.target.port
+    accepted = _accepted(work, wire)
+    # A node with the same settings may take the first one's place, not stand beside it.
+    right = next(path for path in accepted if path in target.sources(port))
+    for actual in target.sources(port):
+        if actual == right or (target.path, port, actual) in work.explained:
+            continue
+        work.explained.add((target.path, port, actual))
+        yield WireFault(
+            _second_kind(work, target, port, actual), target, port, accepted[0], actual, wire
+        )
+
+
+def _second_kind(work: _Work, target: Node, port: str, actual: str) -> Kind:
+    if not is_live(work.live_nodes, actual):
+        return "leftover"
+    return "cycle" if closes_cycle(work.roles, target, port, actual) else "second"
+
+
+def _unasked(work: _Work) -> Iterator[WireFault]:
+    """Find wires into inputs that the handout leaves alone."""
+    asked = {(wire.target.role, wire.target.port) for wire in work.spec.wires}
+    for role, node in work.roles.node_of.items():
+        if node is None:
+            continue
+        for port in sorted(port for port, state in node.ports.items() if state.sources):
+            if (role, port) in asked or not port.startswith("inputs:"):
+                continue
+            for source in node.sources(port):
+                if (node.path, port, source) in work.explained:
+                    continue
+                if not _is_asked(work, node, port, source):
+                    kind = _unasked_kind(work, node, port, source)
+                    yield WireFault(kind, node, port, None, source)
+
+
+def _unasked_kind(work: _Work, node: Node, port: str, source: str) -> Kind:
+    if not is_live(work.live_nodes, source):
+        return "leftover"
+    if closes_cycle(work.roles, node, port, source):
+        return "cycle"
+    return "unasked" if types_fit(work.live_nodes, node, port, source) else "incompatible"

@@ -1,0 +1,222 @@
+"""Which nodes compute once the timeline plays, how surely, and what value reaches an input.
+
+Everything that asks whether something happens asks here: rules, topics, frames and drawings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+from lab3_usd.model.derived import once_per_stage
+from lab3_usd.model.finding import Severity
+from lab3_usd.model.stage import GraphModel, Node, StageModel
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Value
+from lab3_usd.spec.lab import Lab
+
+# A node that is not named among the states does not run.
+State = Literal["runs", "may run"]
+ENABLED = "inputs:enabled"
+Nodes = Mapping[str, Node]
+_Followers = Mapping[str, list[str]]
+_OPENED_FIRST = ("publisher", "subscriber")
+_SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
+
+
+@once_per_stage
+def live_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
+    """Return the nodes of all active graphs by path, leaving out what the application made."""
+    return {
+        node.path: node
+        for graph in stage.graphs
+        if graph.active and not lab.catalog.graph.ignores(graph.path)
+        for node in graph.nodes
+    }
+
+
+@once_per_stage
+def run_states(stage: StageModel, lab: Lab) -> dict[str, State]:
+    """Return how surely each node runs while the timeline plays, by path.
+
+    A node runs when a signal of an event reaches it over execution wires in a graph that is
+    evaluated, and it may run when it is unknown whether the event fires. In a
+    graph whose evaluator takes no signals every node runs. A node that is switched off passes no
+    signal on. A publisher or subscriber that is signalled a single time does not run: the first
+    signal opens it, the second would have it work. Nodes that are not named do not run.
+    """
+    live = live_nodes(stage, lab)
+    computing: dict[str, Node] = {}
+    states: dict[str, State] = {}
+    for graph in stage.graphs:
+        nodes = {node.path: node for node in graph.nodes if node.path in live}
+        if not nodes or not is_graph_evaluated(graph, stage, lab):
+            continue
+        computing.update(nodes)
+        if _takes_signals(graph, lab):
+            states.update(_starts(graph, nodes, lab))
+        else:
+            states.update(dict.fromkeys(nodes, _pace(graph, lab)))
+    for followers in _followers(computing, lab):
+        for state in _SUREST_FIRST:
+            _spread(state, states, followers, live)
+    return {path: states[path] for path in computing if path in states}
+
+
+def running_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
+    """Return the nodes that run or may run, by path."""
+    live = live_nodes(stage, lab)
+    return {path: live[path] for path in run_states(stage, lab)}
+
+
+def severity_if_uncertain(stage: StageModel, lab: Lab, *paths: str) -> Severity | None:
+    """Return how grave a fault is that needs all these nodes to run, None for the rule's own.
+
+    Where one of them only may run, the fault may not show: a warning.
+    """
+    states = run_states(stage, lab)
+    return "warning" if any(states.get(path) == "may run" for path in paths) else None
+
+
+def _attribute(graph: GraphModel, name: str, lab: Lab) -> Value | None:
+    """Return an attribute of a graph; one that the file leaves out is as an Action Graph's."""
+    return graph.attributes.get(name, lab.catalog.graph.value(name))
+
+
+def is_graph_evaluated(graph: GraphModel, stage: StageModel, lab: Lab) -> bool:
+    """Whether anything at all is computed in the graph while the timeline plays."""
+    form = lab.catalog.graph.evaluation
+    if _attribute(graph, form.mode, lab) in form.by_reference:
+        prims = (prim for prim in stage.prims.values() if prim.present)
+        if not any(graph.path in prim.relationships.get(form.reference, ()) for prim in prims):
+            return False
+    pace = _attribute(graph, form.stage, lab)
+    return pace not in form.on_demand or any(event_of(n, lab) == pace for n in graph.nodes)
+
+
+def event_of(node: Node, lab: Lab) -> str | None:
+    """Return the pipeline stage in which an event fires, '' for an unknown one, None for none."""
+    return lab.catalog.events.get(lab.catalog.modern(node.type_name))
+
+
+def _takes_signals(graph: GraphModel, lab: Lab) -> bool:
+    form = lab.catalog.graph.evaluation
+    return _attribute(graph, form.evaluator, lab) not in form.all_nodes
+
+
+def _pace(graph: GraphModel, lab: Lab) -> State:
+    """Return how surely the nodes of an evaluated graph compute that wait for no signal.
+
+    Isaac Sim should load no graph of an instance.
+    """
+    form = lab.catalog.graph.evaluation
+    if graph.instanced:
+        return "may run"
+    known = (lab.catalog.graph.value(form.stage), *form.on_demand)
+    return "runs" if _attribute(graph, form.stage, lab) in known else "may run"
+
+
+def _starts(graph: GraphModel, nodes: Nodes, lab: Lab) -> Iterator[tuple[str, State]]:
+    """Yield the nodes of an evaluated graph that start an execution by themselves."""
+    form = lab.catalog.graph.evaluation
+    pace = _attribute(graph, form.stage, lab)
+    for path, node in nodes.items():
+        needed = event_of(node, lab)
+        if needed is not None and needed == pace:
+            yield path, "may run" if graph.instanced else "runs"
+        elif needed not in form.on_demand and (needed is not None or _may_start(node, nodes)):
+            yield path, "may run"
+
+
+def _may_start(node: Node, nodes: Nodes) -> bool:
+    """Whether a node that is no known event may be one: it sends signals and waits for none."""
+    if node.type is None:
+        return not any(True for _ in signal_sources(node, nodes))
+    signals = [port for port in node.type.ports.values() if port.is_execution]
+    return bool(signals) and all(port.name.startswith(OUTPUT) for port in signals)
+
+
+def _spread(state: State, states: dict[str, State], followers: _Followers, live: Nodes) -> None:
+    """Carry a state on to all that the nodes in it trigger, unless those are surer already."""
+    ahead = [path for path, known in states.items() if known == state]
+    while ahead:
+        path = ahead.pop()
+        for follower in followers.get(path, ()) if is_switched_on(live[path], live) else ():
+            if states.get(follower) not in ("runs", state):
+                states[follower] = state
+                ahead.append(follower)
+
+
+def _followers(nodes: Nodes, lab: Lab) -> tuple[_Followers, _Followers]:
+    """Map each node to those that it triggers time and again, and to those that it may run once."""
+    lasting: dict[str, list[str]] = {}
+    once: dict[str, list[str]] = {}
+    for node in nodes.values():
+        for source, port in _signals(node, nodes):
+            if not signals_once(source, port, nodes, lab):
+                lasting.setdefault(source.path, []).append(node.path)
+            if not is_opened_first(node):
+                once.setdefault(source.path, []).append(node.path)
+    return lasting, once
+
+
+def signals_once(node: Node, port: str, nodes: Nodes, lab: Lab) -> bool:
+    """Whether an output of a node signals a single time after Play."""
+    once = lab.catalog.once.get(lab.catalog.modern(node.type_name))
+    if once is None or port.removeprefix(OUTPUT) not in once.outputs:
+        return False
+    return not once.again or not any(live_sources(node, INPUT + once.again, nodes))
+
+
+def is_opened_first(node: Node) -> bool:
+    """Whether the first signal only opens the node's topic, and it works from the second on."""
+    return node.type is not None and node.type.role in _OPENED_FIRST
+
+
+def signal_inputs(node: Node) -> Iterator[str]:
+    """Yield the execution inputs; every input where the type is unknown."""
+    for name in node.ports if node.type is None else node.type.ports:
+        if name.startswith(INPUT) and (node.type is None or node.type.ports[name].is_execution):
+            yield name
+
+
+def signal_sources(node: Node, nodes: Nodes) -> Iterator[Node]:
+    """Yield the nodes that trigger this one, or may where a type is unknown."""
+    return (source for source, _ in _signals(node, nodes))
+
+
+def _signals(node: Node, nodes: Nodes) -> Iterator[tuple[Node, str]]:
+    """Yield the outputs that trigger this node, or may where a type is unknown."""
+    for port in signal_inputs(node):
+        for source, source_port in live_sources(node, port, nodes):
+            known = None if source.type is None else source.type.port(source_port)
+            if source_port.startswith(OUTPUT) and (known is None or known.is_execution):
+                yield source, source_port
+
+
+def is_switched_on(node: Node, live: Nodes) -> bool:
+    """Whether the node's own switch is on, or it has none."""
+    return effective_value(node, ENABLED, live) is not False
+
+
+def live_sources(node: Node, port: str, live: Nodes) -> Iterator[tuple[Node, str]]:
+    """Yield the nodes and ports that really feed an input: the application drops dead wires."""
+    for path in node.sources(port):
+        prim, _, source_port = path.rpartition(".")
+        source = live.get(prim)
+        if source is not None and source.has_port(source_port):
+            yield source, source_port
+
+
+def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value | None:
+    """Return the value that reaches an input; None where a wire brings an unknown one.
+
+    A wire from an input of another node, as every constant has it, brings the value there. `depth`
+    ends the search where inputs feed each other in a ring.
+    """
+    wired = list(live_sources(node, port, live))
+    if not wired:
+        return node.value(port)
+    source, source_port = wired[0]
+    if len(wired) > 1 or not source_port.startswith(INPUT) or not depth:
+        return None
+    return effective_value(source, source_port, live, depth - 1)

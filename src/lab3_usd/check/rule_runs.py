@@ -1,0 +1,67 @@
+"""Runs rules over one subject, and keeps what they found and which of them failed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from msgspec import Struct
+
+from lab3_usd.check.registry import Rule, Scope, rules_of
+from lab3_usd.errors import StageError
+from lab3_usd.model.finding import Crash, Finding, Problem
+
+
+class RuleResults(Struct, frozen=True):
+    """What rules found, and which of them failed themselves."""
+
+    findings: tuple[Finding, ...] = ()
+    crashes: tuple[Crash, ...] = ()
+
+
+def run_family(scope: Scope, family: str, subject: Any) -> RuleResults:  # noqa: ANN401 - the scope decides
+    """Run every rule of a family in the order of their ids."""
+    return merge_results(run_rule(each, subject) for each in rules_of(scope, family))
+
+
+def run_rule(rule: Rule, subject: Any) -> RuleResults:  # noqa: ANN401 - the scope decides
+    """Run one rule over its subject; a rule that fails itself is a crash, never a pass.
+
+    Raises:
+        StageError: a file turns out to be damaged, which is no fault of the rule.
+    """
+    findings: list[Finding] = []
+    crashes: list[Crash] = []
+    try:
+        findings.extend(finding_of(rule, problem) for problem in rule.check(subject))
+    except StageError:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
+        crashes.append(Crash(rule.id, f"{type(error).__name__}: {error}"))
+    return RuleResults(tuple(findings), tuple(crashes))
+
+
+def merge_results(results: Iterable[RuleResults]) -> RuleResults:
+    """Return everything that several runs found, in their order."""
+    runs = list(results)
+    return RuleResults(
+        tuple(finding for each in runs for finding in each.findings),
+        tuple(crash for each in runs for crash in each.crashes),
+    )
+
+
+def finding_of(found: Rule, problem: Problem) -> Finding:
+    """Stamp the rule's id, name and severity on what it yielded."""
+    return Finding(
+        rule=found.id,
+        name=found.name,
+        severity=problem.severity or found.severity,
+        prim=problem.prim or "/",
+        property=problem.property,
+        message=problem.message,
+        expected=problem.expected,
+        actual=problem.actual,
+        handout=problem.handout,
+        hint=problem.hint or found.section("Fix") or None,
+        related=problem.related,
+    )

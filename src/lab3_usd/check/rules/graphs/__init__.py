@@ -1,0 +1,1 @@
+"""Rules about graphs, nodes, values and wires."""

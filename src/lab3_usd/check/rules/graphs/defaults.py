@@ -1,0 +1,235 @@
+"""Rules about inputs that the handout leaves alone: defaults, namespaces, spelling."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec.structs import replace
+
+from lab3_usd.check.match.conformance import same_value
+from lab3_usd.check.match.result import Roles
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.lab_topics import role_specs
+from lab3_usd.check.ros.running import live_nodes
+from lab3_usd.check.ros.topics import moving_prims
+from lab3_usd.check.rules.graphs.limits import stopping_limits
+from lab3_usd.check.rules.graphs.settings import setting_problem, settings_of
+from lab3_usd.check.subject import GraphSubject, StageSubject
+from lab3_usd.model.derived import once_per_stage
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.formatting import display, format_paths, role_title, short_source
+from lab3_usd.model.stage import Node
+from lab3_usd.spec.catalog import Port, Value
+from lab3_usd.spec.graph import NodeSpec
+from lab3_usd.spec.topic_names import resolved_topic
+
+
+@rule("P04", "kept-default-changed", scope="graph")
+def kept_default_changed(subject: GraphSubject) -> Iterator[Problem]:
+    """An input that must keep its default was changed.
+
+    Why: a QoS profile, system time or skipped frames change which subscribers receive the topic,
+    and when. A robot path overrides the target prim without a message.
+
+    Fix: select the node and reset the field in the Property panel.
+
+    Example: `useSystemTime` True on the lidar: no transform matches the time stamps of the scan.
+    """
+    for node, spec, port, value in _changed(subject):
+        if port.short in subject.lab.policy.keep_default:
+            yield _kept_problem(node, spec, port, display(value))
+    for fault in subject.wire_faults:
+        spec = subject.spec.nodes[subject.roles.role_of[fault.node.path]]
+        wired = spec.type.port(fault.port)
+        if wired is not None and fault.kind == "unasked" and _is_kept_from_wires(subject, wired):
+            source = short_source(fault.actual)
+            problem = _kept_problem(fault.node, spec, wired, f"wired from {source}")
+            yield replace(problem, hint=f"delete the wire from {source}")
+
+
+def _is_kept_from_wires(subject: GraphSubject, port: Port) -> bool:
+    """Whether no wire may end here; from G on, a rule about topics speaks of profiles."""
+    judged_as_topic = subject.checkpoint.topics and _is_profile(port)
+    return port.short in subject.lab.policy.keep_default and not judged_as_topic
+
+
+def _is_profile(port: Port) -> bool:
+    return "qos" in port.short
+
+
+def _kept_problem(node: Node, spec: NodeSpec, port: Port, actual: str) -> Problem:
+    expected = display(port.default)
+    message = f"{port.name} is {actual}, expected its default {expected}"
+    hint = f"select {role_title(spec)} and reset {port.short} in the Property panel"
+    section = dict(spec.keep).get(port.name, "G6" if _is_profile(port) else spec.handout)
+    return Problem(node.path, message, port.name, expected, actual, section, hint=hint)
+
+
+_Changed = tuple[Node, NodeSpec, Port, Value | None]
+
+
+@once_per_stage
+def _changed(subject: GraphSubject) -> tuple[_Changed, ...]:
+    return tuple(_find_changed(subject))
+
+
+def _find_changed(subject: GraphSubject) -> Iterator[_Changed]:
+    """Yield the inputs that the handout does not set and that are away from their default."""
+    for node, spec in subject.matched():
+        asked = {setting.port for setting in spec.settings}
+        asked |= {wire.target.port for wire in subject.spec.wires_into(spec.role)}
+        for port in spec.type.ports.values():
+            free = not (port.is_source or port.is_execution or port.is_target or port.is_union)
+            if not free or port.name in asked:
+                continue
+            value = node.value(port.name)
+            if not node.sources(port.name) and not same_value(value, port.default):
+                yield node, spec, port, value
+
+
+@rule("P05", "unasked-value", scope="graph", severity="warning")
+def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
+    """An input that the handout does not mention was changed.
+
+    Why: the robot in the handout behaves as described with the default.
+
+    Fix: reset the field in the Property panel unless your instructor asked for the value.
+
+    Example: `maxWheelSpeed` 2: the robot drives at most at 0.05 m/s.
+    """
+    policy = subject.lab.policy
+    left = (*policy.keep_default, policy.namespace)
+    for node, spec, port, value in _changed(subject):
+        agrees = port.short in policy.stamp_reset.ports and value is False
+        stops = port.name in dict(stopping_limits(subject.live_nodes, node))
+        if port.short not in left and not agrees and not stops:
+            message = (
+                f"{port.name} is {display(value)}, the handout leaves it at {display(port.default)}"
+            )
+            section = dict(spec.keep).get(port.name, spec.handout)
+            expected, actual = display(port.default), display(value)
+            yield Problem(node.path, message, port.name, expected, actual, section)
+    for node, spec, name, prims in _aimed(subject):
+        message = f"{name} names {format_paths(prims)}, the handout leaves it empty"
+        yield Problem(node.path, message, name, format_paths(()), format_paths(prims), spec.handout)
+
+
+def _aimed(
+    subject: GraphSubject,
+) -> Iterator[tuple[Node, NodeSpec, str, tuple[str, ...]]]:
+    """Yield the relationships that the handout leaves empty and that name prims of the student.
+
+    A node that does by itself what a missing node should do for it is told as the missing node.
+    """
+    own = subject.lab.catalog.graph.ignored_below
+    for node, spec in subject.matched():
+        wires = subject.spec.wires_into(spec.role)
+        if None in (subject.roles.node_of[wire.source.role] for wire in wires):
+            continue
+        asked = {target.port for target in spec.targets}
+        for port in spec.type.ports.values():
+            if not port.is_target or port.name in asked:
+                continue
+            prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
+            if prims:
+                yield node, spec, port.name, prims
+
+
+@rule("P06", "namespace", scope="graph")
+def namespace(subject: GraphSubject) -> Iterator[Problem]:
+    """A node namespace changes the name of a topic.
+
+    Why: with a namespace, `/scan` becomes `/<namespace>/scan`, and nothing in the lab subscribes to
+    it.
+
+    Fix: select the node and clear nodeNamespace in the Property panel.
+
+    Example: `nodeNamespace` 'tb3' on the clock publisher: the topic is /tb3/clock.
+    """
+    for node, spec, port, value in _changed(subject):
+        if port.short == subject.lab.policy.namespace and resolved_topic(str(value)):
+            message = f"{port.name} is {display(value)}, expected no namespace"
+            hint = f"select {role_title(spec)} and clear {port.short} in the Property panel"
+            yield Problem(
+                node.path, message, port.name, "''", display(value), spec.handout, hint=hint
+            )
+
+
+@rule("P08", "topic-spelling", scope="graph", severity="note")
+def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
+    """A topic is spelled differently from the handout, but resolves to the same name.
+
+    Why: Isaac Sim removes characters other than letters and digits from both ends and adds a
+    leading slash, so `clock` becomes `/clock`. The topic works.
+
+    Fix: nothing is required. Write the leading slash to be clear.
+
+    Example: `topicName` 'clock' instead of '/clock'.
+    """
+    for found in settings_of(subject):
+        is_topic = found.setting.port in found.spec.type.topics
+        if is_topic and found.met and found.value != found.setting.value:
+            wanted = display(found.setting.value)
+            message = f"{found.setting.port} is {display(found.value)}, which is {wanted} to ROS 2"
+            yield setting_problem(found, message)
+
+
+@rule("P09", "stamp-reset", scope="stage", severity="note")
+def stamp_reset(subject: StageSubject) -> Iterator[Problem]:
+    """The time of a sensor restarts on Stop while the clock continues.
+
+    Why: the handout sets resetOnStop False on the clock. The sensor helpers reset their own time by
+    default. After Stop and Play, scans and images have time stamps in the past. There is one
+    finding for the stage.
+
+    Fix: set resetSimulationTimeOnStop False on the helpers, or restart Isaac Sim between runs. The
+    handout does not ask for it.
+
+    Example: /scan has time stamp 2.0 s while /clock is at 95.0 s after a second Play.
+    """
+    found = [site for roles in subject.roles.values() for site in _resetting(subject, roles)]
+    if found:
+        (prim, port), others = found[0], found[1:]
+        related = tuple(f"{path}.{name}" for path, name in others)
+        message = f"{port} is True: stamps restart on Stop, while the clock goes on"
+        yield Problem(prim, message, port, "False", "True", "8.16", related)
+
+
+def _resetting(subject: StageSubject, roles: Roles) -> Iterator[tuple[str, str]]:
+    """Yield the inputs that make a helper's own time restart."""
+    for node in roles.node_of.values():
+        for port in node.type.ports.values() if node is not None and node.type is not None else ():
+            asked = port.short in subject.lab.policy.stamp_reset.ports
+            if node is not None and asked and node.value(port.name) is True:
+                yield node.path, port.name
+
+
+@rule("P10", "namespace-attribute", scope="stage")
+def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
+    """A namespace on a node, its sensor or a prim above them changes the name of a topic.
+
+    Why: Isaac Sim joins the namespaces of the prim and all its ancestors and puts them before the
+    topic name. A sensor helper uses those of its sensor. `/scan` becomes `/<namespace>/scan`
+    although the node says `/scan`.
+
+    Fix: select the prim named here and clear its Namespace in the Property panel.
+
+    Example: `isaac:namespace` 'tb3' on the robot root.
+    """
+    attribute, stage, lab = subject.lab.policy.namespace_attribute, subject.stage, subject.lab
+    live = live_nodes(stage, lab)
+    moved: dict[tuple[str, str], list[str]] = {}
+    for path, role in role_specs(subject).items():
+        node = live.get(path) if role.type.topics else None
+        for site in () if node is None else moving_prims(node, stage, lab, live):
+            moved.setdefault(site, []).append(path)
+    for (path, value), nodes in moved.items():
+        if resolved_topic(value):
+            message = (
+                f"{attribute} is {display(value)}, which moves the topics of {_counted(nodes)}"
+            )
+            yield Problem(path, message, attribute, "''", display(value), related=tuple(nodes))
+
+
+def _counted(nodes: list[str]) -> str:
+    return nodes[0].rpartition("/")[2] if len(nodes) == 1 else f"{len(nodes)} nodes"

@@ -1,0 +1,238 @@
+"""Rules about nodes: every one the handout names, once, active, of the right type."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.harmless_faults import without_node
+from lab3_usd.check.match.result import Roles
+from lab3_usd.check.registry import rule
+from lab3_usd.check.subject import GraphSubject
+from lab3_usd.model.absent_prims import nodes_outside_graphs
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.formatting import role_title
+from lab3_usd.model.stage import DEACTIVATED, OUTSIDE, OVER, AbsentPrim, Node, StageModel
+from lab3_usd.spec.catalog import Catalog
+from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef
+
+
+def _missing(spec: GraphSpec, roles: Roles) -> list[NodeSpec]:
+    """Return the roles that no node plays and no node of another type stands in for."""
+    if roles.graph is None:
+        return []
+    return [
+        each
+        for role, each in spec.nodes.items()
+        if roles.node_of[role] is None and role not in roles.retyped
+    ]
+
+
+def absent_nodes(
+    spec: GraphSpec, roles: Roles, stage: StageModel, catalog: Catalog
+) -> dict[str, AbsentPrim]:
+    """Pair missing roles with prims of their type that are in the file but not in the graph.
+
+    A prim that is named like a role is that role's before it may be another's.
+    """
+    outside = (
+        AbsentPrim(node.path, node.type_name, OUTSIDE) for node in nodes_outside_graphs(stage)
+    )
+    offers = [*(() if roles.graph is None else roles.graph.absent), *outside]
+    found: dict[str, AbsentPrim] = {}
+    for must_be_named in (True, False):
+        for each in _missing(spec, roles):
+            for offer in offers if each.role not in found else ():
+                is_named = offer.path.endswith(f"/{each.role}")
+                fits = catalog.get(offer.type_name) is each.type
+                if fits and (is_named or not must_be_named):
+                    found[each.role] = offer
+                    offers.remove(offer)
+                    break
+    return found
+
+
+@rule("N01", "missing-node", scope="graph")
+def missing_node(subject: GraphSubject) -> Iterator[Problem]:
+    """A node that the handout asks for is missing from the graph or deactivated.
+
+    Why: the node's computation, publication or trigger is missing. Nodes connected to it do not
+    run, or use their defaults. Its connections are not reported one by one.
+
+    Fix: in the Action Graph editor, search for the node by the title given here, add it, and make
+    the connections in the handout's table. For a deactivated prim, right-click it in the Stage
+    panel and choose Activate. Drag a node that is outside the graph back into it.
+
+    Example: ROS_Clock without Isaac Read Simulation Time.
+    """
+    graph = subject.roles.graph
+    if graph is None:
+        return
+    absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.catalog)
+    missing = _missing(subject.spec, subject.roles)
+    overs = [each for each in absent.values() if each.reason == OVER]
+    asset = subject.stage.unresolved_above(graph.path)
+    if asset is not None and len(overs) > 1:
+        yield _missing_with_asset(subject, graph.path, asset.asset, overs)
+        missing = [each for each in missing if each.role in absent]
+        missing = [each for each in missing if absent[each.role] not in overs]
+    for spec in missing:
+        there = absent.get(spec.role)
+        why = "" if there is None else f": {there.path} is {there.reason}{_below(there, subject)}"
+        spared = without_node(subject, spec.role)
+        yield Problem(
+            prim=graph.path,
+            message=f"node {role_title(spec)} ({spec.role}) is missing{why}{spared}",
+            expected=spec.type.type,
+            handout=spec.handout,
+            related=() if there is None else (there.path,),
+            hint=_way_back(subject, spec, there),
+        )
+
+
+def _missing_with_asset(
+    subject: GraphSubject, graph: str, asset: str, overs: list[AbsentPrim]
+) -> Problem:
+    """Say once that the nodes are in an asset which cannot be found, where overs change them."""
+    return Problem(
+        prim=graph,
+        message=f"nodes of {subject.spec.name} are missing: {len(overs)} are only overs without a "
+        f"def, and {asset} below them cannot be found",
+        expected=f"{len(subject.spec.nodes)} nodes",
+        handout=subject.spec.handout,
+        related=tuple(each.path for each in overs),
+        hint=f"hand in {asset} beside the stage, or choose File > Collect As in Isaac Sim",
+    )
+
+
+def _below(there: AbsentPrim, subject: GraphSubject) -> str:
+    """Say which asset could have brought the node that only an over is left of."""
+    missing = subject.stage.unresolved_above(there.path) if there.reason == OVER else None
+    return "" if missing is None else f", and {missing.asset} below it cannot be found"
+
+
+def _way_back(subject: GraphSubject, spec: NodeSpec, there: AbsentPrim | None) -> str:
+    """Return how to repair a missing node: one that is in the file already is not added again."""
+    name = subject.spec.name
+    if there is None:
+        return f"add {role_title(spec)} to {name} and {_wiring(subject, spec)}"
+    if there.reason == DEACTIVATED:
+        return f"right-click {there.path} in the Stage panel and choose Activate"
+    graph = subject.roles.graph
+    if there.reason == OUTSIDE and graph is not None:
+        return f"drag {there.path} back below {graph.path} in the Stage panel and check its wires"
+    define = "write def instead of over for" if there.reason == OVER else "delete"
+    otherwise = ", or delete it" if there.reason == OVER else ""
+    return (
+        f"{define} {there.path} in the file{otherwise}, "
+        f"add {role_title(spec)} to {name} and {_wiring(subject, spec)}"
+    )
+
+
+def _wiring(subject: GraphSubject, spec: NodeSpec) -> str:
+    """Name the connections of a node, its own ports as `out` and `in` of the others' prims."""
+    node_of, wires = subject.roles.node_of, subject.spec.wires
+
+    def port(ref: PortRef) -> str:
+        name = ref.short.partition(".")[2]
+        if ref.role == spec.role:
+            return name
+        node = node_of[ref.role]
+        return f"{ref.role if node is None else node.path.rpartition('/')[2]}.{name}"
+
+    own = [wire for wire in wires if spec.role in {wire.source.role, wire.target.role}]
+    return "connect " + ", ".join(f"{port(wire.source)} -> {port(wire.target)}" for wire in own)
+
+
+@rule("N03", "wrong-node-type", scope="graph")
+def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
+    """A node has another type than the handout asks for.
+
+    Why: another type behaves differently. On Physics Step never fires in a graph that the app's
+    update evaluates. On Tick may fire at another rate, or while the simulation is stopped. Make
+    Array (`MakeArray`) is a removed node with a similar name.
+
+    Fix: delete the node, add the one named here from the node list, and connect it as before.
+
+    Example: On Tick instead of On Playback Tick.
+    """
+    for role, node in subject.roles.retyped.items():
+        spec = subject.spec.nodes[role]
+        meant = subject.lab.catalog.lookalikes.get(node.type_name)
+        alike = "; the name looks alike and is not registered" if meant == spec.type.type else ""
+        is_same_title = node.type is not None and node.type.ui_name == spec.type.ui_name
+        title = node.type_name if is_same_title or node.type is None else node.type.ui_name
+        yield Problem(
+            prim=node.path,
+            property="node:type",
+            message=f"node is {title or 'of no type'}, expected {role_title(spec)}{alike}",
+            expected=spec.type.type,
+            actual=node.type_name,
+            handout=spec.handout,
+            hint=f"replace the node by {role_title(spec)} and {_wiring(subject, spec)}",
+        )
+
+
+@rule("N04", "old-node-version", scope="graph", severity="note")
+def old_node_version(subject: GraphSubject) -> Iterator[Problem]:
+    """A node was saved with an older version of its type.
+
+    Why: Isaac Sim 6.0.1 updates the node when it opens the stage.
+
+    Fix: open the stage in Isaac Sim 6.0.1 and save it again.
+
+    Example: Isaac Create Render Product version 2 instead of 3.
+    """
+    for node, spec in subject.matched():
+        if node.version is not None and node.version < spec.type.version:
+            yield _version_problem(node, spec, "an older")
+
+
+@rule("N05", "new-node-version", scope="graph", severity="warning")
+def new_node_version(subject: GraphSubject) -> Iterator[Problem]:
+    """A node was saved with a newer version of its type than Isaac Sim 6.0.1 has.
+
+    Why: ports and defaults may have changed, so the other findings about this node may be wrong.
+
+    Fix: create the graph with Isaac Sim 6.0.1, which the course uses.
+
+    Example: ROS2 Camera Helper version 4, while 6.0.1 has version 3.
+    """
+    for node, spec in subject.matched():
+        if node.version is not None and node.version > spec.type.version:
+            yield _version_problem(node, spec, "a newer")
+
+
+def _version_problem(node: Node, spec: NodeSpec, kind: str) -> Problem:
+    return Problem(
+        prim=node.path,
+        property="node:typeVersion",
+        message=f"{role_title(spec)} is of {kind} version, {node.version}",
+        expected=str(spec.type.version),
+        actual=str(node.version),
+        handout=spec.handout,
+    )
+
+
+@rule("N06", "old-type-names", scope="graph", severity="warning")
+def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
+    """Nodes of the graph have type names from before Isaac Sim 4.5.
+
+    Why: Isaac Sim 6.0.1 renames the types when it opens the stage, so the graph works. The stage
+    was not saved by 6.0.1. There is one finding for the graph.
+
+    Fix: open the stage in Isaac Sim 6.0.1 and save it again.
+
+    Example: a ROS2 Context whose type begins with `omni.isaac`.
+    """
+    graph = subject.roles.graph
+    catalog = subject.lab.catalog
+    nodes = () if graph is None else graph.nodes
+    old = [node for node in nodes if catalog.modern(node.type_name) != node.type_name]
+    if graph is not None and old:
+        names = tuple(node.path for node in old)
+        count = "1 node carries a type name" if len(old) == 1 else f"{len(old)} nodes carry names"
+        message = f"{count} from before 4.5: {old[0].type_name}"
+        expected = catalog.modern(old[0].type_name)
+        yield Problem(
+            graph.path, message, None, expected, old[0].type_name, subject.spec.handout, names
+        )

@@ -1,0 +1,186 @@
+"""Rules about the frame above the robot's odometry, which only localization may publish."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+
+from msgspec import Struct
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.running import effective_value
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.check.tf.lab_frames import TfView
+from lab3_usd.check.tf.target_frames import tf_ports
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.stage import AbsentPrim, Node, PortState
+from lab3_usd.spec.catalog import NodeType, TfPorts
+
+_DELETED = "deactivated"
+
+
+class _Placement(Struct, frozen=True):
+    """A node that places `odom`: below which frame, and whether anything drives it."""
+
+    node: str
+    parent: str | None
+    port: str | None
+    driven: bool
+
+
+@rule("T07", "odom-below-another-frame", scope="frames")
+def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
+    """A publisher places `odom` below another frame, as `world -> odom` does.
+
+    Why: AMCL publishes `map -> odom`. With a second parent the frame jumps between the two, and
+    navigation loses the robot. A publisher that nothing triggers is reported too: one connection
+    more, and it publishes. A deactivated one is a note.
+
+    Fix: if it is the publisher of F8, set Parent Frame ID to `odom` and Child Frame ID to
+    `base_footprint`. Delete or deactivate any other one. Isaac Sim's menu for odometry creates one
+    named TFWorld2Odom below `/Graph/ROS_Odometry`.
+
+    Example: `/Graph/ROS_Odometry/TFWorld2Odom` publishes `world -> odom`.
+    """
+    subject = view.subject
+    placements = list(_placements(view)) if view.odom else []
+    for placement in placements:
+        if placement.parent != subject.lab.frames.above:
+            yield _placed(placement, view)
+    known = {placement.node for placement in placements}
+    for path in view.live_nodes:
+        if path not in known and _is_forbidden_name(path, subject):
+            yield Problem(
+                path,
+                "a node of this name publishes what the lab must not have",
+                handout=subject.lab.frames.guard_handout,
+            )
+    yield from _put_away(subject)
+
+
+def _placements(view: TfView) -> Iterator[_Placement]:
+    seen = set()
+    for edge in view.edges:
+        if edge.child == view.odom and edge.cause not in seen:
+            seen.add(edge.cause)
+            port = _wrong_port(edge.parent, tf_ports(view.live_nodes[edge.cause]), view)
+            yield _Placement(edge.cause, edge.parent, port, driven=True)
+    for path, node in view.live_nodes.items():
+        names = tf_ports(node).names
+        if (
+            names
+            and path not in seen
+            and effective_value(node, names[1], view.live_nodes) == view.odom
+        ):
+            parent = effective_value(node, names[0], view.live_nodes)
+            parent = parent if isinstance(parent, str) else None
+            yield _Placement(path, parent, _wrong_port(parent, tf_ports(node), view), driven=False)
+
+
+def _wrong_port(parent: str | None, ports: TfPorts, view: TfView) -> str | None:
+    """Return the setting to correct: the child's name where the parent's is right as it is."""
+    right = {parent for parent, _ in view.subject.lab.frames.edges}
+    if ports.names:
+        return ports.names[1] if parent in right else ports.names[0]
+    return ports.prims[1] if ports.prims else None
+
+
+def _asked(placement: _Placement, view: TfView) -> tuple[str, str | None]:
+    """Return what is expected of the node, and the hint where it is one that the lab needs.
+
+    The publisher that the lab asks for must not be deleted: it places the robot in `odom`.
+    """
+    if placement.node not in view.role_specs:
+        return "no such publisher", None
+    up, down = next(edge for edge in view.subject.lab.frames.edges if edge[0] == view.odom)
+    hint = f"set Parent Frame ID to `{up}` and Child Frame ID to `{down}`; keep the node"
+    has_names = bool(tf_ports(view.live_nodes[placement.node]).names)
+    return f"{up} -> {down}", hint if has_names else None
+
+
+def _placed(placement: _Placement, view: TfView) -> Problem:
+    frames = view.subject.lab.frames
+    parent = "an unknown frame" if placement.parent is None else placement.parent
+    asked, hint = _asked(placement, view)
+    undriven = "" if placement.driven else ", though nothing drives it"
+    may = f"only {frames.localization.by} may" if frames.localization else "nothing may"
+    return Problem(
+        placement.node,
+        f"publishes {parent} -> {view.odom}{undriven}; {may} place '{view.odom}'",
+        property=placement.port,
+        expected=asked,
+        actual=f"{parent} -> {view.odom}",
+        handout=frames.guard_handout,
+        hint=hint,
+    )
+
+
+def _is_forbidden_name(path: str, subject: StageSubject) -> bool:
+    """Whether the prim has a forbidden name, a copy's number left aside."""
+    forbidden = subject.lab.frames.forbidden
+    name = re.sub(r"_\d+$", "", path.rpartition("/")[2])
+    return forbidden is not None and name in forbidden.nodes
+
+
+def _put_away(subject: StageSubject) -> Iterator[Problem]:
+    """Note the publishers that somebody deactivated, as 8.11 advises."""
+    catalog = subject.lab.catalog
+    gone = [each for graph in subject.stage.graphs for each in graph.absent if graph.active]
+    for absent in (*gone, *subject.stage.absent):
+        kind = catalog.get(absent.type_name)
+        named = _is_forbidden_name(absent.path, subject)
+        if absent.reason == _DELETED and (named or _places_odom(kind, absent, subject)):
+            yield _note(absent.path, subject)
+    for graph in subject.stage.graphs:
+        for node in () if graph.active else graph.nodes:
+            if _is_forbidden_name(node.path, subject) or _places_odom(node.type, node, subject):
+                yield _note(node.path, subject)
+
+
+def _places_odom(kind: NodeType | None, given: AbsentPrim | Node, subject: StageSubject) -> bool:
+    if kind is None or kind.tf is None or not kind.tf.names:
+        return False
+    port = kind.tf.names[1]
+    ports: Mapping[str, PortState] = given.ports
+    value = ports[port].value if port in ports else kind.ports[port].default
+    return value == subject.lab.frames.unplaced != ""
+
+
+def _note(path: str, subject: StageSubject) -> Problem:
+    return Problem(
+        path,
+        "is deactivated and publishes nothing; it can be deleted",
+        handout=subject.lab.frames.guard_handout,
+        severity="note",
+    )
+
+
+@rule("T08", "competes-with-localization", scope="frames")
+def competes_with_localization(view: TfView) -> Iterator[Problem]:
+    """The stage publishes `map -> odom`, which localization publishes.
+
+    Why: AMCL corrects the robot's pose by moving `odom` in `map`. A second publisher of the same
+    transform resets it in every frame, and the robot jumps.
+
+    Fix: if it is the publisher of F8, set Parent Frame ID to `odom` and Child Frame ID to
+    `base_footprint`. Delete any other one from the stage. AMCL publishes `map -> odom` in part H.
+
+    Example: a Publish Raw Transform Tree has Parent Frame ID `map` and Child Frame ID `odom`.
+    """
+    subject = view.subject
+    localization = subject.lab.frames.localization
+    if localization is None:
+        return
+    (parent, child), by = localization.edge, localization.by
+    for placement in _placements(view):
+        if placement.parent == parent:
+            asked, hint = _asked(placement, view)
+            yield Problem(
+                placement.node,
+                f"publishes {parent} -> {child}, which {by} publishes",
+                property=placement.port,
+                expected=asked,
+                actual=f"{parent} -> {child}",
+                handout=localization.handout,
+                hint=hint,
+            )

@@ -1,0 +1,1 @@
+"""Rules about the robot and the world around it."""

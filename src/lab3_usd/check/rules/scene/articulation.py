@@ -1,0 +1,198 @@
+"""Rules about what makes one robot of the links: the articulation root and the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.scene.wheel_joints import could_hide_joints, has_no_joints, wheel_joints
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.model.absent_prims import is_unresolved
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.physics import (
+    ARTICULATION_API,
+    ARTICULATION_ENABLED,
+    BODIES,
+    BODY_API,
+    JOINT_ENABLED,
+    bodies,
+    is_articulated,
+    is_joint_type,
+    is_switched_off,
+    joints,
+)
+from lab3_usd.model.stage import Prim
+
+
+@rule("S11", "articulation", scope="stage")
+def articulation(subject: StageSubject) -> Iterator[Problem]:
+    """The robot has no articulation root, two of them, or one on the wrong prim.
+
+    Why: the Articulation Controller looks for the articulation at its target prim and below.
+    Without one it reports an error in the console, and nothing moves. Odometry needs only the rigid
+    body. An articulation root on the robot root works too, with the robot root as the target.
+
+    Fix: select the prim and choose Add > Physics > Articulation Root. Remove another one with the
+    cross beside it in the Property panel.
+
+    Example: `PhysicsArticulationRootAPI` removed from `/turtlebot3_burger/base_footprint`.
+    """
+    spec = subject.lab.scene["robot"]
+    target, handout = spec["articulation"]["target"], spec["articulation"]["handout"]
+    root = subject.stage.prim(spec["path"])
+    base = subject.stage.prim(target)
+    if root is None or base is None:
+        return
+    found = [
+        prim
+        for prim in subject.stage.with_api(ARTICULATION_API)
+        if is_articulated(prim) and is_at_or_below(prim.path, root.path)
+    ]
+    right = [prim for prim in (base, root) if prim in found]
+    for prim in found:
+        if prim not in right[:1]:
+            what = f"a second articulation root, beside {right[0].path}" if right else "misplaced"
+            message = f"the articulation root on {prim.name} is {what}"
+            related = (target,) if prim.path != target else ()
+            yield Problem(prim.path, message, None, target, prim.path, handout, related)
+            if not right:
+                return
+    if not found and not is_unresolved(subject.stage, target):
+        is_off = is_switched_off(base, ARTICULATION_ENABLED)
+        why = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
+        message = f"the articulation root {why}, expected on {target}"
+        yield Problem(target, message, None, ARTICULATION_API, handout=handout)
+
+
+@rule("S12", "loose-link", scope="stage")
+def loose_link(subject: StageSubject) -> Iterator[Problem]:
+    """No joint ties a link of the robot to the other links.
+
+    Why: the robot separates at Play: the link stays behind or rolls away. Other rules check the
+    wheels. If several links come off together, the finding names the first.
+
+    Fix: undo the deletion of the joint, or start again from the supplied file. The handout says not
+    to recreate the robot's physics.
+
+    Example: `/turtlebot3_burger/joints/scan_joint` deleted: `base_scan` falls down.
+    """
+    robot = subject.lab.scene["robot"]
+    wheels = robot["wheels"]["joints"].values()
+    links = [f"{robot['path']}/{name}" for name in robot["links"]]
+    present = [path for path in links if subject.stage.prim(path) is not None]
+    base = f"{robot['path']}/{robot['base_frame']}"
+    if has_no_joints(subject) or base not in present:
+        return
+    if could_hide_joints(subject):  # then only what a joint let go of is known to be loose
+        present = [base, *(path for path in present if path in _let_go(subject, links))]
+    groups = _groups(subject, links)
+    # A link that is held by the world is S21's.
+    told = [groups[base], *(groups[_link_of(each, links)] for each in _held_bodies(subject))]
+    for name in robot["links"]:
+        path = f"{robot['path']}/{name}"
+        if path in present and name not in wheels and groups[path] not in told:
+            told.append(groups[path])
+            message, hint = f"no joint ties {name} to {robot['base_frame']}", None
+            off = _switched_off(subject, path)
+            if off:
+                message += f": {off[0]} is switched off"
+                hint = f"select {off[0]} and set Joint Enabled in the Property panel"
+            handout = robot["links"][name]["handout"]
+            yield Problem(path, message, None, base, None, handout, off, hint=hint)
+
+
+@rule("S21", "held-by-the-world", scope="stage")
+def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
+    """A joint ties the robot to the world, or to a prim that is not part of the robot.
+
+    Why: the joint holds the robot in place: the wheels turn and odometry stays at zero. An empty
+    body of a joint is the world. Other rules check the joints of the wheels.
+
+    Fix: delete the joint, or clear Joint Enabled in the Property panel. The option Static Base of
+    the URDF importer creates such a joint. The supplied robot has none.
+
+    Example: `/turtlebot3_burger/joints/root_joint`, a fixed joint with `physics:body1`
+    `base_footprint` and no `physics:body0`.
+    """
+    robot = subject.lab.scene["robot"]["path"]
+    for joint, side in _holds(subject):
+        ends = bodies(joint)
+        other = ends[1 - side]
+        message = f"{joint.name} ties {ends[side]} to {other or 'the world'}"
+        yield Problem(
+            joint.path,
+            message,
+            BODIES[1 - side],
+            "a link of the robot, or no such joint",
+            other or "no prim",
+            "A5",
+            (robot,),
+        )
+
+
+def _holds(subject: StageSubject) -> Iterator[tuple[Prim, int]]:
+    """Yield each joint with one body on the robot and one off it, and which one is on it.
+
+    Those of wheels have rules of their own.
+    """
+    stage = subject.stage
+    wheels = wheel_joints(subject)
+    own = [wheel.prim for wheel in wheels]
+    for joint in joints(stage):
+        ends = bodies(joint)
+        on_robot = [_is_on_robot(end, subject) for end in ends]
+        may_be_tied = not all(ends) and is_unresolved(stage, joint.path)
+        on_wheel = any(is_at_or_below(end, wheel.link) for end in ends for wheel in wheels)
+        is_wheels = joint in own or on_wheel
+        if on_robot.count(True) == 1 and not is_wheels and not may_be_tied:
+            yield joint, on_robot.index(True)
+
+
+def _is_on_robot(body: str, subject: StageSubject) -> bool:
+    """Whether a joint's target is below the robot's root, or is the root and moves itself.
+
+    A root that is no body stands for the world, as whatever has no body above it does.
+    """
+    path = subject.lab.scene["robot"]["path"]
+    root = subject.stage.prim(path)
+    moves = root is not None and BODY_API in root.apis
+    return is_at_or_below(body, path) and (body != path or moves)
+
+
+def _held_bodies(subject: StageSubject) -> list[str]:
+    return [bodies(joint)[side] for joint, side in _holds(subject)]
+
+
+def _switched_off(subject: StageSubject, link: str) -> tuple[str, ...]:
+    """Return the joints of the scene that would tie a link and are switched off."""
+    found = subject.stage.of_type(is_joint_type)
+    off = (prim for prim in found if prim.present and is_switched_off(prim, JOINT_ENABLED))
+    return tuple(prim.path for prim in off if any(is_at_or_below(b, link) for b in bodies(prim)))
+
+
+def _let_go(subject: StageSubject, links: list[str]) -> list[str]:
+    """Return the links that joints of the file name which are switched off or deactivated."""
+    return [
+        _link_of(body, links)
+        for prim in subject.stage.of_type(lambda name: not name or is_joint_type(name))
+        if not prim.present or is_switched_off(prim, JOINT_ENABLED)
+        for body in bodies(prim)
+    ]
+
+
+def _groups(subject: StageSubject, links: list[str]) -> dict[str, str]:
+    """Map each link and body to one name for all that joints tie together."""
+    group = {link: link for link in links}
+    for joint in joints(subject.stage):
+        ends = [_link_of(body, links) for body in bodies(joint) if body]
+        names = {group.setdefault(end, end) for end in ends}
+        if len(names) > 1:
+            first = min(names)
+            group = {body: first if name in names else name for body, name in group.items()}
+    return group
+
+
+def _link_of(body: str, links: list[str]) -> str:
+    """Return the link that a joint's target moves with."""
+    return next((link for link in links if is_at_or_below(body, link)), body)

@@ -1,0 +1,199 @@
+"""Rules about the wheel joints: they exist, connect what they should, and sit where they should."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.scene.axles import anchor
+from lab3_usd.check.scene.wheel_joints import (
+    WheelJoint,
+    base_side,
+    could_hide_joints,
+    has_no_joints,
+    is_stated,
+    tied_joints,
+    turning_joints,
+    wheel_joints,
+    wrong_ends,
+)
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.model.absent_prims import absence_reason, is_unresolved
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.physics import JOINT_ENABLED, REVOLUTE, bodies, is_switched_off, joints
+from lab3_usd.model.stage import Prim
+from lab3_usd.model.transform_math import distance
+
+STIFFNESS = "drive:angular:physics:stiffness"
+DAMPING = "drive:angular:physics:damping"
+_PAIR = 2  # wheels that are a distance apart
+
+
+@rule("S07", "wheel-joint", scope="stage")
+def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel joint is missing, disabled, has another name, or cannot turn.
+
+    Why: the drive graph commands the joints by name. An unknown name stops the whole controller
+    with an error in the console.
+
+    Fix: undo the deletion or the change of the joint, rename it in the Stage panel, or start again
+    from the supplied file.
+
+    Example: `/turtlebot3_burger/joints/wheel_left_joint` deactivated.
+    """
+    handout = subject.lab.scene["robot"]["wheels"]["handout"]
+    if has_no_joints(subject):
+        if not _is_below_missing_link(subject):
+            yield _no_joints(subject, handout)
+        return
+    for joint in wheel_joints(subject):
+        if subject.stage.prim(joint.link) is None:
+            continue
+        message = _why_useless(joint, subject)
+        if message is None:
+            continue
+        is_off = joint.live is not None and is_switched_off(joint.live, JOINT_ENABLED)
+        yield Problem(
+            joint.site,
+            message,
+            JOINT_ENABLED if is_off else None,
+            "True" if is_off else f"{REVOLUTE} {joint.name}",
+            "False" if is_off else None,
+            handout,
+            joint.related,
+        )
+
+
+def _is_below_missing_link(subject: StageSubject) -> bool:
+    """Whether the joints are gone with a link that holds them, which S01 misses."""
+    robot = subject.lab.scene["robot"]
+    links = (f"{robot['path']}/{name}" for name in robot["links"])
+    home = f"{robot['path']}/{robot['wheels']['joints_below']}"
+    return any(is_at_or_below(home, link) and not subject.stage.prim(link) for link in links)
+
+
+def _no_joints(subject: StageSubject, handout: str) -> Problem:
+    """Say once that the robot has lost all of its joints, and which links fall apart."""
+    robot = subject.lab.scene["robot"]
+    site = f"{robot['path']}/{robot['wheels']['joints_below']}".rstrip("/")
+    message = f"the robot has no joints: {site} {absence_reason(subject.stage, site)}"
+    if subject.stage.prim(site) is not None:
+        message = "the robot has no joints"
+    links = tuple(f"{robot['path']}/{name}" for name in robot["links"])
+    return Problem(site, message, None, "joints", None, handout, links)
+
+
+def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
+    prim = joint.prim
+    if prim is None or not prim.present:
+        is_gone = prim is None or prim.active
+        if is_gone and could_hide_joints(subject):
+            return None
+        return f"{joint.name} {absence_reason(subject.stage, joint.site)}"
+    if prim.type != REVOLUTE:
+        return f"{joint.name} is a {prim.type or 'prim without a type'}, expected {REVOLUTE}"
+    if prim.name != joint.name:
+        return f"the joint of {joint.link} is named {prim.name}, expected {joint.name}"
+    if is_switched_off(prim, JOINT_ENABLED):
+        return f"{joint.name} is switched off"
+    return None
+
+
+@rule("S08", "joint-bodies", scope="stage")
+def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel joint does not connect its own wheel to a body of the robot.
+
+    Why: with the wheels exchanged the robot turns the wrong way. A wheel tied to the world holds
+    the robot in place.
+
+    Fix: select the joint and set Body 0 to the base and Body 1 to the wheel in the Property panel.
+
+    Example: `physics:body1` of `wheel_left_joint` names `wheel_right_link`.
+    """
+    for joint in turning_joints(subject):
+        for name, actual in wrong_ends(joint, subject):
+            if not actual and is_unresolved(subject.stage, joint.site):
+                continue
+            is_wheel = base_side(joint) is None
+            expected = joint.link if is_wheel else "a link of the robot that is no wheel"
+            message = f"{name} is {actual or 'the world'}, expected {expected}"
+            is_ = actual or "no prim"
+            yield Problem(joint.site, message, name, expected, is_, "8.4", joint.related)
+
+
+@rule("S23", "second-wheel-joint", scope="stage")
+def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
+    """A second joint ties a wheel, beside its own joint.
+
+    Why: the second joint holds or drags the wheel, or couples it to another body. The robot stands
+    still or drives in circles, whatever the drive graph commands.
+
+    Fix: delete the joint, or clear Joint Enabled in the Property panel. Each wheel has one joint.
+
+    Example: `/turtlebot3_burger/joints/lock`, a fixed joint from `base_link` to `wheel_left_link`.
+    """
+    wheels = wheel_joints(subject)
+    own = [wheel.prim for wheel in wheels]
+    for joint in joints(subject.stage):
+        tied = [] if joint in own else [each for each in wheels if _ties(joint, each)]
+        for wheel in [each for each in tied if _may_turn(each, subject)][:1]:
+            other = next((end for end in bodies(joint) if not is_at_or_below(end, wheel.link)), "")
+            is_ = f"{joint.name} ties {wheel.link} to {other or 'the world'}"
+            yield Problem(
+                joint.path,
+                f"{is_}, beside {wheel.name}",
+                None,
+                f"{wheel.name} alone",
+                joint.type,
+                "8.4",
+                (wheel.link, wheel.path),
+            )
+
+
+def _ties(joint: Prim, wheel: WheelJoint) -> bool:
+    """Whether the wheel is at one end of a joint; at both ends it would be tied to itself."""
+    return [is_at_or_below(end, wheel.link) for end in bodies(joint)].count(True) == 1
+
+
+def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
+    """Whether the wheel has its own joint, or may have it; S07 speaks of one that has none."""
+    if wheel.prim is None:
+        return could_hide_joints(subject)
+    return wheel.live is not None and not is_switched_off(wheel.live, JOINT_ENABLED)
+
+
+@rule("S20", "wheel-distance", scope="stage")
+def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
+    """The distance between the wheel joints is not the handout's.
+
+    Why: the controller computes the turn rate from this distance. The robot turns too much or too
+    little, and odometry and scan drift apart.
+
+    Fix: select the joint and restore its local positions in the Property panel, or start again from
+    the supplied file.
+
+    Example: `physics:localPos0` (0, 0.1, 0.023) on `wheel_left_joint`.
+    """
+    scene = subject.lab.scene
+    wheels, limit = scene["robot"]["wheels"], scene["tolerance"]["link_position"]
+    places = {
+        joint: found
+        for joint in tied_joints(subject)
+        if is_stated(joint, subject, f"physics:localPos{base_side(joint)}")
+        and (found := anchor(joint, subject))
+    }
+    if len(places) != len(wheels["joints"]) or len(places) != _PAIR:
+        return
+    (first, one), (second, other) = places.items()
+    apart = distance(one, other)
+    units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
+    if min(abs(apart - wheels["distance"]), abs(apart / units - wheels["distance"])) <= limit:
+        return
+    half = wheels["distance"] / 2
+    is_first = abs(abs(one[1]) - half) >= abs(abs(other[1]) - half)
+    joint = first if is_first else second
+    expected, actual = f"{wheels['distance']:g} m", f"{apart:g} m"
+    message = f"the wheel joints are {actual} apart, expected {expected}"
+    name = f"physics:localPos{base_side(joint)}"
+    yield Problem(joint.site, message, name, expected, actual, wheels["handout"], joint.related)

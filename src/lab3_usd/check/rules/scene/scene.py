@@ -1,0 +1,171 @@
+"""Rules about what the starter brings: its prims, units, the robot's pose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.scene.pose_errors import (
+    is_near,
+    pose_errors,
+    pose_property,
+    root_tolerance,
+    vector,
+    vector_text,
+)
+from lab3_usd.check.scene.robot_location import namesakes
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.model.absent_prims import absence_reason, is_unresolved, missing_graphs_text
+from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.transform_math import IDENTITY, decompose, relative_transform
+
+
+@rule("S01", "missing-prim", scope="stage")
+def missing_prim(subject: StageSubject) -> Iterator[Problem]:
+    """The robot, one of its links, or the parent of the graphs is missing or at another path.
+
+    Why: graphs, sensors and TF refer to these prims by their paths. Prims below a missing prim are
+    not reported one by one. If the robot was moved, its parts are judged where they are.
+
+    Fix: undo the deletion, or activate the prim (right-click in the Stage panel, Activate). If it
+    was deleted long ago, open the supplied file again and repeat the steps from there.
+
+    Example: `/turtlebot3_burger/base_scan` deactivated in the Stage panel.
+    """
+    scene, stage = subject.lab.scene, subject.stage
+    root = scene["robot"]
+    yield from _robot_elsewhere(subject)
+    wanted = {scene["world"]["graph_parent"]["path"]: scene["world"]["graph_parent"]["handout"]}
+    wanted[root["path"]] = root["handout"]
+    if stage.prim(root["path"]) is not None:
+        wanted |= {f"{root['path']}/{name}": root["handout"] for name in root["links"]}
+    told: list[str] = []
+    for path, handout in wanted.items():
+        is_told = any(is_at_or_below(path, above) for above in told)
+        if not is_told and stage.prim(path) is None and not is_unresolved(stage, path):
+            told.append(path)
+            why = absence_reason(stage, path)
+            others = _places(subject, path)
+            at, hint = "", None
+            if others:
+                at = f"; it seems to be the prim at {others[0]}"
+                hint = f"rename or drag {others[0]} back to {path} in the Stage panel"
+            message = f"{path} {why}{at}{missing_graphs_text(subject.missing_graphs, path)}"
+            yield Problem(path, message, None, path, why, handout, others, hint=hint)
+
+
+def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
+    """Yield that the robot has another name or parent; everything else is judged where it is."""
+    spec = subject.lab.scene["robot"]
+    for expected, home in subject.relocations.items():
+        if home == spec["path"]:
+            gone = missing_graphs_text(subject.missing_graphs, home)
+            message = f"the robot is at {home}, expected at {expected}{gone}"
+            hint = f"rename or drag the robot in the Stage panel, back to {expected}"
+            handout = spec["handout"]
+            yield Problem(home, message, None, expected, home, handout, (expected,), hint=hint)
+
+
+def _places(subject: StageSubject, path: str) -> tuple[str, ...]:
+    """Return where a missing link could be meant to be."""
+    if path in subject.relocations:
+        return (subject.relocations[path],)
+    root, name = subject.lab.scene["robot"]["path"], path.rpartition("/")[2]
+    return namesakes(subject.stage, root, name)
+
+
+@rule("S02", "stage-units", scope="stage")
+def stage_units(subject: StageSubject) -> Iterator[Problem]:
+    """The stage is not Z up, in metres and kilograms.
+
+    Why: lengths and masses of the handout, gravity and the ROS frames (+Z up, metres) depend on
+    these units. A robot in centimetres is a hundred times too small.
+
+    Fix: set Up Axis to Z and Meters Per Unit to 1 in the stage's properties (select the root in the
+    Stage panel), or open the supplied file again and save it under the new name.
+
+    Example: `metersPerUnit = 0.01`, which is USD's default. If the given starter has the same
+    units, the finding is a warning.
+    """
+    wanted, stage = subject.lab.scene["stage"], subject.stage
+    pairs = {
+        "upAxis": (stage.up_axis, wanted["up_axis"]),
+        "metersPerUnit": (stage.meters_per_unit, wanted["meters_per_unit"]),
+        "kilogramsPerUnit": (stage.kilograms_per_unit, wanted["kilograms_per_unit"]),
+    }
+    tolerance = subject.lab.scene["tolerance"]["number"]
+    for name, (actual, expected) in pairs.items():
+        if isinstance(actual, float) and abs(actual - expected) <= tolerance * expected:
+            continue
+        if actual != expected:
+            is_, should = (
+                each if isinstance(each, str) else f"{each:g}" for each in (actual, expected)
+            )
+            message = f"{name} is {is_}, expected {should}"
+            yield Problem("/", message, name, should, is_, wanted["handout"])
+
+
+@rule("S03", "robot-pose", scope="stage")
+def robot_pose(subject: StageSubject) -> Iterator[Problem]:
+    """The robot root is not at the pose of the starter.
+
+    Why: the map, the initial pose of AMCL and the goals of the handout assume this pose. In later
+    checkpoints it is a warning, because the stage may have been saved after a run.
+
+    Fix: select the robot root and set Translate (1.8, 0, 0), Rotate (0, 0, 0) and Scale (1, 1, 1)
+    in the Property panel.
+
+    Example: `xformOp:translate` (0, 0, 0).
+    """
+    spec, stage = subject.lab.scene["robot"], subject.stage
+    root = stage.prim(spec["path"])
+    if root is None or (root.local is None and is_unresolved(stage, root.path)):
+        return
+    severity: Severity | None = None
+    if subject.lab.is_after(subject.checkpoint.id, spec["pose_is_error_until"]):
+        severity = "warning"
+    tolerance = root_tolerance(subject.lab.scene, stage)
+    for wrong in pose_errors(root, root.local or IDENTITY, spec["pose"], tolerance):
+        yield Problem(
+            root.path,
+            f"robot root's {wrong.message}",
+            wrong.property,
+            wrong.expected,
+            wrong.actual,
+            spec["pose"]["handout"],
+            severity=severity,
+        )
+
+
+@rule("S17", "scan-offset", scope="stage")
+def scan_offset(subject: StageSubject) -> Iterator[Problem]:
+    """The link that carries the lidar is not at its place on the robot.
+
+    Why: the scan is taken at that height and published in that frame. At another place the lidar
+    sees the robot's own plates, or the walls do not match the map. Only checkpoint 00 is judged,
+    because a later stage may have been saved during a run.
+
+    Fix: select the link and set Translate to (-0.032, 0, 0.182) in the Property panel, or start
+    again from the supplied file.
+
+    Example: `/turtlebot3_burger/base_scan` at (0, 0, 0.182).
+    """
+    spec, stage = subject.lab.scene["robot"], subject.stage
+    root = stage.prim(spec["path"])
+    if subject.checkpoint.id != subject.lab.first or root is None or root.world is None:
+        return
+    tolerance = subject.lab.scene["tolerance"]["link_position"]
+    for name, link in spec["links"].items():
+        prim = stage.prim(f"{root.path}/{name}") if "offset" in link else None
+        seen = (
+            relative_transform(prim.world, root.world) if prim is not None and prim.world else None
+        )
+        if prim is None or seen is None or (prim.local is None and is_unresolved(stage, prim.path)):
+            continue
+        actual, expected = decompose(seen).translation, vector(link["offset"])
+        if not is_near(actual, expected, tolerance, stage.meters_per_unit):
+            is_, should = vector_text(actual), vector_text(expected)
+            message = f"{name} sits at {is_} on the robot, expected {should}"
+            where = pose_property(prim, "translate")
+            yield Problem(prim.path, message, where, should, is_, link["handout"])

@@ -1,0 +1,201 @@
+"""Rules about what the starter brought and the lab does not change (sections 2, 5.4 and A2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.model.changes import KINDS, Change, Difference, Kind, Site, StarterSubject
+from lab3_usd.model.finding import Problem, Severity
+
+_MISSING = "missing"  # and not deactivated, or an over
+_SHOWN = 4  # differences that a message names
+
+
+@rule("U01", "starter-prim-missing", scope="starter")
+def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
+    """A prim of the supplied scene is missing, with everything below it.
+
+    Why: a missing link, joint or collider changes how the robot stands and drives. A missing wall
+    changes the scan and no longer matches the map. Lights, cameras and visual prims are a warning.
+
+    Fix: undo the deletion, or activate the prim (right-click in the Stage panel, Activate). If it
+    was deleted long ago, open the supplied file again and repeat the steps from there.
+
+    Example: `/Environment/Walls/East` deleted.
+    """
+    for change in subject.changes:
+        if not change.absent or _is_told(change, subject):
+            continue
+        also = f", with {change.count - 1} prims below it" if change.count > 1 else ""
+        is_ = "is missing" if change.absent == _MISSING else f"is {change.absent}"
+        yield Problem(
+            change.prim,
+            f"{change.type or 'prim'} of the starter {is_}{also}",
+            expected=change.type or None,
+            actual=change.absent,
+            handout=subject.rules.handout,
+            severity=_severity(physics=change.physics),
+        )
+
+
+@rule("U02", "starter-prim-retyped", scope="starter")
+def starter_prim_retyped(subject: StarterSubject) -> Iterator[Problem]:
+    """A prim of the supplied scene has another type.
+
+    Why: the type determines the behaviour: a joint of another type moves differently, a collider of
+    another shape touches elsewhere.
+
+    Fix: undo the change, or open the supplied file again and repeat the steps from there.
+
+    Example: `wheel_left_joint` changed to a `PhysicsFixedJoint`.
+    """
+    yield from _told(subject, "type")
+
+
+@rule("U03", "starter-schema-removed", scope="starter")
+def starter_schema_removed(subject: StarterSubject) -> Iterator[Problem]:
+    """A schema was removed from a prim of the supplied scene.
+
+    Why: schemas hold the physics. Without them a body has no mass, a shape has no collision, and a
+    joint has no drive.
+
+    Fix: undo the removal, or add the schema named here again (Add > Physics) with the values in the
+    supplied file.
+
+    Example: the collision removed from `/Environment/GroundPlane/CollisionPlane`.
+    """
+    yield from _told(subject, "schema")
+
+
+@rule("U04", "starter-physics-changed", scope="starter")
+def starter_physics_changed(subject: StarterSubject) -> Iterator[Problem]:
+    """A physics value or target of the supplied scene was changed.
+
+    Why: masses, inertias, frictions, drives and collision shapes are tuned together. The robot
+    slips, tips or drives differently from other submissions.
+
+    Fix: enter the values named here in the Property panel. The handout says not to change the
+    robot's physics (5.4).
+
+    Example: `physics:staticFriction` of the tyres 0.1 instead of 1.0.
+    """
+    yield from _told(subject, "physics")
+
+
+@rule("U05", "starter-prim-moved", scope="starter")
+def starter_prim_moved(subject: StarterSubject) -> Iterator[Problem]:
+    """A prim of the supplied scene was moved, turned or scaled.
+
+    Why: a moved wall does not match the map. A moved shape touches the ground or another link. The
+    poses of bodies are judged in checkpoint 00 only, because a later stage may have been saved
+    after a run. The robot root has its own rule. Lights and cameras are a warning.
+
+    Fix: undo the move, or enter the transform of the supplied file in the Property panel.
+
+    Example: `/Environment/Furniture/CrateA` dragged by half a metre with the gizmo.
+    """
+    yield from _told(subject, "place")
+
+
+@rule("U06", "starter-look-changed", scope="starter", severity="warning")
+def starter_look_changed(subject: StarterSubject) -> Iterator[Problem]:
+    """A light, a camera or the visibility of the supplied scene was changed.
+
+    Why: the robot's camera sees it, and an RTX lidar sees visible prims. The screenshots differ
+    from the expected ones.
+
+    Fix: undo the change, unless it was intended.
+
+    Example: `visibility` of a wall set to `invisible`.
+    """
+    yield from _told(subject, "look")
+
+
+@rule("U07", "starter-physics-added", scope="starter", severity="warning")
+def starter_physics_added(subject: StarterSubject) -> Iterator[Problem]:
+    """Physics was added to the supplied scene that changes how the robot moves.
+
+    Why: damping, friction, filters, mimic joints, and more joints, shapes and physics scenes change
+    how the robot drives, although no supplied value was changed.
+
+    Fix: remove what was added, or reset the property in the Property panel.
+
+    Example: `physxRigidBody:linearDamping` 50 on `/turtlebot3_burger/base_link`.
+    """
+    yield from _told(subject, "added")
+
+
+def _told(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
+    """Yield one problem for each prim whose gravest difference is of this kind."""
+    for change in subject.changes:
+        left = _untold(change, subject)
+        if not left or left[0].kind != kind:
+            continue
+        named = "; ".join(_says(each) for each in left[:_SHOWN])
+        more = f"; and {len(left) - _SHOWN} more" if len(left) > _SHOWN else ""
+        first = left[0]
+        yield Problem(
+            change.prim,
+            f"not as in the starter: {named}{more}",
+            first.property or None,
+            first.was,
+            first.now,
+            subject.rules.handout,
+            severity=_severity(physics=any(each.physics for each in left)),
+        )
+
+
+def _says(difference: Difference) -> str:
+    if difference.kind == "added":
+        return difference.now
+    if difference.kind == "schema":
+        return f"{difference.was} was removed"
+    if difference.kind == "type":
+        return f"type is {difference.now}, was {difference.was}"
+    if difference.kind == "place":
+        return f"{difference.now}, was {difference.was}"
+    if difference.now == difference.was:
+        return f"{difference.property} was changed"
+    return f"{difference.property} is {difference.now}, was {difference.was}"
+
+
+def _severity(*, physics: bool) -> Severity:
+    return "error" if physics else "warning"
+
+
+def _untold(change: Change, subject: StarterSubject) -> list[Difference]:
+    """Return the differences of which no other rule has spoken, the gravest first."""
+    sites = (change.prim, change.body)
+    names = {name for prim, name in subject.faulty_sites if prim in sites}
+    if (change.prim, None) in subject.faulty_sites:
+        return []
+    names |= {name for group in subject.rules.together if names & {*group} for name in group}
+    left = [each for each in change.differences if not _is_silent(each, names, subject)]
+    return sorted(left, key=lambda each: KINDS.index(each.kind))
+
+
+def _is_silent(each: Difference, names: set[str | None], subject: StarterSubject) -> bool:
+    """Whether one of the `names` that were blamed at the prim and its body tells the difference."""
+    if each.kind in {"type", "schema", "added"}:
+        return bool(names)
+    if each.kind == "place":
+        return any(name is None or name.startswith("xformOp") for name in names)
+    # A joint that ties another body leaves loose the one it had, or the one it now ties to itself.
+    is_told = any((body, None) in subject.faulty_sites for body in (each.was, each.now))
+    return is_told or each.property in names
+
+
+def _is_told(change: Change, subject: StarterSubject) -> bool:
+    """Whether another rule has missed this prim, what it holds, or what needs it."""
+    is_elsewhere = change.absent == _MISSING and change.prim in subject.related_prims
+    return is_elsewhere or any(_tells(site, change) for site in subject.faulty_sites)
+
+
+def _tells(site: Site, change: Change) -> bool:
+    prim, name = site
+    is_below = f"{prim}/".startswith(f"{change.prim}/")
+    is_above = f"{change.prim}/".startswith(f"{prim.rstrip('/')}/")
+    if is_below or (is_above and prim != "/" and (name is None or prim == change.body)):
+        return True
+    return name is None and prim in change.related

@@ -1,0 +1,179 @@
+"""Rules about the world around the robot: ground, light, physics scene, observation camera."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.scene.ground import boxes, falling_ground, has_ground, lights
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.model.absent_prims import absence_reason, has_unresolved_outside
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.physics import (
+    BODY_API,
+    BODY_ENABLED,
+    COLLISION_API,
+    COLLISION_ENABLED,
+    PLANE,
+    SCENE,
+)
+from lab3_usd.model.stage import Prim
+
+
+@rule("S13", "ground", scope="stage")
+def ground(subject: StageSubject) -> Iterator[Problem]:
+    """No fixed ground with a collision lies below the robot.
+
+    Why: at Play the robot falls for ever (A5). A ground that is a rigid body falls with it.
+
+    Fix: activate the ground plane, tick Collision Enabled on it, or remove its Rigid Body. Restore
+    a deleted ground from the supplied file, or create one with Create > Physics > Ground Plane.
+
+    Example: the collision plane below `/Environment` deactivated.
+    """
+    if not _is_asked(subject, "ground") or has_ground(subject) or _is_elsewhere(subject):
+        return
+    falling = falling_ground(subject)
+    if falling is not None:
+        yield _falls(subject, *falling)
+        return
+    off = _silent_ground(subject)
+    if off is not None:
+        has_api = COLLISION_API in off.apis
+        what = "is switched off" if has_api else "was removed"
+        message = f"the ground does not carry the robot: the collision of {off.name} {what}"
+        related = (_usual(subject, "ground"),)
+        handout = subject.lab.scene["world"]["ground"]["handout"]
+        expected = "True" if has_api else COLLISION_API
+        yield Problem(
+            off.path, message, COLLISION_ENABLED, expected, None, handout, related=related
+        )
+        return
+    planes = subject.stage.of_type(PLANE)
+    yield _missing(subject, "ground", "a ground with collision", planes)
+
+
+def _falls(subject: StageSubject, ground: Prim, body: Prim) -> Problem:
+    falls = f"falls with {body.name}, which is" if body != ground else "falls as"
+    return Problem(
+        body.path,
+        f"the ground does not carry the robot: {ground.name} {falls} a rigid body",
+        BODY_ENABLED,
+        "no rigid body",
+        BODY_API,
+        subject.lab.scene["world"]["ground"]["handout"],
+        related=tuple({_usual(subject, "ground"), ground.path} - {body.path}),
+        hint=f"remove Rigid Body from {body.name} in the Property panel",
+    )
+
+
+def _silent_ground(subject: StageSubject) -> Prim | None:
+    """Return what would be ground if it collided."""
+    robot = subject.lab.scene["robot"]["path"]
+    for prim in subject.stage.of_type(PLANE):
+        if prim.present and not is_at_or_below(prim.path, robot):
+            return prim
+    return next((subject.stage.prims[box.path] for box in boxes(subject)), None)
+
+
+@rule("S14", "light", scope="stage")
+def light(subject: StageSubject) -> Iterator[Problem]:
+    """The scene has no light.
+
+    Why: the camera may publish black images.
+
+    Fix: activate the light of the supplied file, or choose Create > Light > Dome Light.
+
+    Example: the only DistantLight deactivated.
+    """
+    found = list(lights(subject.stage))
+    if not _is_asked(subject, "light") or any(prim.present for prim in found):
+        return
+    if not _is_elsewhere(subject) and not _is_told_by_ground(subject):
+        yield _missing(subject, "light", "a light", found)
+
+
+@rule("S15", "physics-scene", scope="stage")
+def physics_scene(subject: StageSubject) -> Iterator[Problem]:
+    """The stage has no physics scene.
+
+    Why: Isaac Sim then uses its own gravity and time step, and A2 asks for the prim.
+
+    Fix: activate or restore `physicsScene`, or choose Create > Physics > Physics Scene.
+
+    Example: `/physicsScene` deleted.
+    """
+    found = list(subject.stage.of_type(SCENE))
+    if not _is_asked(subject, "physics_scene") or any(prim.present for prim in found):
+        return
+    if not _is_elsewhere(subject):
+        yield _missing(subject, "physics_scene", "a physics scene", found)
+
+
+@rule("S16", "observation-camera", scope="stage", severity="warning")
+def observation_camera(subject: StageSubject) -> Iterator[Problem]:
+    """The observation camera beside the robot is missing.
+
+    Why: the supplied file has one (section 2). Without it the screenshots show another view, and it
+    may have been turned into the robot's camera.
+
+    Fix: restore it from the supplied file, or choose Create > Camera and place it beside the robot.
+
+    Example: the world's camera dragged onto `base_footprint` and renamed.
+    """
+    robot = subject.lab.scene["robot"]["path"]
+    # A world that is missing is S01's.
+    world = subject.lab.scene["world"]["graph_parent"]["path"]
+    asked = subject.lab.scene["world"].get("observation_camera")
+    if asked is None or subject.stage.prim(world) is None or _is_elsewhere(subject):
+        return
+    kind: str = asked["type"]
+    cameras = [prim for prim in subject.stage.of_type(kind) if not is_at_or_below(prim.path, robot)]
+    if not any(prim.present for prim in cameras):
+        yield _missing(subject, "observation_camera", "an observation camera", cameras)
+
+
+def _is_elsewhere(subject: StageSubject) -> bool:
+    """Whether an asset of the environment is missing, which could hold it."""
+    return has_unresolved_outside(subject.stage, subject.lab.scene["robot"]["path"])
+
+
+def _is_asked(subject: StageSubject, part: str) -> bool:
+    """Whether the lab has this part of the world, and not below a prim that S01 misses."""
+    world = subject.lab.scene["world"]
+    above = world["graph_parent"]["path"]
+    is_asked = part in world
+    is_gone = subject.stage.prim(above) is None
+    return is_asked and not (is_gone and is_at_or_below(_usual(subject, part), above))
+
+
+def _usual(subject: StageSubject, part: str) -> str:
+    return str(subject.lab.scene["world"][part]["usual"])
+
+
+def _is_told_by_ground(subject: StageSubject) -> bool:
+    """Whether ground and light are gone because one prim that holds both is switched off."""
+    if not _is_asked(subject, "ground"):
+        return False
+    usual = subject.stage.prims.get(_usual(subject, "ground"))
+    is_off = usual is not None and not usual.present
+    return (
+        is_off and _usual(subject, "light") == _usual(subject, "ground") and not has_ground(subject)
+    )
+
+
+def _missing(subject: StageSubject, part: str, title: str, parts: Iterable[Prim]) -> Problem:
+    """Say that a part is missing: at the prim that is switched off, else where it usually is."""
+    usual = _usual(subject, part)
+    handout = subject.lab.scene["world"][part]["handout"]
+    off = [prim.path for prim in parts if not prim.present]
+    top = subject.stage.prims.get(usual)
+    if top is not None and not top.present:
+        off = [usual]
+    site = min(off, default=usual)
+    why = f": {site} {absence_reason(subject.stage, site)}" if off else ""
+    related = (usual,) if site != usual else ()
+    return Problem(
+        site, f"the scene has no {title.split(' ', 1)[1]}{why}", None, title, None, handout, related
+    )

@@ -1,0 +1,1 @@
+"""Rules about the lidar and the camera."""

@@ -1,0 +1,171 @@
+"""What all sensors have in common: missing, misplaced, of another type, or left behind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from lab3_usd.check.match.conformance import same_value
+from lab3_usd.check.scene.pose_errors import (
+    ORDER,
+    RESET,
+    PoseError,
+    pose_errors,
+    sensor_tolerance,
+)
+from lab3_usd.check.scene.sensor_location import (
+    SensorLocation,
+    candidate_transforms,
+    find_sensor,
+    sensors_of,
+)
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.model.absent_prims import absence_reason, is_unresolved, missing_graphs_text
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.formatting import display
+from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
+from lab3_usd.model.stage import Prim
+
+
+class PresentSensor(NamedTuple):
+    """A sensor that the checkpoint asks for, and that the stage holds: its name, place and prim."""
+
+    name: str
+    place: SensorLocation
+    prim: Prim
+
+
+def present_sensors(subject: StageSubject, kind: str) -> Iterator[PresentSensor]:
+    """Yield the sensors of a kind that the checkpoint asks for and the stage holds."""
+    for name in sensors_of(subject, kind):
+        place = find_sensor(subject.lab, subject.stage, name)
+        if place.prim is not None:
+            yield PresentSensor(name, place, place.prim)
+
+
+def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
+    """Yield each sensor that is not in the scene; S01 reports a missing link."""
+    stage = subject.stage
+    for sensor in sensors_of(subject, kind):
+        found = find_sensor(subject.lab, stage, sensor)
+        if found.prim is not None or found.wrong_type_prim is not None:
+            continue
+        path, link = found.path, found.path.rpartition("/")[0]
+        if stage.prim(link) is not None and not is_unresolved(stage, path):
+            why, handout = absence_reason(stage, path), subject.lab.sensors[sensor]["handout"]
+            message = f"{path} {why}{missing_graphs_text(subject.missing_graphs, path)}"
+            yield Problem(path, message, None, path, why, handout)
+
+
+def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
+    """Yield each sensor that has another name or parent."""
+    for found in present_sensors(subject, kind):
+        if found.place.is_misplaced:
+            yield _misplaced(subject, *found)
+
+
+def _misplaced(subject: StageSubject, sensor: str, location: SensorLocation, prim: Prim) -> Problem:
+    parent, _, name = location.path.rpartition("/")
+    what = []
+    if prim.name != name:
+        what.append(f"is named {prim.name}")
+    if prim.parent != parent:
+        what.append(f"hangs below {prim.parent or 'the root'}")
+    message = f"{name} {' and '.join(what)}, expected at {location.path}"
+    handout = subject.lab.sensors[sensor]["handout"]
+    return Problem(prim.path, message, None, location.path, prim.path, handout, location.related)
+
+
+def wrong_type_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
+    """Yield each prim of another type at a sensor's path, where the sensor is nowhere else."""
+    for sensor in sensors_of(subject, kind):
+        found = find_sensor(subject.lab, subject.stage, sensor)
+        spec = subject.lab.sensors[sensor]
+        if found.prim is None and found.wrong_type_prim is not None:
+            actual = found.wrong_type_prim.type or "a prim without a type"
+            message = f"{found.path} is {actual}, expected {spec['type']}"
+            yield Problem(found.path, message, None, spec["type"], actual, spec["handout"])
+
+
+def resets_xform_stack(prim: Prim) -> bool:
+    """Whether a prim ignores the transforms of its parents, and so does not move with them."""
+    order = prim.attributes.get(ORDER)
+    return isinstance(order, tuple) and RESET in order
+
+
+def left_behind_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
+    """Yield each sensor that does not move with its link."""
+    for found in present_sensors(subject, kind):
+        yield from _left_behind(subject, *found)
+
+
+def _left_behind(
+    subject: StageSubject, sensor: str, location: SensorLocation, prim: Prim
+) -> Iterator[Problem]:
+    handout = subject.lab.sensors[sensor]["pose"]["handout"]
+    if resets_xform_stack(prim):
+        message = f"{prim.name} has {RESET} in {ORDER}: "
+        message += "it ignores its link and does not move with the robot"
+        hint = f"take {RESET} out of {ORDER}, then set the place relative to the link"
+        yield Problem(prim.path, message, ORDER, None, RESET, handout, location.related, hint=hint)
+    elif _is_own_body(prim, subject):
+        message = f"{prim.name} is a rigid body of its own: it does not move with its link"
+        hint = "select the sensor and remove Rigid Body in the Property panel under Physics"
+        yield Problem(
+            prim.path, message, BODY_ENABLED, None, BODY_API, handout, location.related, hint=hint
+        )
+
+
+def _is_own_body(prim: Prim, subject: StageSubject) -> bool:
+    is_tied = any(prim.path in bodies(joint) for joint in joints(subject.stage))
+    return BODY_API in prim.apis and not is_switched_off(prim, BODY_ENABLED) and not is_tied
+
+
+def misposed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
+    """Yield each part of a sensor's pose that is wrong, seen from its link.
+
+    One below another parent is judged by the transform that fits best.
+    """
+    tolerance = sensor_tolerance(subject.lab.scene, subject.stage)
+    for found in present_sensors(subject, kind):
+        if not resets_xform_stack(found.prim):
+            pose = subject.lab.sensors[found.name]["pose"]
+            transforms = candidate_transforms(subject.stage, found.place)
+            judged = [[*pose_errors(found.prim, each, pose, tolerance)] for each in transforms]
+            for error in min(judged, key=len, default=[]):
+                yield pose_problem(subject, found, error)
+
+
+def pose_problem(subject: StageSubject, found: PresentSensor, error: PoseError) -> Problem:
+    """Return one part of a sensor's pose that is wrong."""
+    sensor, location, prim = found
+    return Problem(
+        prim.path,
+        f"{sensor}'s {error.message} relative to its link",
+        error.property,
+        error.expected,
+        error.actual,
+        subject.lab.sensors[sensor]["pose"]["handout"],
+        location.related,
+        hint=f"select the {sensor} and {error.hint}",
+    )
+
+
+def wrong_attributes(
+    subject: StageSubject, found: PresentSensor, asked: Mapping[str, Any]
+) -> Iterator[Problem]:
+    """Yield each attribute of a sensor with another value than the lab asks for.
+
+    One that is asked only where it is written may be missing.
+    """
+    prim, related = found.prim, found.place.related
+    for name, entry in asked.items():
+        actual, wanted = prim.attributes.get(name), entry["value"]
+        wanted = tuple(wanted) if isinstance(wanted, list) else wanted
+        may_be_absent = entry["required"] is not True or is_unresolved(subject.stage, prim.path)
+        if same_value(actual, wanted) or (actual is None and may_be_absent):
+            continue
+        expected, is_ = display(wanted), display(actual)
+        why = "" if actual is not None else ", which leaves USD's own default"
+        message = f"{name} is {is_}{why}, expected {expected}"
+        yield Problem(prim.path, message, name, expected, is_, entry["handout"], related)

@@ -1,0 +1,1 @@
+"""Rules about files: stages, maps, parameters, saved output."""

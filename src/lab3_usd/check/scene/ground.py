@@ -1,0 +1,143 @@
+"""The ground of a stage: what carries the robot, and how high it is."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+
+from lab3_usd.check.scene.pose_errors import vector
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.physics import (
+    BODY_API,
+    BODY_ENABLED,
+    FIXED,
+    KINEMATIC,
+    PLANE,
+    bodies,
+    collides,
+    is_switched_off,
+    joints,
+)
+from lab3_usd.model.stage import Collider, Prim, StageModel
+
+# A shape as high as a wall is ground and wall in one; how high its ground is, no box says.
+_STEP = 0.15  # metres
+_LIGHT = re.compile(r"Light(_\d+)?$")
+_LIGHT_API = re.compile(r"^(Mesh|Volume)?LightAPI$")
+
+
+def planes(stage: StageModel, robot: str) -> Iterator[Prim]:
+    """Yield the endless fixed planes beside the robot that other shapes bump into."""
+    return (each for each in _solid_planes(stage, robot) if moving_body(stage, each.path) is None)
+
+
+def _solid_planes(stage: StageModel, robot: str) -> Iterator[Prim]:
+    for prim in stage.of_type(PLANE):
+        is_outside = not is_at_or_below(prim.path, robot)
+        if is_outside and (collides(prim) or _collides_above(stage, prim.path)):
+            yield prim
+
+
+def _collides_above(stage: StageModel, path: str) -> bool:
+    """Whether an ancestor makes all shapes below it collide."""
+    parent = path.rpartition("/")[0]
+    found = stage.prims.get(parent)
+    return found is not None and (collides(found) or _collides_above(stage, parent))
+
+
+def boxes(subject: StageSubject) -> Iterator[Collider]:
+    """Yield the fixed shapes that lie below the place where the starter has the robot."""
+    stage = subject.stage
+    return (each for each in _boxes_below(subject) if moving_body(stage, each.path) is None)
+
+
+def _boxes_below(subject: StageSubject) -> Iterator[Collider]:
+    robot = subject.lab.scene["robot"]
+    x, y, z = vector(robot["pose"]["translate"])
+    reach = z + subject.lab.scene["tolerance"]["root_position"]
+    for box in subject.stage.colliders.beside(robot["path"]):
+        if _covers(box, x, y) and box.low[2] <= reach:
+            yield box
+
+
+def moving_body(stage: StageModel, path: str, known: frozenset[str] = frozenset()) -> Prim | None:
+    """Return the rigid body that what stands at a path moves with, None where it stays.
+
+    Kinematic bodies stay, and so do those that a fixed joint ties to what stays. `known` are bodies
+    that are being asked about already: they end the search where bodies are tied in a ring.
+    """
+    while path:
+        prim = stage.prim(path)
+        if prim is not None and BODY_API in prim.apis and not is_switched_off(prim, BODY_ENABLED):
+            is_driven = prim.attributes.get(KINEMATIC) is True
+            is_tied = path not in known and _is_tied(stage, path, known | {path})
+            return None if is_driven or is_tied else prim
+        path = path.rpartition("/")[0]
+    return None
+
+
+def _is_tied(stage: StageModel, body: str, known: frozenset[str]) -> bool:
+    """Whether a fixed joint ties a body to the world, or to what stays."""
+    for joint in joints(stage):
+        ends = bodies(joint)
+        others = [end for end in ends if not is_at_or_below(end, body)]
+        if joint.type == FIXED and len(others) == 1:
+            is_there = not others[0] or stage.prim(others[0]) is not None
+            if is_there and moving_body(stage, others[0], known) is None:
+                return True
+    return False
+
+
+def falling_ground(subject: StageSubject) -> tuple[Prim, Prim] | None:
+    """Return what would carry the robot if it did not move, and the body that it moves with."""
+    stage, robot = subject.stage, subject.lab.scene["robot"]["path"]
+    paths = [prim.path for prim in _solid_planes(stage, robot)]
+    paths += [box.path for box in _boxes_below(subject) if _is_on(stage, box)]
+    found = ((stage.prims[path], moving_body(stage, path)) for path in paths)
+    return next(((prim, body) for prim, body in found if body is not None), None)
+
+
+def _covers(box: Collider, x: float, y: float) -> bool:
+    return box.low[0] <= x <= box.high[0] and box.low[1] <= y <= box.high[1]
+
+
+def has_ground(subject: StageSubject) -> bool:
+    """Whether anything fixed can carry the robot."""
+    robot = subject.lab.scene["robot"]["path"]
+    found = itertools.chain(planes(subject.stage, robot), _live_boxes(subject))
+    return any(True for _ in found)
+
+
+def _live_boxes(subject: StageSubject) -> Iterator[Collider]:
+    return (box for box in boxes(subject) if _is_on(subject.stage, box))
+
+
+def _is_on(stage: StageModel, box: Collider) -> bool:
+    prim = stage.prim(box.path)
+    return prim is not None and collides(prim)
+
+
+def highest_ground(subject: StageSubject) -> tuple[float, str] | None:
+    """Return how high the ground is below the robot, in metres, and which prim it is.
+
+    None where no box says how high it is.
+    """
+    stage, robot = subject.stage, subject.lab.scene["robot"]
+    heights = [
+        (prim.world[14] * stage.meters_per_unit, prim.path)
+        for prim in planes(stage, robot["path"])
+        if prim.world
+    ]
+    step = robot["pose"]["translate"][2] + _STEP
+    tops = [(box.high[2], box.path) for box in _live_boxes(subject)]
+    if any(top > step for top, _ in tops) and not heights:
+        return None
+    return max([*heights, *(each for each in tops if each[0] <= step)], default=None)
+
+
+def lights(stage: StageModel) -> Iterator[Prim]:
+    """Yield the prims that shine, in the scene or not."""
+    yield from stage.of_type(lambda name: _LIGHT.search(name) is not None)
+    yield from stage.with_api(lambda name: _LIGHT_API.match(name) is not None)

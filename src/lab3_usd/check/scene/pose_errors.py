@@ -1,0 +1,142 @@
+"""How far a prim's pose is from the one the handout asks for, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+from msgspec import Struct
+
+from lab3_usd.model.stage import Matrix, Prim, StageModel
+from lab3_usd.model.transform_math import (
+    Vector,
+    decompose,
+    distance,
+    euler_angles,
+    rotation_difference,
+    rotation_from_euler,
+)
+
+Kind = Literal["translate", "rotate", "scale"]
+ORDER = "xformOpOrder"
+RESET = "!resetXformStack!"  # in that order: leave out the transforms of all parents
+# The operations of the Property panel; others that do the same, in the order of preference.
+OPERATIONS: Mapping[Kind, tuple[str, ...]] = {
+    "translate": ("xformOp:translate",),
+    "rotate": ("xformOp:orient", "xformOp:rotate"),
+    "scale": ("xformOp:scale",),
+}
+
+
+UNSCALED: Vector = (1.0, 1.0, 1.0)
+
+
+class Tolerance(Struct, frozen=True):
+    """What counts as the same pose: lengths in metres, degrees, factors.
+
+    `metres` is the length of one stage unit. The handout gives lengths in metres and its stages
+    have metres for units; where the units are wrong, lengths that are right in either are right.
+    """
+
+    position: float
+    angle: float
+    scale: float
+    metres: float = 1.0
+
+
+class PoseError(Struct, frozen=True):
+    """One part of a pose that is wrong, the property that says so, and how to repair it."""
+
+    kind: Kind
+    property: str
+    message: str
+    expected: str
+    actual: str
+    hint: str
+
+
+def sensor_tolerance(scene: Mapping[str, Any], stage: StageModel) -> Tolerance:
+    """Return how exactly a sensor must stand."""
+    spec = scene["tolerance"]
+    return Tolerance(
+        spec["sensor_position"], spec["sensor_angle"], spec["scale"], stage.meters_per_unit
+    )
+
+
+def root_tolerance(scene: Mapping[str, Any], stage: StageModel) -> Tolerance:
+    """Return how exactly the robot must stand."""
+    spec = scene["tolerance"]
+    return Tolerance(
+        spec["root_position"], spec["root_angle"], spec["scale"], stage.meters_per_unit
+    )
+
+
+def pose_errors(
+    prim: Prim, matrix: Matrix, expected: Mapping[str, Any], tolerance: Tolerance
+) -> Iterator[PoseError]:
+    """Yield what is wrong with a transform: `expected` has translate, rotate (degrees) and scale.
+
+    A number that is none (NaN) is near nothing, which is why each test is the other way round.
+    """
+    pose = decompose(matrix)
+    place = vector(expected["translate"])
+    if not is_near(pose.translation, place, tolerance.position, tolerance.metres):
+        yield _misfit(prim, "translate", pose.translation, place, "")
+    rotation = vector(expected["rotate"])
+    if not rotation_difference(pose.rotation, rotation_from_euler(rotation)) <= tolerance.angle:
+        yield _misfit(prim, "rotate", euler_angles(pose.rotation), rotation, " degrees")
+    size = vector(expected["scale"])
+    if not distance(pose.scale, size) <= tolerance.scale:
+        yield _misfit(prim, "scale", pose.scale, size, "")
+
+
+def _misfit(prim: Prim, kind: Kind, actual: Vector, expected: Vector, unit: str) -> PoseError:
+    name = {"translate": "translation", "rotate": "rotation", "scale": "scale"}[kind]
+    is_, should = vector_text(actual), vector_text(expected)
+    message = f"{name} is {is_}{unit}, expected {should}"
+    hint = f"set {kind.capitalize()} to {should} in the Property panel"
+    return PoseError(kind, pose_property(prim, kind), message, should, is_, hint)
+
+
+def is_near(one: Vector, other: Vector, tolerance: float, metres: float = 1.0) -> bool:
+    """Whether two points are the same, with `one` in stage units and `other` in metres.
+
+    A stage whose units are wrong is right in one of two ways: in its units, or in metres.
+    """
+    in_metres = (one[0] * metres, one[1] * metres, one[2] * metres)
+    return min(distance(one, other), distance(in_metres, other)) <= tolerance
+
+
+def pose_property(prim: Prim, kind: Kind) -> str:
+    """Return the operation that sets this part of the pose, as authored, else as the panel would.
+
+    A pose written as one matrix has no part of its own to point at; the panel's name stands in.
+    """
+    order = prim.attributes.get(ORDER)
+    authored = [name for name in order if isinstance(name, str)] if isinstance(order, tuple) else []
+    for operation in OPERATIONS[kind]:
+        for name in authored:
+            if name.startswith(operation):
+                return name
+    return OPERATIONS[kind][0]
+
+
+def vector(numbers: Sequence[float]) -> Vector:
+    """Return three numbers of the scene file as a vector."""
+    x, y, z = numbers
+    return (float(x), float(y), float(z))
+
+
+def vector_text(numbers: Sequence[float]) -> str:
+    """Write a vector as the Property panel shows it, without float noise."""
+    return "(" + ", ".join(f"{round(number, 6) + 0.0:g}" for number in numbers) + ")"
+
+
+def scale_of(prim: Prim) -> Vector:
+    """Return by what a prim is scaled on its parent."""
+    return UNSCALED if prim.local is None else decompose(prim.local).scale
+
+
+def is_scaled(prim: Prim, tolerance: float) -> bool:
+    """Whether a prim has another size than its parent gives it."""
+    return not distance(scale_of(prim), UNSCALED) <= tolerance  # so that NaN is far as well

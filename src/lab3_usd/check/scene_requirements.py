@@ -1,0 +1,224 @@
+"""Every requirement of the scene itself, with the place and the rules that speak of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from lab3_usd.check.scene.sensor_location import CAMERA, LIDAR, OTHER, kind_of
+from lab3_usd.check.scene_item import POSE, SceneItem, pose_items
+from lab3_usd.spec.lab import Checkpoint, Lab
+
+SCENE = "Scene"
+
+
+def scene_items(lab: Lab, checkpoint: Checkpoint) -> tuple[SceneItem, ...]:
+    """Return what the checkpoint asks of the scene, in the order of the scene file."""
+    items = [*_stage_items(lab), *_robot_items(lab, checkpoint), *_wheel_items(lab)]
+    items += _world_items(lab)
+    if checkpoint.id == lab.first:
+        items.append(_nothing_more(lab))
+    for sensor in checkpoint.sensors:
+        items += _sensor_items(lab, sensor)
+    return tuple(items)
+
+
+def _stage_items(lab: Lab) -> Iterator[SceneItem]:
+    spec = lab.scene["stage"]
+    titles = {
+        "upAxis": f"up axis {spec['up_axis']}",
+        "metersPerUnit": f"{spec['meters_per_unit']:g} m per unit",
+        "kilogramsPerUnit": f"{spec['kilograms_per_unit']:g} kg per unit",
+    }
+    for name, title in titles.items():
+        yield SceneItem(f"Scene/stage/{name}", SCENE, title, "/", name, spec["handout"], ("S02",))
+    parent = lab.scene["world"]["graph_parent"]
+    yield _prim_item(parent["path"], parent["handout"])
+
+
+def _prim_item(path: str, handout: str) -> SceneItem:
+    name = path.rpartition("/")[2]
+    return SceneItem(f"Scene/prim/{name}", SCENE, f"{path} exists", path, None, handout, ("S01",))
+
+
+def _robot_items(lab: Lab, checkpoint: Checkpoint) -> Iterator[SceneItem]:
+    robot = lab.scene["robot"]
+    path = robot["path"]
+    yield _prim_item(path, robot["handout"])
+    yield from pose_items(SCENE, path, robot["pose"], dict.fromkeys(POSE, ("S03",)))
+    for name, link in robot["links"].items():
+        yield from _link_items(f"{path}/{name}", link, robot)
+        if "offset" in link and checkpoint.id == lab.first:
+            yield SceneItem(
+                f"Scene/offset/{name}",
+                SCENE,
+                f"{name} sits at {link['offset']} on the robot",
+                f"{path}/{name}",
+                POSE["translate"][1],
+                link["handout"],
+                ("S17",),
+            )
+    target = robot["articulation"]
+    yield SceneItem(
+        "Scene/articulation",
+        SCENE,
+        "one articulation root",
+        target["target"],
+        None,
+        target["handout"],
+        ("S11",),
+    )
+    yield SceneItem(
+        "Scene/rest",
+        SCENE,
+        "robot rests on the ground",
+        path,
+        None,
+        "A5",
+        ("S19", "S21"),
+        ("physics:body",),
+    )
+
+
+def _link_items(
+    path: str, link: Mapping[str, Any], robot: Mapping[str, Any]
+) -> Iterator[SceneItem]:
+    name = path.rpartition("/")[2]
+    yield _prim_item(path, robot["handout"])
+    yield SceneItem(
+        f"Scene/body/{name}",
+        SCENE,
+        f"{name} is a rigid body",
+        path,
+        "physics:rigidBodyEnabled",
+        robot["handout"],
+        ("S05", "S24"),
+        ("physics:kinematicEnabled", "xformOp:scale"),
+    )
+    if "mass" in link:
+        title = f"{name} weighs {link['mass']:g} kg"
+        yield SceneItem(
+            f"Scene/mass/{name}", SCENE, title, path, "physics:mass", link["handout"], ("S04",)
+        )
+    if link.get("collision"):
+        title = f"{name} has collision geometry"
+        where = "physics:collisionEnabled"
+        yield SceneItem(
+            f"Scene/collision/{name}", SCENE, title, path, where, link["handout"], ("S06",)
+        )
+    if name not in robot["wheels"]["joints"].values() and name != robot["base_frame"]:
+        yield SceneItem(
+            f"Scene/joined/{name}",
+            SCENE,
+            f"joints tie {name} to the robot",
+            path,
+            None,
+            link["handout"],
+            ("S12", "S07"),
+        )
+
+
+def _wheel_items(lab: Lab) -> Iterator[SceneItem]:
+    robot = lab.scene["robot"]
+    wheels = robot["wheels"]
+    for name in wheels["joints"]:
+        path = "/".join(filter(None, (robot["path"], wheels["joints_below"], name)))
+        parts: tuple[tuple[str, str, str | None, str, tuple[str, ...]], ...] = (
+            ("joint", f"{name} turns a wheel", None, "S07 S23", ("physics:jointEnabled",)),
+            ("bodies", f"{name} connects its wheel", "physics:body1", "S08", ("physics:body0",)),
+            ("axis", f"{name} turns forward", "physics:axis", "S09", ("physics:localRot",)),
+            ("stiffness", f"{name} has stiffness 0", "drive:angular:physics:stiffness", "S10", ()),
+            ("damping", f"{name} has damping", "drive:angular:physics:damping", "S10", ()),
+            (
+                "place",
+                f"{name} sits at its place",
+                "physics:localPos0",
+                "S20",
+                ("physics:localPos1",),
+            ),
+        )
+        for part, title, where, ids, also in parts:
+            rules = tuple(ids.split())
+            yield SceneItem(
+                f"Scene/{part}/{name}", SCENE, title, path, where, wheels["handout"], rules, also
+            )
+
+
+def _world_items(lab: Lab) -> Iterator[SceneItem]:
+    world = lab.scene["world"]
+    parts = (
+        ("ground", "a ground with collision", "S13", ("physics:collisionEnabled",)),
+        ("light", "a light", "S14", ()),
+        ("physics_scene", "a physics scene", "S15", ()),
+    )
+    for part, title, rule, also in parts:
+        spec = world.get(part)
+        if spec is None:
+            continue
+        yield SceneItem(
+            f"Scene/{part}", SCENE, title, spec["usual"], None, spec["handout"], (rule,), also
+        )
+
+
+def _nothing_more(lab: Lab) -> SceneItem:
+    spec, rules = lab.scene["forbidden"]["starter"], ("S18", "L08", "C09", "D07")
+    title = "nothing of the later parts"
+    return SceneItem("Scene/empty", SCENE, title, "/", None, spec["handout"], rules, anywhere=True)
+
+
+class _RuleIds(NamedTuple):
+    """Which rules judge the parts of a sensor."""
+
+    prim: tuple[str, ...]
+    place: tuple[str, ...]
+    turn: tuple[str, ...]
+    values: tuple[str, ...]
+
+
+_RULES = {
+    LIDAR: _RuleIds(("L01", "L02", "L03"), ("L04",), ("L04",), ("L05",)),
+    CAMERA: _RuleIds(("C01", "C02", "C03"), ("C04",), ("C05",), ("C06", "C07")),
+    OTHER: _RuleIds(("D01", "D02", "D03"), ("D04",), ("D04",), ("D05",)),
+}
+
+
+def _sensor_items(lab: Lab, sensor: str) -> Iterator[SceneItem]:
+    """Yield what is asked of a sensor of any kind, and what its kind adds."""
+    spec, group = lab.sensors[sensor], _group(lab, sensor)
+    path, kind = spec["path"], kind_of(spec)
+    rules = _RULES[kind]
+    title, handout = f"{path} exists", spec["handout"]
+    yield SceneItem(f"{group}/prim", group, title, path, None, handout, rules.prim)
+    by_kind = {"translate": rules.place, "rotate": rules.turn, "scale": rules.place}
+    yield from pose_items(group, path, spec["pose"], by_kind)
+    for name, entry in spec["attributes"].items():
+        if entry.get("required"):
+            title, short = f"{group}: {name} {entry['value']}", name.rpartition(":")[2]
+            yield SceneItem(
+                f"{group}/{short}", group, title, path, name, entry["handout"], rules.values
+            )
+    if kind == LIDAR:
+        yield from _lidar_items(lab, spec, group)
+    for api in spec["required_apis"] if kind == OTHER else ():
+        title = f"{group} has {api}"
+        yield SceneItem(f"{group}/{api}", group, title, path, None, handout, ("D06",))
+
+
+def _group(lab: Lab, sensor: str) -> str:
+    """Return the name of a sensor's prim; the sensor's own where several prims have that name."""
+    names = [spec["path"].rpartition("/")[2] for spec in lab.sensors.values()]
+    name: str = lab.sensors[sensor]["path"].rpartition("/")[2]
+    return name if names.count(name) == 1 else sensor
+
+
+def _lidar_items(lab: Lab, spec: Mapping[str, Any], group: str) -> Iterator[SceneItem]:
+    """Yield what is asked of lidars alone."""
+    scan, forbidden, path = spec["scan"], lab.scene["forbidden"][LIDAR], spec["path"]
+    if scan or spec["required_api"]:
+        title = f"{group} has the lidar's schema and gives a scan"
+        lows = [low for low, _ in scan["rising"]] if scan else []
+        also = (*scan["above_zero"], scan["emitters"], *lows) if scan else ()
+        rules = ("L06", "L09")
+        yield SceneItem(f"{group}/schema", group, title, path, None, spec["handout"], rules, also)
+    title, handout = "no second lidar", forbidden["handout"] or spec["handout"]
+    yield SceneItem(f"{group}/only", group, title, path, None, handout, ("L07",), anywhere=True)

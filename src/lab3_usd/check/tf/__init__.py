@@ -1,0 +1,1 @@
+"""The TF frames that a stage publishes."""

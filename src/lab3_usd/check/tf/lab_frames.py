@@ -1,0 +1,229 @@
+"""What the frame rules ask of a stage: its transforms, and which of them other rules report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from lab3_usd.check.match.conformance import setting_matches, setting_value, target_matches
+from lab3_usd.check.ros.lab_topics import role_specs
+from lab3_usd.check.ros.running import live_nodes, running_nodes
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.check.tf.frames import Edge, published_edges, unresolved_frames
+from lab3_usd.check.tf.link_tree import FRAME_APIS
+from lab3_usd.check.tf.target_frames import (
+    Pair,
+    computed_pairs,
+    computes,
+    expands,
+    listed_targets,
+    parent_prim,
+    tf_ports,
+)
+from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames, is_target_unresolved
+from lab3_usd.model.absent_prims import is_unresolved
+from lab3_usd.model.derived import once_per_stage
+from lab3_usd.model.physics import BODY_API
+from lab3_usd.model.stage import Node
+from lab3_usd.spec.graph import NodeSpec
+
+
+class TfView(Struct, frozen=True):
+    """The transforms of a stage beside the roles of the nodes that publish them.
+
+    `role_specs` maps the path of a node to the spec of the role it plays. `hidden` are the frames
+    that only a missing asset could tell.
+    """
+
+    subject: StageSubject
+    edges: tuple[Edge, ...]
+    live_nodes: dict[str, Node]
+    running: dict[str, Node]
+    role_specs: dict[str, NodeSpec]
+    hidden: tuple[UnresolvedFrames, ...] = ()
+
+    @property
+    def children(self) -> dict[str, list[Edge]]:
+        """The edges by the frame that they place."""
+        found: dict[str, list[Edge]] = {}
+        for edge in self.edges:
+            found.setdefault(edge.child, []).append(edge)
+        return found
+
+    @property
+    def odom(self) -> str:
+        """The frame that no stage may place, '' for none."""
+        return self.subject.lab.frames.unplaced
+
+
+@once_per_stage
+def tf_view(subject: StageSubject) -> TfView:
+    """Compute what the frame rules look at."""
+    stage, lab = subject.stage, subject.lab
+    return TfView(
+        subject,
+        published_edges(stage, lab),
+        live_nodes(stage, lab),
+        running_nodes(stage, lab),
+        role_specs(subject),
+        unresolved_frames(stage, lab),
+    )
+
+
+def is_reported_elsewhere(edge: Edge, view: TfView) -> bool:
+    """Whether another rule already says what is wrong with this transform.
+
+    Those are the rules of settings and targets for a node that plays a role, the rule of extra
+    nodes for one that does not, and the rules of transforms that nobody may publish.
+    """
+    if edge.child in {view.odom, edge.parent}:
+        return True
+    if edge.cause not in view.role_specs and edge.publisher not in view.role_specs:
+        return bool({edge.cause, edge.publisher} & view.subject.faulty_prims)
+    return is_altered_by_wires(edge, view) or differs_from_spec(edge.cause, view)
+
+
+def is_altered_by_wires(edge: Edge, view: TfView) -> bool:
+    """Whether wires made of the frames that a node computes something that it does not compute."""
+    cause = view.live_nodes.get(edge.cause)
+    if (
+        cause is None
+        or edge.cause == edge.publisher
+        or edge.publisher not in view.subject.faulty_prims
+    ):
+        return False
+    pairs = computed_pairs(cause, view.subject.stage, view.subject.lab)
+    return all((edge.parent, edge.child) != (pair.parent, pair.child) for pair in pairs)
+
+
+def differs_from_spec(path: str, view: TfView) -> bool:
+    """Whether the frame names or the parent prim of a node differ from those of its role."""
+    spec, node = view.role_specs.get(path), view.live_nodes.get(path)
+    if spec is None or node is None:
+        return False
+    ports = tf_ports(node)
+    named = (setting for setting in spec.settings if setting.port in ports.names)
+    if any(
+        not setting_matches(node, s, setting_value(view.live_nodes, node, s.port)) for s in named
+    ):
+        return True
+    return any(
+        not target_matches(node, target)
+        for target in spec.targets
+        if target.port in ports.prims and target.port not in spec.frames_from
+    )
+
+
+class FrameSource(Struct, frozen=True):
+    """A node that must give frames, the port that lists their prims, and the prim of each frame."""
+
+    node: Node
+    port: str
+    prims: dict[str, str]
+    handout: str
+
+
+def frame_sources(view: TfView) -> Iterator[FrameSource]:
+    """Yield the nodes whose target prims must become frames, where their frames are sent at all.
+
+    A node that is missing, does not run or whose frames nobody sends as they are is the business
+    of other rules. One that computes nothing is not: then its targets are at fault.
+    """
+    sent = {edge.cause for edge in view.edges} | {hidden.cause for hidden in view.hidden}
+    mangled = {edge.cause for edge in view.edges if is_altered_by_wires(edge, view)}
+    for path, spec in view.role_specs.items():
+        node = view.running.get(path)
+        if node is None or not spec.frames_from or path in mangled:
+            continue
+        if path not in sent and computed_pairs(node, view.subject.stage, view.subject.lab):
+            continue
+        for target in spec.targets:
+            if target.port in spec.frames_from:
+                prims = {prim.rpartition("/")[2]: prim for prim in target.prims}
+                yield FrameSource(node, target.port, prims, target.handout)
+
+
+def missing_frames(maker: FrameSource, view: TfView) -> list[str]:
+    """Return the required frames that nobody publishes although their prims are in the scene.
+
+    A prim that is not in the scene is the business of the scene's rules. One that an asset may
+    hold which cannot be found counts as there: what names no target is not published.
+    """
+    children = view.children
+    stage = view.subject.stage
+    required = [child for _, child in view.subject.lab.frames.edges]
+    return [
+        frame
+        for frame in required
+        if frame in maker.prims
+        and frame not in children
+        and not may_be_unresolved(frame, maker, view)
+        and (stage.prim(maker.prims[frame]) or is_unresolved(stage, maker.prims[frame]))
+    ]
+
+
+def may_be_unresolved(frame: str, maker: FrameSource, view: TfView) -> bool:
+    """Whether a required frame may be one of those that only a missing asset could tell."""
+    home, stage = maker.prims[frame], view.subject.stage
+    prim = stage.prim(home)
+    is_told = prim is not None and not is_target_unresolved(home, stage)
+    if is_told and prim is not None and not {BODY_API, *FRAME_APIS} & set(prim.apis):
+        return False  # no target stands for a prim that is neither a body nor a link
+    return any(each.cause == maker.node.path and each.may_give(home) for each in view.hidden)
+
+
+def self_parent_pairs(node: Node, view: TfView) -> list[Pair]:
+    """Return the frames of a node that would be their own parents."""
+    pairs = computed_pairs(node, view.subject.stage, view.subject.lab)
+    return [pair for pair in pairs if pair.parent == pair.child]
+
+
+def lists_its_parent(node: Node, view: TfView) -> bool:
+    """Whether the parent prim of a computing node is one of its targets: a frame below itself.
+
+    That holds for a link in an asset that is missing, too. Only a robot root is never a frame of
+    its own where it stands for its links.
+    """
+    parent = parent_prim(node)
+    if not computes(node) or parent not in listed_targets(node):
+        return False
+    if view.subject.stage.prim(parent) is None:
+        return is_target_unresolved(parent, view.subject.stage)
+    return any(pair.target == parent == pair.prim for pair in self_parent_pairs(node, view))
+
+
+def lacks_only_the_camera(maker: FrameSource, view: TfView) -> bool:
+    """Whether nothing is missing but what the robot root as the only target cannot give.
+
+    F9 allows that target, so it costs nothing.
+    """
+    robot = view.subject.lab.scene["robot"]
+    stage = view.subject.stage
+    if maker.node.targets(maker.port) != (robot["path"],):
+        return False
+    stands_for_links = expands(robot["path"], maker.node, stage) or is_target_unresolved(
+        robot["path"], stage
+    )
+    return stands_for_links and not set(robot["links"]) & set(missing_frames(maker, view))
+
+
+def waived_frames(view: TfView) -> set[str]:
+    """Return the required frames whose absence is nobody's fault.
+
+    Those are the ones that a missing asset may hold, and those that F9 itself loses.
+    """
+    waived: set[str] = set()
+    for maker in frame_sources(view):
+        if not differs_from_spec(maker.node.path, view):
+            given = (frame for frame in maker.prims if may_be_unresolved(frame, maker, view))
+            waived.update(given)
+            if lacks_only_the_camera(maker, view):
+                waived.update(missing_frames(maker, view))
+    return waived - set(view.children)
+
+
+def frame_list_text(frames: list[str]) -> str:
+    """Return the names of frames as a part of a sentence."""
+    names = ", ".join(f"'{frame}'" for frame in frames)
+    return f"the frame {names}" if len(frames) == 1 else f"the frames {names}"

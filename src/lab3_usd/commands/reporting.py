@@ -1,0 +1,157 @@
+"""How a command that judges stages reports: where to, which findings, in which form, which code."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lab3_usd.commands.options import chosen, wants_color, width
+from lab3_usd.config.findings import configured
+from lab3_usd.errors import UsageError
+from lab3_usd.judge.entries import STAGE_ENDINGS
+from lab3_usd.judge.stage import UNREADABLE
+from lab3_usd.model.finding import Finding, Report, StageResult, Submission
+from lab3_usd.report.formats.registry import Options, format_named, render
+from lab3_usd.spec.load.loader import load_lab
+
+if TYPE_CHECKING:
+    from lab3_usd.fix.changes import Changes
+
+EXIT_FOUND = 1
+EXIT_CRASH = 3
+
+
+def refuse_missing(paths: Iterable[str]) -> None:
+    """Refuse paths that lead to nothing.
+
+    Raises:
+        UsageError: there is no file or folder at one of them.
+    """
+    for path in paths:
+        if not Path(path).exists():
+            message = f"{path}: there is no such file or folder"
+            raise UsageError(message)
+
+
+def refuse_output(path: str | None, paths: Iterable[str]) -> None:
+    """Refuse to write the report over anything that this call reads.
+
+    Raises:
+        UsageError: the output is a stage, a given file, or a file that a given folder holds.
+    """
+    if path is None:
+        return
+    output = Path(path)
+    read = {Path(each).resolve() for each in paths}
+    is_read = output.exists() and not read.isdisjoint({output.resolve(), *output.resolve().parents})
+    if is_read or output.suffix.lower() in STAGE_ENDINGS:
+        message = f"{output}: is, or may be, a file that is checked; write the report elsewhere"
+        raise UsageError(message)
+
+
+def wanted(
+    findings: Iterable[Finding], path: str, options: Mapping[str, Any]
+) -> tuple[Finding, ...]:
+    """Return the findings of a file that are asked for, as grave as the configuration has them.
+
+    That a file could not be read is said in any case.
+    """
+    every = tuple(findings)
+    others = (each for each in every if each.rule != UNREADABLE)
+    kept = configured(others, path, options["config"])
+    asked = (each for each in kept if chosen(each.rule, options["select"], options["ignore"]))
+    return (*(each for each in every if each.rule == UNREADABLE), *asked)
+
+
+def news(report: Report, options: Mapping[str, Any]) -> Report:
+    """Return a report without what the baseline knows; say what is known no longer.
+
+    Raises:
+        UsageError: the baseline cannot be read, or is none.
+    """
+    written, given = options["write_baseline"], options["baseline"]
+    if written is None and given is None:
+        return report
+    from lab3_usd.commands.baseline import without_known, write_baseline  # noqa: PLC0415 - rare
+
+    if written is not None:
+        count = write_baseline(report, written)
+        click.echo(f"lab3: {count} finding{'s' * (count != 1)} written to {written}", err=True)
+    found = without_known(report, written or given, options)
+    if found.gone:
+        click.echo(f"lab3: {len(found.gone)} of {given} found no longer:", err=True)
+    for each in found.gone:
+        click.echo(f"  {each.file}: {each.rule} {each.site}", err=True)
+    return found.report
+
+
+def progress(judged: Iterable[Any], count: int, options: Mapping[str, Any]) -> Any:  # noqa: ANN401
+    """Show a bar on standard error while many files are judged, on a terminal only."""
+    hidden = options["quiet"] or count < 3 or not sys.stderr.isatty()  # noqa: PLR2004
+    return click.progressbar(judged, count, label="checking", file=sys.stderr, hidden=hidden)
+
+
+def rendered(
+    report: Report, options: Mapping[str, Any], points: Mapping[str, float] | None = None
+) -> str:
+    """Return a report in the format asked for; `points` are what each checkpoint is worth."""
+    form = format_named(options["form"])
+    rules = None
+    if form.manual or options["verbose"]:
+        from lab3_usd.check.registry import all_rules  # noqa: PLC0415 - only where it is quoted
+
+        rules = all_rules()
+    to_terminal = options["output"] is None
+    render_options = Options(
+        color=to_terminal and wants_color(),
+        width=width() if to_terminal else 100,
+        verbosity="quiet" if options["quiet"] else "verbose" if options["verbose"] else "normal",
+        statistics=options["statistics"],
+        source=options["source"],
+        each=options["each"],
+        points=points or {},
+        dry_runs=options.get("dry_runs", {}),
+        changes=_changes(report) if form.changes else {},
+    )
+    return render(options["form"], report, rules, render_options)
+
+
+def _changes(report: Report) -> Changes:
+    from lab3_usd.fix.changes import text_changes  # noqa: PLC0415 - pxr, only when needed
+
+    return text_changes(report, load_lab())
+
+
+def write_report(text: str, output: str | None) -> None:
+    """Write a report to standard output, or to the file given."""
+    if output is None:
+        sys.stdout.buffer.write(text.encode("utf-8", "replace"))
+        sys.stdout.buffer.flush()
+        return
+    from lab3_usd.files import write_whole  # noqa: PLC0415 - only with --output
+
+    write_whole(Path(output), text.encode("utf-8", "replace"), force=True)
+
+
+def _has_crashed(report: Report) -> bool:
+    return any(each.crashes for each in _parts(report))
+
+
+def _parts(report: Report) -> Iterator[StageResult | Submission]:
+    yield from report.results
+    yield from report.submissions
+
+
+def exit_code(report: Report, options: Mapping[str, Any]) -> int:
+    """Return the exit code of a run, which a crash of ours decides before anything else."""
+    if _has_crashed(report):
+        return EXIT_CRASH
+    if options["exit_zero"]:
+        return 0
+    bad = ("error", "warning") if options["fail_on"] == "warning" else ("error",)
+    found = any(finding.severity in bad for each in _parts(report) for finding in each.findings)
+    return EXIT_FOUND if found else 0

@@ -1,0 +1,1 @@
+"""The gradebook and the reports of each student."""

@@ -1,0 +1,250 @@
+"""Writes the gradebook: a folder for each student, then the tables of the whole class."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from lab3_usd.errors import UsageError
+from lab3_usd.files import leftovers, write_parts, write_whole
+from lab3_usd.grade.book import reports
+from lab3_usd.grade.intake.submissions import StudentSubmission
+from lab3_usd.grade.scoring.rubric import COLUMNS, Rubric
+from lab3_usd.grade.scoring.scoring import Grade
+from lab3_usd.report.html.class_page import class_page
+from lab3_usd.report.safe_text import safe_cell
+from lab3_usd.report.tool import NAME, tool_version
+
+STUDENTS, RESULT = "students", "result.json"
+CSV, JSON, PAGE = "grades.csv", "grades.json", "index.html"
+FINISHED = ("graded", "empty", "unreadable")  # the other ways to end may go better next time
+_TABLES = (CSV, JSON, PAGE)
+_FILES = (reports.HTML, reports.JSON, reports.GRADESCOPE, RESULT)
+_VERSION = 1
+# What desktops and spreadsheet programs leave in a folder that somebody looked into.
+_LITTER = (".ds_store", "thumbs.db", "desktop.ini", ".directory", "._*", ".~lock.*#", "~$*")
+Row = dict[str, Any]
+
+
+def check_target(out: Path, *, resume: bool) -> None:
+    """Refuse to grade into a folder that holds something else, or a gradebook without `--resume`.
+
+    Halves of files, from a run that was killed as it wrote them, are removed.
+
+    Raises:
+        UsageError: the folder is in use, or is no folder.
+    """
+    if not out.exists():
+        return
+    if not out.is_dir():
+        message = f"{out}: is not a folder; choose another one for -o"
+        raise UsageError(message)
+    half = leftovers(out, _TABLES)
+    holds = {path.name for path in out.iterdir() if not _is_litter(path)} - {
+        path.name for path in half
+    }
+    if (holds or half) and not resume:
+        message = f"{out}: is not empty; choose another folder, or give --resume to go on with it"
+        raise UsageError(message)
+    foreign = sorted(holds - {STUDENTS, *_TABLES})
+    if foreign:
+        message = f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
+        raise UsageError(message)
+    _remove(
+        [*half, *(path for each in out.glob(f"{STUDENTS}/*/") for path in leftovers(each, _FILES))]
+    )
+
+
+def _is_litter(path: Path) -> bool:
+    return any(fnmatchcase(path.name.lower(), pattern) for pattern in _LITTER)
+
+
+def _remove(files: Iterable[Path]) -> None:
+    try:
+        for path in files:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        message = f"{error.filename} cannot be removed ({error.strerror})"
+        raise UsageError(message) from error
+
+
+def known_digest(out: Path, submission: StudentSubmission, salt: str, items: Sequence[str]) -> str:
+    """Return the digest of what was judged before under the same conditions, '' for nothing.
+
+    `items` are those of the rubric, each of which a result has.
+    """
+    row = read_result(out, submission)
+    if row is None or row.get("salt") != salt or row.get("status") not in FINISHED:
+        return ""
+    of_now = {"late": submission.late, "student": submission.student, "name": submission.name}
+    if any(row.get(key) != of_now[key] for key in of_now) or not _is_whole(row, items):
+        return ""
+    folder = out / STUDENTS / submission.folder
+    if not all((folder / name).is_file() for name in _reports(row)):
+        return ""
+    return str(row.get("digest", ""))
+
+
+class _Recorded(Grade, frozen=True, kw_only=True):
+    """What the tables need of a result, which somebody may have edited."""
+
+    reason: str
+    digest: str
+    verdicts: dict[str, str]
+    crashes: list[str]
+    unconfined: tuple[str, ...] = ()
+
+
+def _is_whole(row: Row, items: Sequence[str]) -> bool:
+    try:
+        recorded = msgspec.convert(row, _Recorded)
+    except msgspec.ValidationError:
+        return False
+    return [item.id for item in recorded.items] == list(items)
+
+
+def _reports(row: Row) -> Iterator[str]:
+    """Yield the names of the reports of a student, of a result that somebody may have edited."""
+    names = row.get("reports")
+    return (str(name) for name in (names if isinstance(names, list) else ["no report"]))
+
+
+def read_result(out: Path, submission: StudentSubmission) -> Row | None:
+    """Return what was recorded of a student, None where nothing was or it cannot be read."""
+    try:
+        row = json.loads((out / STUDENTS / submission.folder / RESULT).read_bytes())
+    except (OSError, ValueError):
+        return None
+    return row if isinstance(row, dict) and row.get("version") == _VERSION else None
+
+
+def write_student(
+    out: Path, submission: StudentSubmission, salt: str, answer: Mapping[str, Any]
+) -> None:
+    """Write a student's reports, and last the result, which says that the rest is complete.
+
+    The result of before goes first: it says nothing of reports that are written anew.
+    """
+    folder = out / STUDENTS / submission.folder
+    _remove([folder / RESULT])
+    for name, text in sorted(answer["reports"].items()):
+        write_whole(folder / name, text.encode("utf-8", "replace"), force=True)
+    row = {
+        "version": _VERSION,
+        "student": submission.student,
+        "name": submission.name,
+        "folder": submission.folder,
+        "late": submission.late,
+        "salt": salt,
+        **{key: value for key, value in answer.items() if key != "reports"},
+        "reports": sorted(answer["reports"]),
+    }
+    write_whole(folder / RESULT, _json(row), force=True)
+
+
+def _json(document: Any) -> bytes:  # noqa: ANN401 - whatever JSON holds
+    return (json.dumps(document, indent=1) + "\n").encode()
+
+
+class Rows(Sized, Iterable[Row]):
+    """The rows of a gradebook, in the order of the students; read from its files as they pass by.
+
+    A class may be large: its rows are never in memory all at once.
+    """
+
+    def __init__(self, out: Path, submissions: Iterable[StudentSubmission]) -> None:
+        """Find the students of whom there is a result."""
+        self._out = out
+        self._submissions = tuple(
+            each for each in submissions if read_result(out, each) is not None
+        )
+
+    def __len__(self) -> int:
+        """Return how many students there are."""
+        return len(self._submissions)
+
+    def __iter__(self) -> Iterator[Row]:
+        """Yield one row after the other."""
+        for each in self._submissions:
+            row = read_result(self._out, each)
+            if row is not None:
+                yield row
+
+
+def write_tables(out: Path, submissions: Iterable[StudentSubmission], rubric: Rubric) -> Rows:
+    """Write the tables and the page of the class from the students' results, and return those."""
+    rows = Rows(out, submissions)
+    page = class_page(rubric.title, _columns(rubric), rows)
+    write_parts(out / CSV, _csv(rows, rubric), force=True)
+    write_parts(out / JSON, _document(rows, rubric), force=True)
+    write_parts(out / PAGE, (part.encode() for part in page), force=True)
+    return rows
+
+
+def _columns(rubric: Rubric) -> list[Row]:
+    return [
+        {"id": item.id, "title": item.title, "points": item.points, "optional": item.optional}
+        for item in rubric.items
+    ]
+
+
+def _csv(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
+    """Yield the lines of the table of grades; they end in CR LF, and no cell is a formula."""
+    names = [item.id for item in rubric.items]
+    yield _line(map(safe_cell, [*COLUMNS[:-1], *names, COLUMNS[-1]]))
+    for row in rows:
+        earned = {item["id"]: item for item in row["items"]}
+        cells = [row["student"], row["name"], row["status"], "yes" if row["late"] else ""]
+        cells += [_number(row[key]) for key in ("earned", "possible", "percent")]
+        cells += [_cell(earned[name]) for name in names]
+        yield _line(map(safe_cell, [*cells, _remarks(row)]))
+
+
+def _line(cells: Iterable[str]) -> bytes:
+    line = io.StringIO(newline="")
+    csv.writer(line).writerow(cells)
+    return line.getvalue().encode("utf-8", "replace")
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _cell(item: Row) -> str:
+    """Return an item's points; blocked and open items have none."""
+    return "" if item["state"] in {"blocked", "open"} else _number(item["earned"])
+
+
+def _remarks(row: Row) -> str:
+    remarks = [row["reason"], *row["because"]]
+    for item in row["items"]:
+        named = item["state"] in {"missing", "unreadable", "blocked", "open"}
+        why = item["state"] if named else item["because"]
+        remarks.append(f"{item['id']}: {why}" if why else "")
+    return "; ".join(filter(None, remarks))
+
+
+def _document(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
+    """Yield the gradebook as JSON, each student on a line."""
+    head = {
+        "version": _VERSION,
+        "tool": {"name": NAME, "version": tool_version()},
+        "title": rubric.title,
+        "points": rubric.points,
+        "items": _columns(rubric),
+        "unconfined": sorted({name for row in rows for name in row.get("unconfined", [])}),
+    }
+    yield json.dumps(head, indent=1).removesuffix("\n}").encode() + b',\n "students": ['
+    between = b"\n"
+    for row in rows:
+        shown = {key: row[key] for key in row if key not in {"version", "salt"}}
+        yield between + b"  " + json.dumps(shown).encode()
+        between = b",\n"
+    yield b"\n ]\n}\n"

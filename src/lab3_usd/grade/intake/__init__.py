@@ -1,0 +1,1 @@
+"""Finding the students and their files, in folders, archives and at addresses."""

@@ -1,0 +1,142 @@
+"""Looks at the bytes of a stage before usd-core does: what would crash or drown it is refused."""
+
+from __future__ import annotations
+
+import re
+import stat
+import struct
+import zipfile
+from pathlib import Path
+from typing import NoReturn
+
+from lab3_usd.errors import StageError
+from lab3_usd.grade.intake.limits import Limits
+
+_TEXT = b"#usda"
+_CRATE = b"PXR-USDC"
+_PACKAGE = b"PK\x03\x04"
+_NOT_BRACKETS = bytes(set(range(256)) - set(b"()[]{}"))
+_TOKENS = re.compile(
+    rb'"""(?:[^\\]|\\.)*?"""|'
+    rb"'''(?:[^\\]|\\.)*?'''|"
+    rb'"(?:[^"\\\n]|\\.)*"|'
+    rb"'(?:[^'\\\n]|\\.)*'|"
+    rb"@@@.*?@@@|@[^@\n]*@|#[^\n]*|[()\[\]{}]",
+    re.DOTALL,
+)
+_PRIM = re.compile(rb"^[ \t]*(?:def|over|class)\b", re.MULTILINE)
+_BOOTSTRAP = struct.Struct("<8s8sq")
+_SECTION = struct.Struct("<16sqq")
+_COUNTED = {b"PATHS": "prims and properties", b"SPECS": "prims and properties", b"TOKENS": "names"}
+_PER_PRIM = 50  # entries of a crate file that one prim may have
+_MOST_SECTIONS = 64
+_DAMAGED = "cannot be read: it is damaged or cut short; save it again"
+
+
+def check_layer(path: Path, limits: Limits) -> bytes | None:
+    """Return the text of a text layer, None for the binary kinds.
+
+    Raises:
+        StageError: the file is not a plain one, or holds what usd-core should not be given. Which
+            file it is, the caller adds: the path here is that of a copy.
+    """
+    status = path.lstat()
+    if not stat.S_ISREG(status.st_mode):
+        _refuse("is no file but a link, pipe or device; not opened")
+    if status.st_size > limits.file_size:
+        _refuse(f"is larger than {limits.file_size >> 20} MB; not opened")
+    data = path.read_bytes()
+    if data.startswith(_TEXT):
+        _check_text(data, limits)
+        return data
+    if data.startswith(_CRATE):
+        _check_crate(data, limits)
+    elif data.startswith(_PACKAGE):
+        _check_package(path, limits)
+    return None
+
+
+def _refuse(reason: str) -> NoReturn:
+    raise StageError(reason)
+
+
+def _check_text(data: bytes, limits: Limits) -> None:
+    if data.count(b"\n") > limits.prims and len(_PRIM.findall(data)) > limits.prims:
+        _refuse(f"holds more than {limits.prims} prims; not opened")
+    if _may_be_deep(data, limits.nesting) and _depth(data) > limits.nesting:
+        _refuse(f"is nested more than {limits.nesting} levels deep; not opened")
+
+
+def _may_be_deep(data: bytes, limit: int) -> bool:
+    """Whether the brackets alone, those in strings and comments included, nest that deep."""
+    brackets = data.translate(None, _NOT_BRACKETS)
+    for _ in range(limit):
+        shorter = brackets.replace(b"()", b"").replace(b"[]", b"").replace(b"{}", b"")
+        if len(shorter) == len(brackets):
+            break
+        brackets = shorter
+    return len(brackets) > limit
+
+
+def _depth(data: bytes) -> int:
+    deepest = depth = 0
+    for token in _TOKENS.finditer(data):
+        if token[0] in b"([{":
+            depth += 1
+            deepest = max(deepest, depth)
+        elif token[0] in b")]}":
+            depth -= 1
+    return deepest
+
+
+def _check_crate(data: bytes, limits: Limits) -> None:
+    """Read the table of contents: each section lies in the file, and none is absurdly large."""
+    try:
+        _, _, start = _BOOTSTRAP.unpack_from(data)
+        (count,) = struct.unpack_from("<Q", data, start)
+        if start < _BOOTSTRAP.size or count > _MOST_SECTIONS:
+            _refuse(_DAMAGED)
+        for index in range(count):
+            entry = _SECTION.unpack_from(data, start + 8 + index * _SECTION.size)
+            _check_section(data, entry, limits)
+    except struct.error:
+        _refuse(_DAMAGED)
+
+
+def _check_section(data: bytes, entry: tuple[bytes, int, int], limits: Limits) -> None:
+    name, start, size = entry[0].rstrip(b"\0"), entry[1], entry[2]
+    if start < 0 or size < 0 or start + size > len(data):
+        _refuse(_DAMAGED)
+    if name in _COUNTED:
+        (count,) = struct.unpack_from("<Q", data, start)
+        if count > limits.prims * _PER_PRIM:
+            _refuse(f"holds {count} {_COUNTED[name]}; not opened")
+
+
+def _check_package(path: Path, limits: Limits) -> None:
+    """A USD package is a zip file of plain, unpacked files; each layer in it is looked at."""
+    try:
+        with zipfile.ZipFile(path) as package:
+            entries = package.infolist()
+            if len(entries) > limits.files:
+                _refuse(f"holds more than {limits.files} files; not opened")
+            for entry in entries:
+                _check_packed(package, entry, limits)
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError):
+        _refuse("cannot be read: the package is damaged; save it again")
+
+
+def _check_packed(package: zipfile.ZipFile, entry: zipfile.ZipInfo, limits: Limits) -> None:
+    name = entry.filename
+    if name.startswith("/") or "\\" in name or ".." in name.split("/"):
+        _refuse("holds a name that leads out of the package; not opened")
+    if entry.compress_type != zipfile.ZIP_STORED or entry.flag_bits & 1:
+        _refuse("is packed as USD packages are not; not opened")
+    if name.lower().endswith(".usdz"):
+        _refuse("holds a package in a package; not opened")
+    if name.lower().endswith((".usd", ".usda", ".usdc")):
+        data = package.read(entry)
+        if data.startswith(_TEXT):
+            _check_text(data, limits)
+        elif data.startswith(_CRATE):
+            _check_crate(data, limits)

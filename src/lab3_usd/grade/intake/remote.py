@@ -1,0 +1,193 @@
+"""Submissions in object storage: lists them through fsspec, and fetches one at a time."""
+
+from __future__ import annotations
+
+import importlib
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+
+from lab3_usd.errors import UsageError
+from lab3_usd.grade.intake.archives import is_archive
+from lab3_usd.grade.intake.fetching import Fetched, FetchError, FetchLimits, fetch, reason_of
+from lab3_usd.grade.intake.gradescope_export import LARGEST
+from lab3_usd.grade.intake.limits import Limits, TooLargeError
+from lab3_usd.grade.intake.staging import Source
+
+_SLASHES = "://"
+_HOUR = 3600.0
+_POLL_SECONDS = 0.2
+
+
+class StorageLocation(Struct, frozen=True):
+    """A storage of fsspec, and a path in it."""
+
+    storage: Any
+    root: str
+
+
+def is_address(place: str) -> bool:
+    """Whether a place is an address for fsspec (`s3://course/lab3`) and not a path."""
+    return _SLASHES in place
+
+
+def local_path(place: Path | str) -> Path | str:
+    """Return the path of an address that is on this computer (`file://`), others as they are.
+
+    Raises:
+        UsageError: fsspec is not installed, or knows no such address.
+    """
+    if isinstance(place, Path):
+        return place
+    at = _storage(place)
+    local: type = importlib.import_module("fsspec.implementations.local").LocalFileSystem
+    return Path(at.root) if isinstance(at.storage, local) else place
+
+
+def entries_at(address: str) -> list[tuple[str, bool]]:
+    """Return the names at an address, and which of them are folders, in order.
+
+    Raises:
+        UsageError: fsspec is not installed, knows no such address, or cannot list it.
+    """
+    at = _storage(address)
+    try:
+        found = at.storage.ls(at.root, detail=True)
+    except Exception as error:
+        message = f"{address}: cannot be listed ({type(error).__name__}: {error})"
+        raise UsageError(message) from error
+    names = [(_name(each["name"]), each["type"] == "directory") for each in found]
+    return sorted((name, is_folder) for name, is_folder in names if name)
+
+
+def read_at(address: str, name: str) -> bytes | str:
+    """Return a file's bytes, or a few words about why it cannot be read."""
+    at = _storage(address)
+    path = f"{at.root.rstrip('/')}/{name}"
+    try:
+        with at.storage.open(path, "rb") as stream:
+            data: bytes = stream.read(LARGEST + 1)
+    except Exception as error:  # noqa: BLE001 - a storage may raise anything
+        return f"it cannot be read: {reason_of(error)}"
+    return data if len(data) <= LARGEST else f"it is larger than {LARGEST // 1_000_000} MB"
+
+
+def archive_at(address: str, scratch: Path, limits: Limits) -> Path | None:
+    """Fetch the archive of a class that lies at an address; None where a folder lies there.
+
+    Raises:
+        UsageError: it cannot be fetched, or what lies there is neither.
+    """
+    at = _storage(address)
+    name = _name(at.root)
+    try:
+        is_file = bool(at.storage.isfile(at.root))
+    except Exception as error:
+        message = f"{address}: cannot be looked at ({reason_of(error)})"
+        raise UsageError(message) from error
+    if not is_file:
+        return None
+    if not is_archive(name):
+        message = f"{address}: is neither a folder nor an archive of submissions"
+        raise UsageError(message)
+    bounds = FetchLimits(limits, threading.Event(), whole=True)
+    try:
+        within(_HOUR, lambda: fetch(at.storage, at.root, scratch / name, bounds), bounds)
+    except (FetchError, TooLargeError) as error:
+        message = f"{address}: {error}"
+        raise UsageError(message) from error
+    return scratch / name
+
+
+def _name(path: str) -> str:
+    return path.rstrip("/").rpartition("/")[2]
+
+
+def _storage(address: str) -> StorageLocation:
+    try:
+        core = importlib.import_module("fsspec.core")
+    except ImportError as error:
+        message = f"{address}: addresses need fsspec; install lab3-usd[cluster]"
+        raise UsageError(message) from error
+    try:
+        storage, root = core.url_to_fs(address)
+    except Exception as error:
+        message = f"{address}: fsspec does not know it ({error})"
+        raise UsageError(message) from error
+    return StorageLocation(storage, str(root))
+
+
+def fetched(
+    sources: Iterable[Source],
+    folder: Path,
+    limits: Limits,
+    stopped: Callable[[], bool] = lambda: False,
+) -> tuple[Source, ...]:
+    """Return sources on this computer: sources with an address are fetched into `folder`.
+
+    What cannot be fetched becomes the fault of its source, for the one submission alone; so does
+    everything once `stopped` is true.
+
+    Raises:
+        TooLargeError: more would be fetched than a submission may hold.
+    """
+    return tuple(
+        _fetched(source, folder / str(n), limits, stopped) if source.address else source
+        for n, source in enumerate(sources)
+    )
+
+
+def _fetched(source: Source, target: Path, limits: Limits, stopped: Callable[[], bool]) -> Source:
+    target.mkdir(parents=True, exist_ok=True)
+    bounds = FetchLimits(limits, threading.Event())
+
+    def get() -> tuple[Path, Fetched]:
+        at = _storage(source.address)
+        path = target / _name(at.root)
+        return path, fetch(at.storage, at.root, path, bounds)
+
+    try:
+        path, left_out = within(limits.all_seconds, get, bounds, stopped)
+    except (FetchError, UsageError) as error:
+        return Source(target, source.name, fault=str(error))
+    return Source(path, source.name, left_out=left_out)
+
+
+def within(
+    seconds: float,
+    get: Callable[[], Any],
+    bounds: FetchLimits,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Any:  # noqa: ANN401 - what `get` returns
+    """Return what `get` returns or raise what it raises; a storage that hangs is not waited for.
+
+    Raises:
+        FetchError: it took too long, or `stopped` became true.
+    """
+    answers: queue.Queue[Any] = queue.Queue()
+
+    def run() -> None:
+        try:
+            answers.put(get())
+        except Exception as error:  # noqa: BLE001 - raised again in the caller's thread
+            answers.put(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    until = time.monotonic() + seconds
+    while True:
+        with suppress(queue.Empty):
+            answer = answers.get(timeout=min(_POLL_SECONDS, seconds))
+            break
+        if stopped() or time.monotonic() > until:
+            bounds.stopped.set()
+            message = f"cannot be fetched: took longer than {seconds:g} s"
+            raise FetchError(message)
+    if isinstance(answer, Exception):
+        raise answer
+    return answer

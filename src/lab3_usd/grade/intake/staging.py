@@ -1,0 +1,193 @@
+"""Copies one submission to where it is judged, so that nothing outside the copy can be reached."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from msgspec import Struct
+
+from lab3_usd.grade.intake.archives import (
+    OTHER_ENDINGS,
+    ArchiveError,
+    is_archive,
+    is_no_room,
+    unpack,
+)
+from lab3_usd.grade.intake.file_filter import RefusedFile
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.submission_copy import SubmissionCopy
+from lab3_usd.judge.folder import is_submission
+
+_DEEPEST = 4
+_UNREAD = "it cannot be read"
+
+
+class Source(Struct, frozen=True):
+    """A file, folder or archive that a submission consists of, and its name there ('' for all).
+
+    `address` says where it is to be fetched from when it is not on this computer, `left_out` what
+    is not there because it was refused on the way here, and `fault` why nothing of it is.
+    """
+
+    path: Path
+    name: str = ""
+    address: str = ""
+    left_out: tuple[RefusedFile, ...] = ()
+    fault: str = ""
+
+
+class StagedSubmission(Struct, frozen=True):
+    """The copy of a submission: its folder, its digest, and what was left out."""
+
+    folder: Path
+    digest: str
+    refused: tuple[RefusedFile, ...]
+
+
+def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) -> StagedSubmission:
+    """Copy and unpack a submission below `target`, which holds plain files only afterwards.
+
+    Raises:
+        TooLargeError: it holds too many files or too much in them.
+        ArchiveError: the one archive that it consists of cannot be unpacked, or nothing in it read.
+    """
+    copy = SubmissionCopy(target, limits)
+    every = list(sources)
+    for source in every:
+        _take(source, copy, alone=len(every) == 1)
+    unread = [each for each in copy.refused if each.reason.startswith(_UNREAD)]
+    if unread and not copy.digests:
+        message = f"{unread[0].path}: {unread[0].reason.removeprefix('it ')}"
+        raise ArchiveError(message)
+    folder = _submission_in(target)
+    inside = folder.relative_to(target).as_posix()
+    refused = tuple(
+        RefusedFile(each.path.removeprefix(f"{inside}/"), each.reason) for each in copy.refused
+    )
+    return StagedSubmission(folder, copy.digest(), refused)
+
+
+def _take(source: Source, copy: SubmissionCopy, *, alone: bool) -> None:
+    if source.fault:
+        message = f"{source.name or source.path.name}: {source.fault}"
+        raise ArchiveError(message)
+    for each in source.left_out:
+        copy.refuse(each.path, each.reason)
+    if os.path.isdir(source.path) and not source.path.is_symlink():  # noqa: PTH112 - never raises
+        _take_folder(source, copy)
+    else:
+        _take_file(source.path, source.name or source.path.name, copy, alone=alone)
+
+
+def _take_folder(source: Source, copy: SubmissionCopy) -> None:
+    root = source.path.resolve()
+    for path, name in _files_below(root, copy):
+        _take_file(path, source.name + name, copy, root=root)
+
+
+def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]:
+    """Yield what a folder holds, links not followed, in the order of the names."""
+    waiting = [""]
+    while waiting:
+        below = waiting.pop()
+        try:
+            with os.scandir(root / below) as scan:
+                entries = sorted(scan, key=lambda entry: entry.name)
+        except OSError as error:
+            copy.refuse(below.rstrip("/") or root.name, f"{_UNREAD} ({error.strerror})")
+            continue
+        for entry in entries:
+            name = f"{below}{entry.name}"
+            if not entry.is_dir(follow_symlinks=False):
+                yield Path(entry.path), name
+            elif name.count("/") >= copy.limits.folders:
+                copy.refuse(name, f"it lies more than {copy.limits.folders} folders deep")
+            elif copy.place(name) is not None:
+                waiting.append(f"{name}/")
+
+
+def _take_file(
+    path: Path, name: str, copy: SubmissionCopy, root: Path | None = None, *, alone: bool = False
+) -> None:
+    """Take in one file; an archive at the top of a submission is unpacked."""
+    if path.is_symlink():
+        inside = _inside(path, root)
+        if inside is None:
+            copy.refuse(name, "it is a link that leads out of the submission; not opened")
+            return
+        path = inside
+    if is_archive(name) and "/" not in name:
+        _unpack(path, name, copy, alone=alone)
+    elif name.lower().endswith(OTHER_ENDINGS) and "/" not in name:
+        copy.refuse(name, "it is an archive of a kind that is not unpacked; hand in a .zip")
+    else:
+        _copy(path, name, copy)
+
+
+def _inside(link: Path, root: Path | None) -> Path | None:
+    """Return what a link leads to when that is in the submission."""
+    try:
+        target = link.resolve(strict=True)
+    except (OSError, RuntimeError):
+        return None
+    return target if root is not None and target.is_relative_to(root) else None
+
+
+def _unpack(path: Path, name: str, copy: SubmissionCopy, *, alone: bool) -> None:
+    try:
+        is_file = stat.S_ISREG(path.lstat().st_mode)
+    except OSError as error:
+        copy.refuse(name, f"{_UNREAD} ({error.strerror})")
+        return
+    if not is_file:
+        copy.refuse(name, "it is no file but a pipe, socket or device; not opened")
+        return
+    try:
+        unpack(path, "", copy)
+    except ArchiveError as error:
+        if alone:
+            raise
+        copy.refuse(name, str(error).partition(": ")[2])
+
+
+def _copy(path: Path, name: str, copy: SubmissionCopy) -> None:
+    try:
+        with _opened(path) as (stream, size):
+            if stream is None:
+                copy.refuse(name, "it is no file but a pipe, socket or device; not opened")
+            else:
+                copy.take(name, size, stream)
+    except OSError as error:
+        if is_no_room(error):
+            raise
+        copy.refuse(name, f"{_UNREAD} ({error.strerror})")
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[BinaryIO | None, int]]:
+    """Open a plain file; a pipe or device yields None and is never waited for."""
+    if not stat.S_ISREG(path.lstat().st_mode):
+        yield None, 0
+        return
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    handle = os.open(path, flags | getattr(os, "O_BINARY", 0))
+    with open(handle, "rb") as file:  # noqa: PTH123 - a handle, not a path
+        status = os.fstat(handle)
+        # The file may have been replaced since it was looked at.
+        yield (file if stat.S_ISREG(status.st_mode) else None), status.st_size
+
+
+def _submission_in(target: Path) -> Path:
+    """Return the folder in which the submission begins: the topmost that looks like one."""
+    level = [target]
+    for _ in range(_DEEPEST):
+        for folder in level:
+            if is_submission(folder):
+                return folder
+        level = [each for folder in level for each in sorted(folder.iterdir()) if each.is_dir()]
+    return target

@@ -1,0 +1,246 @@
+"""Finds the submission of each student of a class, and a report folder for each."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.errors import UsageError
+from lab3_usd.grade.intake.entries import (
+    Entry,
+    StudentsByFolder,
+    SubmissionPart,
+    entries_in,
+    is_leftover,
+    is_submission_part,
+    looks_like_submission,
+    parts_of,
+)
+from lab3_usd.grade.intake.file_filter import RefusedFile
+from lab3_usd.grade.intake.gradescope_export import METADATA, StudentNames, names_in, read_metadata
+from lab3_usd.grade.intake.remote import entries_at, read_at
+from lab3_usd.grade.intake.staging import Source
+from lab3_usd.judge.folder import is_submission
+
+_SLUG = re.compile(r"[^A-Za-z0-9._-]+")
+_LONGEST_SLUG = 80
+_MOST_NAMED = 5
+Notify = Callable[[str], None]
+
+
+class StudentSubmission(Struct, frozen=True):
+    """What one student handed in.
+
+    `student` is the number or name that the platform gives, made unique where two claim the same
+    `number`; `folder` the name of the report folder, which no other student has.
+    """
+
+    student: str
+    name: str
+    folder: str
+    sources: tuple[Source, ...]
+    late: bool = False
+    number: str = ""
+
+
+class ClassLocation(Struct, frozen=True):
+    """Where submissions lie: a folder, or the address of one.
+
+    `given` is how the user calls it, and `name` whose it is when it is a single submission.
+    `left_out` is what is not there because it was not unpacked, by the entry that it belongs to,
+    and `empty_folder` replaces entries of which nothing was unpacked.
+    """
+
+    where: Path | str
+    given: str
+    name: str = ""
+    left_out: tuple[tuple[Entry, RefusedFile], ...] = ()
+    empty_folder: Path = Path()
+
+
+def _quiet(_line: str) -> None:
+    """Say nothing."""
+
+
+def find_submissions(
+    place: ClassLocation | Path | str, notify: Notify = _quiet
+) -> tuple[StudentSubmission, ...]:
+    """Return every student's submission in a folder, in the order of the students.
+
+    A folder in object storage is given by its address, as text. `notify` is told, in a line each,
+    what is passed over, and of whom the name is not known.
+
+    Raises:
+        UsageError: there is no such folder, it cannot be read, or nothing in it is a submission.
+    """
+    at = place if isinstance(place, ClassLocation) else ClassLocation(place, str(place))
+    parts = (
+        _at_address(at, at.where, notify)
+        if isinstance(at.where, str)
+        else _in(at, at.where, notify)
+    )
+    if not parts:
+        message = f"{at.given}: holds no submission: no folder, archive or stage"
+        raise UsageError(message)
+    return tuple(_joined(parts))
+
+
+def _at_address(at: ClassLocation, address: str, notify: Notify) -> list[SubmissionPart]:
+    entries = entries_at(address)
+    name = address.rstrip("/").rpartition("/")[2]
+    if looks_like_submission(entries):
+        return [SubmissionPart(name, name, Source(Path(name), address=address))]
+    names = StudentNames({}, "")
+    if (METADATA, False) in entries:
+        names = names_in(read_at(address, METADATA))
+    return [
+        replace(each, source=_elsewhere(each.source, address))
+        for each in _parts(at, entries, names, notify)
+    ]
+
+
+def _elsewhere(source: Source, address: str) -> Source:
+    if "::" in source.path.name:  # fsspec would read it as an address of its own
+        return replace(source, fault="its name holds '::' and is no part of an address")
+    return replace(source, address=f"{address.rstrip('/')}/{source.path}")
+
+
+def _in(at: ClassLocation, folder: Path, notify: Notify) -> list[SubmissionPart]:
+    if not folder.is_dir():
+        message = f"{at.given}: there is no such folder or archive of submissions"
+        raise UsageError(message)
+    try:
+        entries = entries_in(folder)
+    except OSError as error:
+        message = f"{at.given}: cannot be read ({error.strerror})"
+        raise UsageError(message) from error
+    if is_submission(folder):
+        name = at.name or folder.resolve().name or "submission"
+        missing = tuple(_below(entry, refused) for entry, refused in at.left_out)
+        return [SubmissionPart(name, name, Source(folder.resolve(), left_out=missing))]
+    names = StudentNames({}, "")
+    if (METADATA, False) in entries:
+        names = read_metadata(folder / METADATA)
+    left_out: dict[str, list[RefusedFile]] = {}
+    for (entry, _), refused in at.left_out:
+        left_out.setdefault(entry, []).append(refused)
+    return [
+        _placed(each, at, folder, left_out.get(each.source.path.name, []))
+        for each in _parts(at, entries, names, notify)
+    ]
+
+
+def _below(entry: Entry, refused: RefusedFile) -> RefusedFile:
+    name, is_folder = entry
+    return RefusedFile(f"{name}/{refused.path}", refused.reason) if is_folder else refused
+
+
+def _placed(
+    part: SubmissionPart, at: ClassLocation, folder: Path, left_out: list[RefusedFile]
+) -> SubmissionPart:
+    """Say where a part lies, and what of it is not there."""
+    path = folder / part.source.path.name
+    if not os.path.lexists(path):
+        path = at.empty_folder
+    return replace(part, source=replace(part.source, path=path, left_out=tuple(left_out)))
+
+
+def _parts(
+    at: ClassLocation, entries: list[Entry], names: StudentNames, notify: Notify
+) -> list[SubmissionPart]:
+    """Tell by their names whose the entries of a folder are."""
+    here = {name for name, _ in entries}
+    missing = dict.fromkeys(entry for entry, _ in at.left_out if entry[0] not in here)
+    every = sorted({name: (name, is_folder) for name, is_folder in missing}.values()) + entries
+    _notify_passed_over(at, every, notify)
+    ours = (entry for entry in sorted(every) if is_submission_part(entry))
+    parts = list(parts_of(ours, names.by_folder))
+    _notify_doubts(parts, notify)
+    if METADATA in here:
+        _notify_unnamed(every, names.by_folder, names.fault, notify)
+    return parts
+
+
+def _notify_passed_over(at: ClassLocation, entries: list[Entry], notify: Notify) -> None:
+    names = [
+        name
+        for name, is_folder in sorted(entries)
+        if not is_submission_part((name, is_folder)) and not is_leftover(name) and name != METADATA
+    ]
+    if names:
+        notify(f"{at.given}: passed over, as nobody's submission: {_listed(names)}")
+
+
+def _notify_doubts(parts: list[SubmissionPart], notify: Notify) -> None:
+    for part in parts:
+        if part.doubt:
+            file = _listed([part.source.path.name])
+            notify(f"{file}: taken as of {part.name} ({part.student}); may be of {part.doubt}")
+
+
+def _notify_unnamed(
+    entries: list[Entry], known: StudentsByFolder, fault: str, notify: Notify
+) -> None:
+    names = [name for name, folder in entries if folder and is_submission_part((name, folder))]
+    unnamed = [name for name in names if name not in known]
+    if unnamed or fault:
+        because = f" ({fault})" if fault else ""
+        who = f"; graded under the names of their folders: {_listed(unnamed)}" if unnamed else ""
+        notify(f"{METADATA}: does not name everybody{because}{who}")
+
+
+def _listed(names: list[str]) -> str:
+    shown = ", ".join(_text(name) if name.isprintable() else repr(name) for name in names[:5])
+    more = len(names) - _MOST_NAMED
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def _joined(parts: list[SubmissionPart]) -> Iterator[StudentSubmission]:
+    """Put together what belongs to one student; two of them never share a name or a folder."""
+    groups: dict[tuple[str, str], list[SubmissionPart]] = {}
+    for part in parts:
+        groups.setdefault((part.student, part.entry), []).append(part)
+    claims = Counter(student for student, _ in groups)
+    names: set[str] = set()
+    folders: set[str] = set()
+    for (number, entry), own in sorted(groups.items()):
+        student = f"{number} ({entry})" if entry and claims[number] > 1 else number
+        while student in names:
+            student += " again"
+        names.add(student)
+        folder = _slug(student, folders)
+        folders.add(folder.casefold())
+        own.sort(key=lambda part: -part.upload)  # of two files with one name the first counts
+        yield StudentSubmission(
+            _text(student),
+            _text(own[0].name),
+            folder,
+            tuple(part.source for part in own),
+            any(part.late for part in own),
+            _text(number),
+        )
+
+
+def _text(name: str) -> str:
+    """Return a name as text, also where the file system holds bytes that are none."""
+    return name.encode("utf-8", "backslashreplace").decode()
+
+
+def _slug(student: str, taken: set[str]) -> str:
+    """Return a folder name that every file system and every link takes as it is."""
+    plain = _SLUG.sub("_", student).strip("._-")[:_LONGEST_SLUG]
+    if plain == student and plain.casefold() not in taken:
+        return plain
+    digest = student.encode("utf-8", "backslashreplace")
+    while True:  # a student may be called as another one's folder
+        digest = hashlib.sha256(digest).hexdigest().encode()
+        slug = f"{plain or 'student'}-{digest[:8].decode()}"
+        if slug.casefold() not in taken:
+            return slug

@@ -1,0 +1,1 @@
+"""Judging submissions in processes of their own."""

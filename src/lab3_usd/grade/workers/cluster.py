@@ -1,0 +1,201 @@
+"""Judges on more than one machine: tasks go over Dask, and each machine keeps its own fences."""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import importlib
+import os
+import threading
+from collections.abc import Generator, Iterable, Iterator
+from concurrent.futures import CancelledError
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.errors import UsageError
+from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch, scratch_folder
+from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task, decode, encode
+from lab3_usd.grade.workers.pool import Runner, run_in
+from lab3_usd.grade.workers.worker_process import WorkerError
+from lab3_usd.grade.workers.worker_slot import WorkerSlot, judge_in
+from lab3_usd.report.tool import tool_version
+
+_PER_THREAD = 3  # tasks on their way for each thread of the cluster
+_RETRIES = 5
+_SECONDS_TO_CONNECT = 20
+_KILLED = "KilledWorker"  # what Dask raises of a task whose workers died one after the other
+_local = threading.local()
+
+
+class Shipment(Struct, frozen=True):
+    """What a machine of the cluster needs to judge: the files themselves, not where they lie.
+
+    `files` are the starter and its assets, wherever they lie, by their paths below one folder,
+    `lab` those that describe the lab, where it is not the bundled one.
+    """
+
+    version: str
+    files: tuple[tuple[str, bytes], ...]
+    starter: str
+    rubric: bytes | None
+    lab: tuple[tuple[str, bytes], ...]
+    settings: PoolSettings
+
+
+def cluster_runner(address: str) -> Runner:
+    """Return what runs tasks on the Dask cluster at `address` in place of `pool.run_tasks`."""
+    return partial(run_on_cluster, address)
+
+
+def run_on_cluster(
+    address: str, tasks: Iterable[Task], settings: PoolSettings
+) -> Generator[Answer]:
+    """Yield each task with its answer; a machine that goes away has its tasks done by others.
+
+    Raises:
+        UsageError: Dask is not installed, or there is no scheduler or no worker at `address`.
+        WorkerError: all workers have gone.
+    """
+    client = _connect(address)
+    try:
+        _await_worker(client, address)
+        shipment = client.scatter(_shipment(settings), broadcast=True)
+        executor = client.get_executor(pure=False, retries=_RETRIES)
+        at_once = _PER_THREAD * max(1, sum(client.nthreads().values()))
+        yield from run_in(
+            lambda task: executor.submit(judge_here, shipment, encode(task)), tasks, at_once
+        )
+    except Exception as error:
+        if not isinstance(error, CancelledError) and type(error).__name__ != _KILLED:
+            raise
+        message = (
+            f"{address}: the workers of the cluster have gone; start others and go on with "
+            "--resume, which keeps what is graded"
+        )
+        raise WorkerError(message) from error
+    finally:
+        client.close()
+
+
+def _await_worker(client: Any, address: str) -> None:  # noqa: ANN401
+    try:
+        client.wait_for_workers(1, timeout=_SECONDS_TO_CONNECT)
+    except (TimeoutError, asyncio.TimeoutError) as error:  # not the same before Python 3.11
+        message = f"{address}: the cluster has no worker; start one with `dask worker {address}`"
+        raise UsageError(message) from error
+
+
+def _connect(address: str) -> Any:  # noqa: ANN401
+    try:
+        distributed = importlib.import_module("distributed")
+    except ImportError as error:
+        message = "--cluster needs Dask; install lab3-usd[cluster]"
+        raise UsageError(message) from error
+    try:
+        return distributed.Client(address, timeout=_SECONDS_TO_CONNECT)
+    except (OSError, ValueError) as error:
+        message = f"{address}: there is no Dask scheduler ({error})"
+        raise UsageError(message) from error
+
+
+def _shipment(settings: PoolSettings) -> Shipment:
+    from lab3_usd.stage.fence.stages import files_of  # noqa: PLC0415 - pxr
+
+    if settings.starter is None:
+        message = "--cluster needs a starter"
+        raise UsageError(message)
+    starter = settings.starter.resolve()
+    paths = sorted({Path(path.partition("[")[0]) for path in files_of(starter)})
+    root = Path(os.path.commonpath([starter.parent, *(path.parent for path in paths)]))
+    shipment = Shipment(
+        version=tool_version(),
+        files=tuple((path.relative_to(root).as_posix(), path.read_bytes()) for path in paths),
+        starter=starter.relative_to(root).as_posix(),
+        rubric=None if settings.rubric is None else settings.rubric.read_bytes(),
+        lab=tuple(_lab_files(settings)),
+        settings=replace(settings, readable=tuple(path.absolute() for path in settings.readable)),
+    )
+    with scratch_folder("lab3-starter-") as folder:
+        there = _unpacked(shipment, folder).starter
+        found = len(files_of(there)) if there is not None else 0
+        if found < len(files_of(starter)) or not _all_below(folder, there):
+            message = (
+                f"{settings.starter}: refers to files in a way that other machines cannot follow; "
+                "use paths relative to the starter, and no links"
+            )
+            raise UsageError(message)
+    return shipment
+
+
+def _lab_files(settings: PoolSettings) -> Iterator[tuple[str, bytes]]:
+    if settings.lab is not None:
+        for path in sorted(settings.lab.glob("*.yaml")):
+            yield path.name, path.read_bytes()
+
+
+def _all_below(folder: Path, starter: Path | None) -> bool:
+    """Whether a starter in a folder consists of files of that folder alone."""
+    from lab3_usd.stage.fence.stages import files_of  # noqa: PLC0415 - pxr
+
+    real = folder.resolve()
+    return starter is not None and all(
+        Path(each).is_relative_to(real) for each in files_of(starter)
+    )
+
+
+def judge_here(shipment: Shipment, message: bytes) -> Answer:
+    """Judge the task of a message on this machine, in a fenced process that this thread keeps.
+
+    Raises:
+        UsageError: this machine has another version of the package, or not the submission.
+    """
+    if tool_version() != shipment.version:
+        fault = f"a worker of the cluster has version {tool_version()}, not {shipment.version}"
+        raise UsageError(fault)
+    task = decode(message, Task)
+    for source in task.sources:
+        if not source.address and not source.path.exists():
+            fault = f"{source.path} is not on every machine of the cluster; give an address"
+            raise UsageError(fault)
+    return judge_in(_slot(shipment), task)
+
+
+def _slot(shipment: Shipment) -> WorkerSlot:
+    """Return this thread's worker for a shipment; one for another shipment is stopped first."""
+    known: tuple[Shipment, WorkerSlot, Path] | None = getattr(_local, "slot", None)
+    if known is not None and known[0] is shipment:
+        return known[1]
+    if known is not None:
+        _remove(known[1], known[2])
+    folder = make_scratch("lab3-starter-")
+    slot = WorkerSlot(_unpacked(shipment, folder))
+    _local.slot = (shipment, slot, folder)
+    atexit.register(_remove, slot, folder)
+    return slot
+
+
+def _remove(slot: WorkerSlot, folder: Path) -> None:
+    slot.stop()
+    remove_scratch(folder)
+
+
+def _unpacked(shipment: Shipment, folder: Path) -> PoolSettings:
+    for name, data in shipment.files:
+        path = folder / "starter" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    lab = folder / "lab" if shipment.lab else None
+    for name, data in shipment.lab:
+        path = folder / "lab" / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(data)
+    rubric = None
+    if shipment.rubric is not None:
+        rubric = folder / "rubric.yaml"
+        rubric.write_bytes(shipment.rubric)
+    starter = folder / "starter" / shipment.starter
+    return replace(shipment.settings, starter=starter, rubric=rubric, lab=lab)

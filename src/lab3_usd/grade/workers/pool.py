@@ -1,0 +1,117 @@
+"""Runs tasks on an executor: threads of this process with a worker each, or a cluster."""
+
+from __future__ import annotations
+
+import atexit
+import queue
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from itertools import islice
+from types import FrameType
+
+from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task
+from lab3_usd.grade.workers.worker_slot import WorkerSlot, judge_in
+
+Runner = Callable[[Iterable[Task], PoolSettings], Generator[Answer]]
+
+
+def run_tasks(tasks: Iterable[Task], settings: PoolSettings) -> Generator[Answer]:
+    """Yield each task with its answer, as soon as it is there, whatever became of the worker.
+
+    Raises:
+        WorkerError: workers cannot be started.
+    """
+    pool = _ThreadPool(settings)
+    # An interrupt in the caller's code does not close this generator before the program ends.
+    atexit.register(pool.end)
+    try:
+        # As many again wait, so that no worker is idle while the caller writes an answer.
+        yield from run_in(pool.submit, tasks, 2 * settings.jobs, pool.stop)
+    finally:
+        pool.end()
+        atexit.unregister(pool.end)
+
+
+class _ThreadPool:
+    """Threads of this process that judge, with a worker for each."""
+
+    def __init__(self, settings: PoolSettings) -> None:
+        self._executor = ThreadPoolExecutor(settings.jobs)
+        self._slots = [WorkerSlot(settings) for _ in range(settings.jobs)]
+        self._free: queue.SimpleQueue[WorkerSlot] = queue.SimpleQueue()
+        self._is_stopped = False  # a signal sets it, which must not wait for a lock
+        for slot in self._slots:
+            self._free.put(slot)
+
+    def submit(self, task: Task) -> Future[Answer]:
+        return self._executor.submit(self._judge, task)
+
+    def _judge(self, task: Task) -> Answer:
+        slot = self._free.get()
+        try:
+            return judge_in(slot, task, lambda: self._is_stopped)
+        finally:
+            self._free.put(slot)
+
+    def stop(self) -> None:
+        """Have the threads leave what they are at; they look several times a second."""
+        self._is_stopped = True
+
+    def end(self) -> None:
+        self.stop()
+        self._executor.shutdown(cancel_futures=True)
+        for slot in self._slots:
+            slot.stop()
+
+
+def run_in(
+    submit: Callable[[Task], Future[Answer]],
+    tasks: Iterable[Task],
+    at_once: int,
+    stop: Callable[[], None] = lambda: None,
+) -> Generator[Answer]:
+    """Submit tasks to an executor, `at_once` at a time, and yield answers as they come.
+
+    `stop` is called by the signals that interrupt the run.
+    """
+    waiting = iter(tasks)
+    with interrupted_by_signals(stop):
+        pending = {submit(task) for task in islice(waiting, at_once)}
+        while pending:
+            done, pending = wait(pending, return_when=FIRST_COMPLETED)
+            for future in done:
+                pending.update(submit(task) for task in islice(waiting, 1))
+                yield future.result()
+
+
+@contextmanager
+def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Call `stop` and raise KeyboardInterrupt once at SIGINT, SIGTERM or SIGHUP.
+
+    Signals that are ignored (`nohup`) or handled stay as they are. Only the main thread may handle
+    signals; in others nothing changes.
+    """
+    handlers = {}
+    if threading.current_thread() is threading.main_thread():
+        numbers = {getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP")}
+        found = {number: signal.getsignal(number) for number in numbers if number is not None}
+        ours = (signal.SIG_DFL, signal.default_int_handler)
+        handlers = {number: handler for number, handler in found.items() if handler in ours}
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        stop()
+        for number in handlers:  # cleaning up is not to be interrupted again
+            signal.signal(number, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    for number in handlers:
+        signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            with suppress(ValueError):  # a generator may be closed by another thread
+                signal.signal(number, handler)

@@ -1,0 +1,182 @@
+"""Judges one submission inside its fence: from the files that were handed in to points."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from msgspec import Struct, to_builtins
+from msgspec.structs import replace
+
+from lab3_usd.check.registry import Rule, all_rules
+from lab3_usd.check.rule_runs import finding_of
+from lab3_usd.grade.book.reports import write_reports
+from lab3_usd.grade.intake.archives import ArchiveError
+from lab3_usd.grade.intake.file_filter import RefusedFile
+from lab3_usd.grade.intake.guard import check_layer
+from lab3_usd.grade.intake.limits import Limits, TooLargeError
+from lab3_usd.grade.intake.staging import stage_submission
+from lab3_usd.grade.scoring.rubric import Rubric
+from lab3_usd.grade.scoring.scoring import Grade, grade
+from lab3_usd.grade.workers.messages import Json, Task, status_of
+from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
+from lab3_usd.judge.stage import with_findings
+from lab3_usd.judge.starter import Starter
+from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
+from lab3_usd.model.order import ordered
+from lab3_usd.spec.lab import Lab
+from lab3_usd.stage.fence.layers import BlockedAsset, Fence
+from lab3_usd.stage.fence.stages import fenced
+
+
+class GradingSetup(Struct, frozen=True):
+    """What every submission of a class is judged with.
+
+    `starter` is open already, and `allowed` are the files that it consists of.
+    """
+
+    lab: Lab
+    rubric: Rubric
+    starter: Starter | None
+    allowed: frozenset[str]
+    limits: Limits
+
+
+def grade_submission(
+    setup: GradingSetup, task: Task, scratch: Path, announce: Callable[[str], None]
+) -> Json:
+    """Copy a submission into `scratch`, judge the copy, and return everything to be recorded.
+
+    Sets the working directory to the copy for as long as it takes.
+    """
+    try:
+        staged = stage_submission(task.sources, scratch, setup.limits)
+    except TooLargeError as error:
+        return ungraded_record(setup.rubric, task.student, "too large", str(error), task.name)
+    except ArchiveError as error:
+        return ungraded_record(setup.rubric, task.student, "unreadable", str(error), task.name)
+    if task.known and task.known == staged.digest:
+        return {"status": "known", "digest": staged.digest}
+    fence = Fence(
+        root=staged.folder.resolve(),
+        check=partial(check_layer, limits=setup.limits),
+        allowed=setup.allowed,
+        broken=task.broken,
+        announce=announce,
+        graphs=tuple(spec.path for spec in setup.lab.graphs.values()),
+        nesting=setup.limits.nesting,
+    )
+    with _inside(staged.folder), fenced(fence):
+        found = check_folder(Path(), FolderSettings(starter=setup.starter))
+        found = _without_repairs(found)
+        found = _with_fence(found, task.student, staged.refused, fence.found.values())
+        points = _points(setup, found, late=task.late)
+        fence.closed = _not_pictured(found.results)
+        report = Report(found.results, (found.submission,))
+        reports = write_reports(report, setup.rubric, points, task.name)
+    return {
+        **_record(points, _status(found, task.broken, staged.refused)),
+        "digest": staged.digest,
+        "verdicts": {each.checkpoint: each.verdict for each in found.results},
+        "crashes": [crash.rule for crash in _crashes(found)],
+        "reports": reports,
+    }
+
+
+def _without_repairs(found: FolderResult) -> FolderResult:
+    """Let reports to students say what is wrong, and not how a program would change it."""
+    results = (
+        replace(each, findings=tuple(replace(one, fix=None) for one in each.findings))
+        for each in found.results
+    )
+    return replace(found, results=tuple(results))
+
+
+@contextlib.contextmanager
+def _inside(folder: Path) -> Iterator[None]:
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+def _not_pictured(results: Sequence[StageResult]) -> set[str]:
+    """Name the stages without faults, but for the last: its pictures show what they show."""
+    return {
+        each.path
+        for each in results[:-1]
+        if all(finding.severity == "note" for finding in each.findings)
+    }
+
+
+def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name: str = "") -> Json:
+    """Return the record of a submission of which nothing could be judged, with a report of why."""
+    points = grade(rubric, ())
+    finding = _finding(all_rules()["Z01"], student, reason)
+    report = Report((), (Submission(student, (finding,)),))
+    return {
+        **_record(points, (status, reason)),
+        "digest": "",
+        "verdicts": {},
+        "crashes": [],
+        "reports": write_reports(report, rubric, points, name),
+    }
+
+
+def _record(points: Grade, status: tuple[str, str]) -> Json:
+    record: Json = to_builtins(points)
+    return {"status": status[0], "reason": status[1], **record}
+
+
+def _points(setup: GradingSetup, found: FolderResult, *, late: bool) -> Grade:
+    return grade(setup.rubric, found.results, found.submission.checklist, late=late)
+
+
+def _status(
+    found: FolderResult, broken: Mapping[str, str], refused: Sequence[RefusedFile]
+) -> tuple[str, str]:
+    for path, how in broken.items():
+        return status_of(how), f"{path}: {how}"
+    if not found.results:
+        because = "; ".join(f"{each.path}: {each.reason}" for each in refused[:1])
+        return "empty", because or "holds no stage of a checkpoint"
+    if _crashes(found):
+        return "tool failed", "a rule of the checker failed; please report it"
+    return "graded", ""
+
+
+def _crashes(found: FolderResult) -> Sequence[Crash]:
+    crashes = [crash for each in found.results for crash in each.crashes]
+    return [*crashes, *found.submission.crashes]
+
+
+def _with_fence(
+    found: FolderResult,
+    student: str,
+    refused: Iterable[RefusedFile],
+    blocked: Iterable[BlockedAsset],
+) -> FolderResult:
+    """Add what was left out to the results, as findings of the rules about it."""
+    rules = all_rules()
+    files = [_finding(rules["Z01"], each.path, each.reason) for each in refused]
+    grave: dict[str, list[Finding]] = {}
+    for each in blocked:
+        if each.is_error:
+            finding = _finding(rules["Z02"], each.asset, each.reason)
+            grave.setdefault(each.stage, []).append(replace(finding, layer=each.stage))
+    results = tuple(
+        with_findings(each, (*each.findings, *grave[each.path])) if each.path in grave else each
+        for each in found.results
+    )
+    findings = ordered((*found.submission.findings, *files))
+    return FolderResult(results, replace(found.submission, path=student, findings=findings))
+
+
+def _finding(rule: Rule, *arguments: str) -> Finding:
+    (problem,) = rule.check(*arguments)
+    return finding_of(rule, problem)

@@ -1,0 +1,144 @@
+"""The process that judges: reads one task a line, writes one answer a line, trusts no submission.
+
+It is started by `worker_process` with an environment of its own, and gives up what it does not
+need before it reads the first file. Tasks and answers are JSON, so that nothing in them can be
+executed.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+from lab3_usd.data import data_folder, lab_folder
+from lab3_usd.grade.scoring.load_rubric import load_rubric
+from lab3_usd.grade.workers.confine import fence_files, give_up_privileges, limit_resources
+from lab3_usd.grade.workers.messages import (
+    CRASHED,
+    OUT_OF_MEMORY,
+    TOO_LARGE,
+    TOOL_FAILED,
+    Assignment,
+    Json,
+    PoolSettings,
+    Ready,
+    Reply,
+    Start,
+    Task,
+    decode,
+    encode,
+)
+from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
+from lab3_usd.judge.starter import open_starter
+from lab3_usd.spec.load.loader import load_lab
+
+_NEEDED = ("/usr", "/lib", "/lib64", "/etc/localtime", "/proc/self", "/dev/urandom")
+_TOO_LONG = f"{TOO_LARGE}: its reports would be longer than is sane"
+_OURS = ("graphs", "maps", "schema")
+
+
+def main() -> None:
+    """Serve tasks until there are no more: the settings first, then a task on each line."""
+    tasks, answers = _channels()
+    with tasks, answers:
+        _serve(decode(tasks.readline(), Start), tasks, answers)
+
+
+def _channels() -> tuple[BinaryIO, BinaryIO]:
+    """Keep standard input and output for tasks and answers; what else is printed is lost."""
+    tasks = os.fdopen(os.dup(0), "rb")
+    answers = os.fdopen(os.dup(1), "wb")
+    discarded = os.open(os.devnull, os.O_RDWR)
+    for stream in (0, 1):
+        os.dup2(discarded, stream)
+    os.close(discarded)
+    return tasks, answers
+
+
+def _serve(start: Start, tasks: BinaryIO, answers: BinaryIO) -> None:
+    def send(line: bytes) -> None:
+        answers.write(line)
+        answers.flush()
+
+    settings, scratch = start.settings, start.scratch.resolve()
+    confined = give_up_privileges()
+    setup = load_setup(settings)
+    confined["limits"] = limit_resources(settings.limits)
+    readable = [*settings.readable, *map(Path, (*setup.allowed, *_python(), *_NEEDED))]
+    confined["files"] = fence_files(readable, [scratch, Path(os.devnull)])
+    send(encode(Ready(confined, _most_memory())))
+    for line in tasks:
+        assignment = decode(line, Assignment)
+        turn = assignment.turn
+
+        def announce(name: str, turn: int = turn) -> None:
+            send(encode(Reply(turn, open=name)))
+
+        announce("")  # from here on, what ends this process is caused by the task
+        reply = encode(Reply(turn, done=answer(setup, assignment.task, scratch, announce)))
+        if len(reply) > settings.limits.answer_size // 2:  # lines about progress count too
+            reply = encode(Reply(turn, done={"failed": _TOO_LONG}))
+        send(reply)
+
+
+def _most_memory() -> int:
+    """Return the most memory that this process had, in bytes; 0 where that is not known."""
+    try:
+        import resource  # noqa: PLC0415 - not on Windows
+    except ImportError:
+        return 0
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else most * 1024
+
+
+def _python() -> list[str]:
+    """Name the folders of modules and data, which are still read while submissions are judged."""
+    ours = [str(lab_folder()), *(str(data_folder(name)) for name in _OURS)]
+    return [*ours, sys.prefix, sys.base_prefix, sys.exec_prefix, *filter(None, sys.path)]
+
+
+def load_setup(settings: PoolSettings) -> GradingSetup:
+    """Load what every submission is judged with."""
+    # Imported here so that importing it is over before the files are fenced.
+    from lab3_usd.stage.fence.stages import files_of  # noqa: PLC0415
+
+    lab, starter = load_lab(), settings.starter
+    return GradingSetup(
+        lab=lab,
+        rubric=load_rubric(settings.rubric, lab),
+        starter=None if starter is None else open_starter(starter, lab),
+        allowed=frozenset() if starter is None else files_of(starter),
+        limits=settings.limits,
+    )
+
+
+def answer(setup: GradingSetup, task: Task, scratch: Path, announce: Callable[[str], None]) -> Json:
+    """Judge one task in a folder of its own, which is removed afterwards."""
+    folder = Path(tempfile.mkdtemp(dir=scratch))
+    try:
+        return grade_submission(setup, task, folder, announce)
+    except MemoryError:
+        return {"died": OUT_OF_MEMORY}
+    except Exception as error:  # noqa: BLE001 - our own failure is recorded, and never a grade
+        return {"died": _how(error, folder)}
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _how(error: Exception, folder: Path) -> str:
+    """Tell what usd-core raises over a damaged file from a failure of our own.
+
+    Files are named by their place in the submission, not by where the copy of it lies.
+    """
+    kind = type(error)
+    if kind.__module__.startswith("pxr."):
+        return f"{CRASHED} ({kind.__name__})"
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    said = " ".join(str(error).replace(f"{folder}{os.sep}", "").split())
+    return f"{TOOL_FAILED}: {kind.__name__} at {Path(frame.filename).name}:{frame.lineno}: {said}"

@@ -1,0 +1,1 @@
+"""Reads a stage or a folder, has it checked, and says where the findings are."""

@@ -1,0 +1,192 @@
+"""Finds what a path names, a stage or a submission, and judges it."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.config.config import Config
+from lab3_usd.config.findings import matching
+from lab3_usd.errors import UsageError
+from lab3_usd.judge.stage import (
+    UNREADABLE,
+    check_stage,
+    checkpoint_of,
+    unreadable,
+    with_findings,
+)
+from lab3_usd.model.finding import Crash, Finding, StageResult, Submission
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
+
+if TYPE_CHECKING:
+    from lab3_usd.judge.starter import Starter
+
+STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
+Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
+
+
+class JudgeSettings(Struct, frozen=True):
+    """How to judge: at which checkpoint, and with which starter and folder of maps.
+
+    Without a checkpoint `config` or the name of each file gives one. With `require_evidence`,
+    saved output that is missing is an error instead of a note. With `heeds_ignores`, what notes in
+    a stage ignore on purpose is left out.
+    """
+
+    checkpoint: str | None = None
+    starter: Path | Starter | None = None
+    maps: Path | None = None
+    require_evidence: bool = False
+    config: Config = Config()
+    heeds_ignores: bool = False
+
+
+class Entry(NamedTuple):
+    """A path to judge: a stage, or the folder of a submission."""
+
+    path: str
+    is_submission: bool
+
+
+def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
+    """Yield what a path names: a stage, the stages of a folder, or a submission.
+
+    Raises:
+        UsageError: the folder holds no stage, or the checkpoint of a file is not known.
+    """
+    lab = load_lab()
+    if not Path(path).is_dir():
+        checkpoint_at(path, settings, lab)
+        yield Entry(path, is_submission=False)
+        return
+    from lab3_usd.judge.folder import is_submission  # noqa: PLC0415 - only for folders
+
+    if is_submission(Path(path)):
+        yield Entry(path, is_submission=True)
+        return
+    files = sorted(each for each in Path(path).iterdir() if each.suffix.lower() in STAGE_ENDINGS)
+    if not files:
+        message = f"{path}: holds no stage and is no submission"
+        raise UsageError(message)
+    for file in files:
+        checkpoint_at(str(file), settings, lab)
+        yield Entry(str(file), is_submission=False)
+
+
+def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
+    """Return the checkpoint to judge a file at.
+
+    Raises:
+        UsageError: neither settings nor name give one.
+    """
+    configured = next(matching(settings.config.checkpoints, path, settings.config), None)
+    found = settings.checkpoint or configured or checkpoint_of(Path(path).name, lab)
+    if found is not None and found not in lab.checkpoints:
+        message = f"{settings.config.file}: there is no checkpoint '{found}' ({path})"
+        raise UsageError(message)
+    if found is None:
+        message = (
+            f"{path}: the name gives no checkpoint (as {lab.checkpoints[lab.first].file} does); "
+            "give one with --checkpoint"
+        )
+        raise UsageError(message)
+    return found
+
+
+def judge_entries(
+    entries: Sequence[Entry], settings: JudgeSettings, jobs: int = 1
+) -> Generator[Results]:
+    """Yield the results of each entry, in order, judged in as many processes as asked for.
+
+    Raises:
+        StageError: the starter cannot be opened.
+    """
+    if min(jobs, len(entries)) <= 1:
+        opened = _with_open_starter(settings)
+        yield from (judge_entry(opened, entry) for entry in entries)
+        return
+    from lab3_usd.judge.processes import in_processes  # noqa: PLC0415 - only with --jobs
+
+    judge, crashed = partial(_judge_in_process, settings), partial(crashed_entry, settings)
+    yield from in_processes(judge, crashed, entries, min(jobs, len(entries)))
+
+
+def _with_open_starter(settings: JudgeSettings) -> JudgeSettings:
+    """Open the starter once for all the stages that are compared with it."""
+    if not isinstance(settings.starter, Path):
+        return settings
+    from lab3_usd.judge.starter import open_starter  # noqa: PLC0415 - only with --starter
+
+    return replace(settings, starter=open_starter(settings.starter, load_lab()))
+
+
+with_kept_starter = lru_cache(maxsize=1)(_with_open_starter)  # for as long as a process serves
+
+
+def _judge_in_process(settings: JudgeSettings, entry: Entry) -> Results:
+    return judge_entry(with_kept_starter(settings), entry)
+
+
+def judge_entry(settings: JudgeSettings, entry: Entry) -> Results:
+    """Judge a stage or a submission."""
+    if entry.is_submission:
+        return _judge_submission(entry.path, settings)
+    lab = load_lab()
+    checkpoint = checkpoint_at(entry.path, settings, lab)
+    from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, only when it is needed
+
+    with kept_open():
+        result = check_stage(entry.path, checkpoint, lab)
+        if settings.starter is not None:
+            result = _against_starter(result, settings, lab)
+        if settings.heeds_ignores:
+            result = _without_ignored(result)
+    if lab.checkpoints[checkpoint].localization:
+        about_maps = _about_maps(checkpoint, settings.maps, lab)
+        result = with_findings(result, (*result.findings, *about_maps))
+    return (result,), ()
+
+
+def crashed_entry(settings: JudgeSettings, entry: Entry, how: str) -> Results:
+    """Return the result for a path at which the process that judged it ended."""
+    reason = f"the process that read it ended ({how})"
+    crash = Crash(UNREADABLE, reason)
+    if entry.is_submission:
+        return (), (Submission(entry.path, crashes=(crash,)),)
+    result = unreadable(entry.path, checkpoint_at(entry.path, settings, load_lab()), reason)
+    return (replace(result, crashes=(crash,)),), ()
+
+
+def _judge_submission(path: str, settings: JudgeSettings) -> Results:
+    from lab3_usd.judge.folder import FolderSettings, check_folder  # noqa: PLC0415
+
+    folder = FolderSettings(
+        settings.starter, settings.maps, settings.require_evidence, settings.heeds_ignores
+    )
+    found = check_folder(Path(path), folder)
+    return found.results, (found.submission,)
+
+
+def _without_ignored(result: StageResult) -> StageResult:
+    from lab3_usd.judge.ignoring import without_ignored  # noqa: PLC0415 - only for lab3 check
+
+    return without_ignored(result)
+
+
+def _against_starter(result: StageResult, settings: JudgeSettings, lab: Lab) -> StageResult:
+    from lab3_usd.judge.starter import Starter, against_starter  # noqa: PLC0415 - only with --starter
+
+    opened = _with_open_starter(settings).starter
+    return against_starter(result, opened, lab) if isinstance(opened, Starter) else result
+
+
+def _about_maps(checkpoint: str, maps: Path | None, lab: Lab) -> Iterable[Finding]:
+    from lab3_usd.judge.folder import lone_stage_notes, map_findings  # noqa: PLC0415
+
+    return lone_stage_notes(checkpoint, lab) if maps is None else map_findings(maps, lab)

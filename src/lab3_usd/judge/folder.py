@@ -1,0 +1,152 @@
+"""Judges a student's whole folder: its stages, maps, parameters, saved output and files."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path, PurePosixPath
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.checklist import ChecklistInput, decide_checklist
+from lab3_usd.check.rule_runs import merge_results, run_family
+from lab3_usd.judge.folder_checks import (
+    FolderContents,
+    judge_maps,
+    judge_parameters,
+    judge_saved_outputs,
+    lone_stage_notes,
+    map_findings,
+    read_saved_outputs,
+)
+from lab3_usd.judge.folder_starter import Starters, find_starters
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.judge.starter import Starter, against_starter
+from lab3_usd.lab.submission.listing import folder_named, list_submission
+from lab3_usd.model.finding import Finding, StageResult, Submission
+from lab3_usd.model.order import ordered
+from lab3_usd.model.submission import SubmissionSubject
+from lab3_usd.spec.file_names import named_checkpoint
+from lab3_usd.spec.load.loader import load_lab
+
+__all__ = [
+    "FolderResult",
+    "FolderSettings",
+    "check_folder",
+    "is_submission",
+    "lone_stage_notes",
+    "map_findings",
+]
+
+
+class FolderSettings(Struct, frozen=True):
+    """What a folder is judged with: the supplied starter, and a folder of maps beside it.
+
+    With `require_evidence`, saved output that is missing is an error instead of a note. With
+    `heeds_ignores`, what notes in a stage ignore on purpose is left out.
+    """
+
+    starter: Path | Starter | None = None
+    maps: Path | None = None
+    require_evidence: bool = False
+    heeds_ignores: bool = False
+
+
+class FolderResult(Struct, frozen=True):
+    """The results of the stages in the order of their checkpoints, and of the folder itself."""
+
+    results: tuple[StageResult, ...]
+    submission: Submission
+
+
+def is_submission(folder: Path) -> bool:
+    """Whether a folder is a submission: it has the folder of stages, or several of the stages."""
+    lab = load_lab()
+    if folder_named(folder, lab.submission.folders.stages):
+        return True
+    try:
+        numbered = [each for each in folder.iterdir() if named_checkpoint(each.name, lab.files)]
+    except OSError:
+        return False
+    return len(numbered) > 1
+
+
+def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
+    """Judge every stage at its checkpoint, and the folder as a whole.
+
+    Raises:
+        StageError: the starter that was given cannot be opened.
+    """
+    lab = load_lab()
+    spec = lab.submission
+    contents = FolderContents(folder, list_submission(folder, lab, spec), lab, lab.ros, spec)
+    starters = find_starters(folder, contents.listing, settings.starter, lab)
+    results = dict(_results(contents, starters, heeds_ignores=settings.heeds_ignores))
+    evidence = read_saved_outputs(contents)
+    until = [*contents.listing.stages][-1] if contents.listing.stages else lab.last
+    required = settings.require_evidence
+    judged = merge_results((
+        run_family("submission", "X", _subject(contents, results, starters)),
+        judge_maps(contents, settings.maps, _last_stage(results)),
+        judge_parameters(contents),
+        judge_saved_outputs(
+            contents, evidence, lab.last if required else until, required=required
+        ),
+    ))  # fmt: skip
+    findings = ordered(_with_files(judged.findings, folder))
+    known = ChecklistInput(lab, spec, contents.ros, contents.listing, results, findings, evidence)
+    submission = Submission(str(folder), findings, decide_checklist(known), judged.crashes)
+    return FolderResult(tuple(results.values()), submission)
+
+
+def _results(
+    contents: FolderContents, starters: Starters, *, heeds_ignores: bool
+) -> Iterator[tuple[str, StageResult]]:
+    """Judge the files that USD can open; the others have a finding of their own."""
+    endings = (*contents.spec.stages.endings, *contents.spec.stages.openable)
+    for number, stage in contents.listing.stages.items():
+        if PurePosixPath(stage.path).suffix.lower() not in endings:
+            continue
+        result = check_stage(str(contents.root / stage.path), number, contents.lab)
+        if starters.compared is not None:
+            result = against_starter(result, starters.compared, contents.lab)
+        if heeds_ignores:
+            from lab3_usd.judge.ignoring import without_ignored  # noqa: PLC0415 - only for lab3 check
+
+            result = without_ignored(result)
+        yield number, result
+
+
+def _subject(
+    contents: FolderContents, results: Mapping[str, StageResult], starters: Starters
+) -> SubmissionSubject:
+    return SubmissionSubject(
+        lab=contents.lab,
+        spec=contents.spec,
+        listing=contents.listing,
+        results=results,
+        digests={number: _digest(Path(each.path)) for number, each in results.items()},
+        starter=starters.submitted,
+    )
+
+
+def _digest(path: Path) -> str:
+    """Return what tells a file from others; its own path where it cannot be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return str(path)
+
+
+def _last_stage(results: Mapping[str, StageResult]) -> Path | None:
+    readable = [each.path for each in results.values() if each.verdict != "unreadable"]
+    return Path(readable[-1]) if readable else None
+
+
+def _with_files(findings: Iterable[Finding], folder: Path) -> Iterator[Finding]:
+    """Add the file to open to findings whose site is a file of the folder."""
+    for each in findings:
+        path = folder / each.prim
+        is_file = not path.is_symlink() and path.is_file()
+        yield replace(each, layer=str(path)) if is_file else each

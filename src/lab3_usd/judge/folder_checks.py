@@ -1,0 +1,184 @@
+"""Judges the files of a submission beside its stages: maps, parameter files, saved outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.rule_runs import RuleResults, merge_results, run_family
+from lab3_usd.errors import Lab3Error
+from lab3_usd.lab.evidence.reader import read_listed
+from lab3_usd.lab.maps.grid import agreement, read_pgm
+from lab3_usd.lab.maps.map_files import find_map, map_subject
+from lab3_usd.lab.maps.raster import MapFrame, draw_map
+from lab3_usd.lab.nav2.parameters import read_params
+from lab3_usd.lab.submission.deliverables import find_parameter_files
+from lab3_usd.lab.submission.listing import folder_named
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.lab_files import Agreement, Evidence, EvidenceSubject, MapSubject
+from lab3_usd.model.submission import Listing
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.ros import map_facts
+from lab3_usd.spec.ros import MapFacts, RosSpec
+from lab3_usd.spec.submission import SubmissionSpec
+
+
+class FolderContents(Struct, frozen=True):
+    """A submission folder, the files that it holds, and what they are judged by."""
+
+    root: Path
+    listing: Listing
+    lab: Lab
+    ros: RosSpec
+    spec: SubmissionSpec
+
+    @property
+    def usable(self) -> list[str]:
+        """The paths of the files that may be opened."""
+        return [entry.path for entry in self.listing.entries if not entry.why_not]
+
+    @property
+    def refused(self) -> frozenset[str]:
+        """The paths of the files that are never opened."""
+        return frozenset(entry.path for entry in self.listing.entries if entry.why_not)
+
+
+def judge_maps(contents: FolderContents, maps: Path | None, stage: Path | None) -> RuleResults:
+    """Judge the map of the submission, or of the folder `maps`; with a stage, also its walls."""
+    facts = map_facts(contents.lab.scene)
+    if facts is None:
+        return RuleResults()
+    if maps is not None:
+        subject = map_subject(find_map(maps, facts), facts)
+        return run_family("maps", "M", _with_walls(subject, maps, stage, contents.lab))
+    path = _map_path(contents, facts)
+    if path is not None and path.relative_to(contents.root).as_posix() in contents.refused:
+        return RuleResults()
+    subject = map_subject(path, facts, root=contents.root)
+    if subject.image_file in contents.refused:
+        return RuleResults()
+    return run_family("maps", "M", _with_walls(subject, contents.root, stage, contents.lab))
+
+
+def _map_path(contents: FolderContents, facts: MapFacts) -> Path | None:
+    """Return where the map is or should be.
+
+    None for a bare folder of stages without one, and before a stage that needs it is handed in.
+    """
+    name = folder_named(contents.root, contents.spec.folders.maps)
+    if name:
+        return find_map(contents.root / name, facts)
+    if facts.yaml in contents.usable:
+        return contents.root / facts.yaml
+    stages = [contents.lab.checkpoints[each] for each in contents.listing.stages]
+    is_due = not stages or any(each.localization for each in stages)
+    if not is_due or not contents.listing.stage_folder:
+        return None
+    return contents.root / contents.spec.folders.maps / facts.yaml
+
+
+def _with_walls(subject: MapSubject, root: Path, stage: Path | None, lab: Lab) -> MapSubject:
+    facts = subject.facts
+    if stage is None or subject.size != (facts.width, facts.height):
+        return subject
+    figures = _wall_agreements(stage, root / subject.image_file, facts, lab)
+    return replace(subject, agreements=figures)
+
+
+def _wall_agreements(
+    stage_path: Path, image: Path, facts: MapFacts, lab: Lab
+) -> tuple[Agreement, ...]:
+    """Compare a map with the one that the stage's walls give.
+
+    Nobody says whether the map's frame is the world's or begins where the robot starts, so both
+    are tried. What cannot be compared gives no figure.
+    """
+    try:
+        return tuple(_agreements(stage_path, image, facts, lab))
+    except Lab3Error:
+        return ()
+
+
+def _agreements(stage_path: Path, image: Path, facts: MapFacts, lab: Lab) -> Iterator[Agreement]:
+    from lab3_usd.stage.geometry.slices import SliceOptions, slice_stage  # noqa: PLC0415
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
+
+    robot = lab.scene["robot"]
+    if not lab.lidar_link:
+        return
+    cut = slice_stage(open_stage(stage_path), SliceOptions(robot["path"], lab.lidar_link))
+    if cut.robot is None or not cut.segments:
+        return
+    grid = read_pgm(image)
+    start_x, start_y, _ = robot["pose"]["translate"]
+    guesses = {"the world's": (0.0, 0.0), "the robot's start": (start_x, start_y)}
+    for about, (x, y) in guesses.items():
+        corner = (facts.origin_x + x, facts.origin_y + y)
+        frame = MapFrame(facts.resolution, corner, facts.width, facts.height)
+        drawn = draw_map(frame, cut.segments, cut.robot)
+        yield Agreement(agreement(grid, drawn.grid), f"with the origin at {about}")
+
+
+def judge_parameters(contents: FolderContents) -> RuleResults:
+    """Judge every file of the submission that holds parameters of ROS 2 nodes."""
+    usable = [entry for entry in contents.listing.entries if not entry.why_not]
+    runs = []
+    if contents.ros.navigation is None:
+        return RuleResults()
+    for path in find_parameter_files(contents.root, usable, contents.spec.folders):
+        subject = read_params(
+            contents.root / path, contents.ros, contents.lab.frames, contents.root
+        )
+        runs.append(run_family("navigation", "V", subject))
+    return merge_results(runs)
+
+
+def read_saved_outputs(contents: FolderContents) -> Evidence:
+    """Read the saved output of the running system."""
+    names = [folder_named(contents.root, name) or name for name in contents.spec.folders.shown]
+    return read_listed(contents.root, contents.usable, names, contents.ros)
+
+
+def judge_saved_outputs(
+    contents: FolderContents, evidence: Evidence, until: str, *, required: bool
+) -> RuleResults:
+    """Judge the saved output, up to what the checkpoint `until` asks for."""
+    subject = EvidenceSubject(
+        ros=contents.ros,
+        frames=contents.lab.frames,
+        facts=map_facts(contents.lab.scene),
+        evidence=evidence,
+        reached=contents.lab.until(until),
+        required=required,
+    )
+    return run_family("evidence", "E", subject)
+
+
+def map_findings(maps: Path, lab: Lab) -> tuple[Finding, ...]:
+    """Return what is wrong with the map of a folder, for the report of a single stage."""
+    facts = map_facts(lab.scene)
+    if facts is None:
+        return ()
+    found = run_family("maps", "M", map_subject(find_map(maps, facts), facts))
+    return tuple(_at_stage(found.findings, maps))
+
+
+def lone_stage_notes(checkpoint: str, lab: Lab) -> tuple[Finding, ...]:
+    """Return the note that a stage of localization or navigation was checked without its map."""
+    facts = map_facts(lab.scene)
+    if facts is None or not lab.checkpoints[checkpoint].localization:
+        return ()
+    found = run_family("maps", "M", map_subject(None, facts))
+    return tuple(_at_stage(found.findings, None))
+
+
+def _at_stage(findings: Iterable[Finding], maps: Path | None) -> Iterable[Finding]:
+    """Tell findings about files as findings about a stage, whose sites are prims."""
+    for each in findings:
+        layer = str(maps / each.prim) if maps is not None else None
+        yield replace(
+            each, prim="/", property=None, layer=layer, message=f"{each.prim}: {each.message}"
+        )

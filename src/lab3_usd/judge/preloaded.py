@@ -1,0 +1,19 @@
+"""What each process of `lab3 check --jobs` needs, imported before they are forked."""
+
+from __future__ import annotations
+
+import gc
+
+import lab3_usd.judge.entries
+import lab3_usd.judge.folder
+import lab3_usd.judge.starter
+import lab3_usd.stage.compare.starter
+import lab3_usd.stage.read.opening
+import lab3_usd.stage.read.reader
+import lab3_usd.stage.read.source_locations  # noqa: F401
+from lab3_usd.check.registry import all_rules
+from lab3_usd.spec.load.loader import load_lab
+
+all_rules()
+load_lab()
+gc.freeze()

@@ -1,0 +1,110 @@
+"""Reads one stage, has it judged, and places what was found in its files."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from msgspec.structs import replace
+
+from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.requirements import score
+from lab3_usd.errors import StageError, UsageError
+from lab3_usd.model.finding import Crash, Finding, Score, StageResult, Verdict
+from lab3_usd.model.order import ordered
+from lab3_usd.spec.file_names import named_checkpoint
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
+
+UNREADABLE = "F01"
+
+
+def checkpoint_of(name: str, lab: Lab) -> str | None:
+    """Return the checkpoint that a file name begins with (`Lab3_03...`), else None."""
+    return named_checkpoint(name, lab.files)
+
+
+def check_stage(
+    path: str | Path, checkpoint: str | None = None, lab: Lab | None = None
+) -> StageResult:
+    """Judge the stage at `path`, at the checkpoint given or else named by the file.
+
+    The result holds every finding at its place, the requirements met and asked, and the rules
+    that crashed. A file that cannot be read is a result as well, with the verdict `unreadable`.
+
+    Raises:
+        UsageError: the checkpoint is unknown, or neither given nor in the file name.
+    """
+    lab = lab or load_lab()
+    found = checkpoint or checkpoint_of(Path(path).name, lab)
+    if found is None:
+        message = (
+            f"{path}: names no checkpoint (as {lab.checkpoints[lab.first].file} does); "
+            "give one with --checkpoint"
+        )
+        raise UsageError(message)
+    if found not in lab.checkpoints:
+        message = f"there is no checkpoint '{found}'; known are {', '.join(lab.checkpoints)}"
+        raise UsageError(message)
+    from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+
+    try:
+        with quiet():
+            stage = open_stage(Path(path))
+            judged = judge(lab, lab.checkpoints[found], read_model(stage, lab, str(path)))
+    except StageError as error:
+        return unreadable(str(path), found, str(error))
+    return _result(str(path), found, judged, stage)
+
+
+def unreadable(path: str, checkpoint: str | None, reason: str) -> StageResult:
+    """Return the result for a file that no stage can be read from."""
+    text = reason.removeprefix(f"{path}: ")
+    hint = "open the stage in Isaac Sim, save it again as .usda, and hand in that file"
+    finding = Finding(UNREADABLE, "unreadable-file", "error", "/", text, layer=path, hint=hint)
+    return StageResult(path, checkpoint, "unreadable", Score(0.0, 0.0), (finding,))
+
+
+def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageResult:  # noqa: ANN401
+    findings = judged.findings
+    # Notes ask for no repair: a stage that passes is not read a second time for them.
+    if any(each.severity != "note" for each in findings):
+        findings = tuple(located(findings, path, stage))
+    findings = ordered(findings)
+    return StageResult(
+        path=path,
+        checkpoint=checkpoint,
+        verdict=verdict_of(findings, judged.crashes),
+        score=score(judged.requirements),
+        findings=findings,
+        requirements=judged.requirements,
+        crashes=judged.crashes,
+    )
+
+
+def verdict_of(findings: Iterable[Finding], crashes: Collection[Crash]) -> Verdict:
+    """Return the verdict on a stage that could be read."""
+    has_errors = any(each.severity == "error" for each in findings)
+    return "fail" if has_errors or crashes else "pass"
+
+
+def with_findings(result: StageResult, findings: Iterable[Finding]) -> StageResult:
+    """Return a result with other findings, in order, and the verdict that they give."""
+    new = ordered(findings)
+    unread = result.verdict == "unreadable"
+    verdict: Verdict = "unreadable" if unread else verdict_of(new, result.crashes)
+    return replace(result, findings=new, verdict=verdict)
+
+
+def located(findings: Collection[Finding], path: Path | str, stage: Any) -> Iterator[Finding]:  # noqa: ANN401 - pxr has no types
+    """Yield findings of an open stage with their layer, line and column."""
+    if not findings:
+        return
+    from lab3_usd.stage.read.source_locations import locate  # noqa: PLC0415 - only with findings
+
+    places = locate(stage, str(path), [(each.prim, each.property) for each in findings])
+    for each in findings:
+        place = places[each.prim, each.property]
+        yield replace(each, layer=place.layer or None, line=place.line, column=place.column)

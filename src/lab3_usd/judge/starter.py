@@ -1,0 +1,163 @@
+"""Judges a stage against its starter: what changed, and what the starter excuses."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.checker import judge
+from lab3_usd.check.requirements import score, with_other_faults
+from lab3_usd.check.rule_runs import RuleResults, run_family
+from lab3_usd.check.scene_item import is_met
+from lab3_usd.check.scene_requirements import scene_items
+from lab3_usd.judge.stage import located
+from lab3_usd.model.changes import Site
+from lab3_usd.model.finding import Finding, Requirement, StageResult
+from lab3_usd.model.order import ordered
+from lab3_usd.model.physics import JOINT_ENABLED
+from lab3_usd.spec.lab import Lab
+
+_FAMILY = "U"
+_EXCUSED = "S"  # the family of the scene, which the starter brings
+_UNITS = "S02"
+# The rules that relate to the prim which causes what they tell, and by which of its properties.
+_CAUSES = {"S12": JOINT_ENABLED, "S19": "xformOp:translate"}
+_Fault = tuple[str, str, str | None, str | None]
+
+
+class Starter(Struct, frozen=True):
+    """An open starter, and what the rules of the scene say of it: no student's fault."""
+
+    path: Path
+    stage: Any
+    faults: frozenset[_Fault] = frozenset()
+
+
+class _ReportedSites(Struct, frozen=True):
+    """What the other rules have told: the sites they blame, and the prims they relate to."""
+
+    faulty_sites: frozenset[Site]
+    related_prims: frozenset[str] = frozenset()
+
+
+def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
+    """Open a starter to compare stages with; the faults of one that is not trusted excuse nothing.
+
+    Raises:
+        StageError: the file cannot be opened.
+    """
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+
+    stage = open_stage(path)
+    if not trusted:
+        return Starter(path, stage)
+    first = next(iter(lab.checkpoints.values()))
+    judged = judge(lab, first, read_model(stage, lab, str(path)))
+    return Starter(path, stage, frozenset(_fault(each) for each in judged.findings))
+
+
+def _fault(finding: Finding) -> _Fault:
+    return finding.rule, finding.prim, finding.property, finding.actual
+
+
+def starter_findings(
+    stage_path: Path, starter_path: Path, checkpoint: str, lab: Lab, blamed_sites: Iterable[Site]
+) -> tuple[Finding, ...]:
+    """Return what a stage changed of its starter, except at sites where an error is known already.
+
+    Raises:
+        StageError: one of the files cannot be opened.
+    """
+    starter = open_starter(starter_path, lab, trusted=False)
+    judged = _compared(
+        stage_path, starter, checkpoint, lab, _ReportedSites(frozenset(blamed_sites))
+    )
+    if judged.crashes:
+        message = f"rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
+        raise RuntimeError(message)
+    return judged.findings
+
+
+def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageResult:
+    """Return the result of a stage together with what it changed of the starter.
+
+    A fault of the scene that the starter has as well, value for value, is not the student's: its
+    findings go, and the requirements that failed by it are met.
+    """
+    if result.verdict == "unreadable":
+        return result
+    kept = tuple(each for each in result.findings if not _is_excused(each, starter))
+    kept += tuple(_units(each for each in result.findings if _is_excused(each, starter)))
+    told = [each for each in kept if each.severity != "note"]
+    blamed = {(each.prim, each.property) for each in told}
+    reported = _ReportedSites(
+        frozenset(blamed.union(*map(_causes, told))),
+        frozenset(path for each in told for path in each.related),
+    )
+    judged = _compared(Path(result.path), starter, result.checkpoint or "", lab, reported)
+    requirements = result.requirements
+    if len(kept) != len(result.findings):
+        requirements = tuple(_again(result, kept, lab))
+    findings = ordered((*kept, *judged.findings))
+    requirements = with_other_faults(requirements, judged.findings, {})
+    crashes = (*result.crashes, *judged.crashes)
+    is_bad = crashes or any(each.severity == "error" for each in findings)
+    return replace(
+        result,
+        verdict="fail" if is_bad else "pass",
+        score=score(requirements),
+        findings=findings,
+        requirements=requirements,
+        crashes=crashes,
+    )
+
+
+def _causes(finding: Finding) -> Iterator[Site]:
+    """Yield what may cause a fault besides its site: the related prims and those above them."""
+    for path in finding.related if finding.rule in _CAUSES else ():
+        above = path
+        while above:
+            yield above, _CAUSES[finding.rule]
+            above = above.rpartition("/")[0]
+
+
+def _is_excused(finding: Finding, starter: Starter) -> bool:
+    return finding.rule.startswith(_EXCUSED) and _fault(finding) in starter.faults
+
+
+def _units(excused: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield one warning for units and an up axis that are the starter's fault."""
+    told = [each for each in excused if each.rule == _UNITS]
+    if told:
+        wrong = "; ".join(each.message for each in told)
+        message = f"{wrong}: so it is in the starter, whose fault it is"
+        hint = "tell your instructor; the starter needs other units or another up axis"
+        yield replace(told[0], severity="warning", message=message, hint=hint)
+
+
+def _again(result: StageResult, kept: Collection[Finding], lab: Lab) -> Iterator[Requirement]:
+    """Judge the requirements of the scene again, by the findings that were kept."""
+    items = {item.id: item for item in scene_items(lab, lab.checkpoints[result.checkpoint or ""])}
+    for each in result.requirements:
+        item = items.get(each.id)
+        yield each if item is None else replace(each, met=is_met(item, kept))
+
+
+def _compared(
+    path: Path, starter: Starter, checkpoint: str, lab: Lab, reported: _ReportedSites
+) -> RuleResults:
+    from lab3_usd.stage.compare.starter import compare_starter  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
+
+    stage = open_stage(path)
+    found = compare_starter(starter.stage, stage, lab, checkpoint)
+    subject = replace(
+        found, faulty_sites=reported.faulty_sites, related_prims=reported.related_prims
+    )
+    judged = run_family("starter", _FAMILY, subject)
+    return replace(judged, findings=tuple(located(judged.findings, path, stage)))

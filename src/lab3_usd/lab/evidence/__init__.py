@@ -1,0 +1,1 @@
+"""The saved output of the running robot."""

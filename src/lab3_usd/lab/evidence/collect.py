@@ -1,0 +1,71 @@
+"""Writes the bash script that saves the output of every diagnostic command."""
+
+from __future__ import annotations
+
+import shlex
+
+from lab3_usd.lab.evidence.reader import MANIFEST
+from lab3_usd.lab.fill import fill_template
+from lab3_usd.spec.ros import Command, GoalSpec, RosSpec
+
+SCRIPT = "collect.sh"
+RESULTS = "results"
+GOAL_FILE = "goal.txt"
+GOAL_POSE_FILE = "goal_pose.txt"
+DAEMON_FILE = "daemon.txt"
+ROBOT_BEFORE_FILE = "goal_robot_before.txt"
+
+
+def collect_script(ros: RosSpec) -> str:
+    """Return the script for the commands of `ros.yaml` (B7 to J7), each with its time limit."""
+    frames = next((each for each in ros.commands if each.kind.name == "view_frames"), None)
+    return fill_template(
+        "collect.sh.j2",
+        script=SCRIPT,
+        results=RESULTS,
+        manifest=MANIFEST,
+        setup=shlex.quote(ros.system.setup),
+        domain=ros.system.domain,
+        distribution=ros.system.distribution,
+        commands=[_line(command) for command in ros.commands],
+        goal=None if ros.goal is None else _goal(ros, ros.goal),
+        goal_file=GOAL_FILE,
+        pose_file=GOAL_POSE_FILE,
+        daemon_file=DAEMON_FILE,
+        robot_before=ROBOT_BEFORE_FILE,
+        frames=None if frames is None else _frames(frames),
+    )
+
+
+def _goal(ros: RosSpec, goal: GoalSpec) -> dict[str, object]:
+    """Return how a navigation goal is watched."""
+    return {
+        "status": _echo(ros, goal.status),
+        "robot": _echo(ros, goal.robot),
+        "pose": _echo(ros, goal.pose),
+        "running": goal.running,
+    }
+
+
+def _frames(command: Command) -> dict[str, object]:
+    """Return how the TF tree is drawn."""
+    return {
+        "file": command.file,
+        "seconds": command.kind.seconds,
+        "command": _quoted(command.line),
+    }
+
+
+def _line(command: Command) -> str:
+    """Return the line of the script that runs one command."""
+    if command.kind.name == "view_frames":
+        return "record_frames"
+    return f"record {shlex.quote(command.file)} {command.kind.seconds} {_quoted(command.line)}"
+
+
+def _echo(ros: RosSpec, topic: str) -> str:
+    return _quoted(ros.kinds["topic_echo"].run.format(of=topic, to=""))
+
+
+def _quoted(line: str) -> str:
+    return shlex.join(shlex.split(line))

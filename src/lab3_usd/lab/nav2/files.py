@@ -1,0 +1,109 @@
+"""Writes what localization and navigation need: a launch file, parameters, RViz configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from lab3_usd.errors import UsageError
+from lab3_usd.files import write_whole
+from lab3_usd.lab.fill import fill_template
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.ros import map_facts
+from lab3_usd.spec.ros import RosSpec
+
+LAUNCH_FILE = "lab3_launch.py"
+PARAMS_FILE = "nav2_params.yaml"
+RVIZ_FILE = "lab3_navigation.rviz"
+LIDAR_RVIZ_FILE = "lab3_lidar.rviz"
+_MOST_SCALE = 100.0  # pixels per metre: the lidar's surroundings fill the window
+_MAP_SCALE = 70.0
+
+
+def nav2_files(lab: Lab, ros: RosSpec) -> dict[str, str]:
+    """Return the files by name, for the distribution that `ros.yaml` names (H2, H5, I1, D10).
+
+    Nothing of it has run in ROS. Velocity commands are plain Twist messages, as Humble sends them.
+    """
+    values = _values(lab, ros)
+    navigation = {
+        **values,
+        "file": RVIZ_FILE,
+        "title": "localization and navigation (H5, I4 to I6)",
+        "navigation": True,
+        "fixed_frame": values["map_frame"],
+        "scale": _MAP_SCALE,
+    }
+    lidar = {
+        **values,
+        "file": LIDAR_RVIZ_FILE,
+        "title": "the lidar alone (D10)",
+        "navigation": False,
+        "fixed_frame": values["lidar_frame"],
+        "scale": _MOST_SCALE,
+    }
+    return {
+        LAUNCH_FILE: fill_template("lab3_launch.py.j2", **values),
+        PARAMS_FILE: fill_template("nav2_params.yaml.j2", **values),
+        RVIZ_FILE: fill_template("lab3.rviz.j2", **navigation),
+        LIDAR_RVIZ_FILE: fill_template("lab3.rviz.j2", **lidar),
+    }
+
+
+def write_nav2(
+    folder: Path, files: Mapping[str, str], *, force: bool = False
+) -> tuple[list[Path], list[Path]]:
+    """Write the files into `folder`; return those written and those kept because they existed.
+
+    Raises:
+        UsageError: a file cannot be written.
+    """
+    written: list[Path] = []
+    kept: list[Path] = []
+    for name, text in files.items():
+        path = folder / name
+        if path.exists() and not force:
+            kept.append(path)
+            continue
+        write_whole(path, text.encode(), force=force)
+        written.append(path)
+    return written, kept
+
+
+def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
+    """Everything that the templates name: topics, frames, speeds, files."""
+    navigation, goal, facts = ros.navigation, ros.goal, map_facts(lab.scene)
+    localization = lab.frames.localization
+    if navigation is None or goal is None or facts is None or localization is None:
+        message = f"{lab.title} has no localization and navigation to write files for"
+        raise UsageError(message)
+    map_frame, odom_frame = localization.edge
+    return {
+        "distribution": ros.system.distribution,
+        "folder": ros.system.folder,
+        "launch_file": LAUNCH_FILE,
+        "params_file": PARAMS_FILE,
+        "rviz_file": RVIZ_FILE,
+        "map_yaml": facts.yaml,
+        "map_frame": map_frame,
+        "odom_frame": odom_frame,
+        "base_frame": lab.frames.deeper_under,
+        "lidar_frame": localization.chain[-1],
+        "scan_topic": navigation.scan_topic,
+        "map_topic": navigation.map_topic,
+        "odom_topic": navigation.odom_topic,
+        "velocity_topic": navigation.velocity_topic,
+        "robot_topic": goal.robot,
+        "goal_topic": goal.pose,
+        "resolution": facts.resolution,
+        "robot_radius": navigation.robot_radius,
+        "linear_speed": navigation.linear_speed,
+        "angular_speed": navigation.angular_speed,
+        "linear_acceleration": navigation.linear_acceleration,
+        "angular_acceleration": navigation.angular_acceleration,
+        "lidar_size": navigation.lidar_size,
+        "laser": navigation.parameters.laser,
+        "planner_plugin": navigation.planner,
+        "behaviors": navigation.behaviors,
+        "topics": navigation.rviz,
+    }

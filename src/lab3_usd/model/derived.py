@@ -1,0 +1,32 @@
+"""What several rules work out from one stage, worked out once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+from lab3_usd.model.stage import StageModel
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+
+def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
+    """Let a function of a stage, or of what has a `stage`, keep its results in the stage's model.
+
+    Nothing outlives the model, which may hold an open file.
+    """
+
+    @wraps(function)
+    def kept(*given: _P.args, **_: _P.kwargs) -> _T:
+        about: Any = given[0]
+        stage: StageModel = about if isinstance(about, StageModel) else about.stage
+        # Without the stage itself, which would keep itself alive.
+        key = (function, *(each for each in given if each is not stage))
+        if key not in stage.derived:
+            stage.derived[key] = function(*given)  # type: ignore[call-arg]  # all are positional
+        found: _T = stage.derived[key]
+        return found
+
+    return kept

@@ -1,0 +1,82 @@
+"""What UsdPhysics makes of a prim: bodies, collisions, joints."""
+
+from __future__ import annotations
+
+from lab3_usd.model.derived import once_per_stage
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.stage import Prim, StageModel
+from lab3_usd.spec.catalog import Value
+
+BODY_API = "PhysicsRigidBodyAPI"
+MASS_API = "PhysicsMassAPI"
+COLLISION_API = "PhysicsCollisionAPI"
+ARTICULATION_API = "PhysicsArticulationRootAPI"
+DRIVE_API = "PhysicsDriveAPI:angular"
+REVOLUTE = "PhysicsRevoluteJoint"
+FIXED = "PhysicsFixedJoint"
+SCENE = "PhysicsScene"
+PLANE = "Plane"
+MASS = "physics:mass"
+BODY_ENABLED = "physics:rigidBodyEnabled"
+KINEMATIC = "physics:kinematicEnabled"
+COLLISION_ENABLED = "physics:collisionEnabled"
+JOINT_ENABLED = "physics:jointEnabled"
+ARTICULATION_ENABLED = "physxArticulation:articulationEnabled"
+BODIES = ("physics:body0", "physics:body1")
+_JOINT_END = "Joint"
+
+
+def is_switched_off(prim: Prim, name: str) -> bool:
+    """Whether a switch that is on by default was turned off."""
+    return prim.attributes.get(name) is False
+
+
+def collides(prim: Prim) -> bool:
+    """Whether other shapes bump into this one."""
+    has_api = COLLISION_API in prim.apis
+    return prim.present and has_api and not is_switched_off(prim, COLLISION_ENABLED)
+
+
+def is_articulated(prim: Prim) -> bool:
+    """Whether the prim is a live root of an articulation."""
+    is_on = not is_switched_off(prim, ARTICULATION_ENABLED)
+    return prim.present and ARTICULATION_API in prim.apis and is_on
+
+
+def is_joint(prim: Prim) -> bool:
+    """Whether the prim is a joint of any kind."""
+    return is_joint_type(prim.type)
+
+
+def is_joint_type(name: str) -> bool:
+    """Whether the prims of a type are joints."""
+    return name.endswith(_JOINT_END)
+
+
+def bodies_below(stage: StageModel, top: str) -> list[str]:
+    """Return the paths of the rigid bodies of the scene at and below a prim, parents first."""
+    found = (prim for prim in stage.with_api(BODY_API) if is_at_or_below(prim.path, top))
+    return [prim.path for prim in found if prim.present]
+
+
+def bodies(prim: Prim) -> tuple[str, str]:
+    """Return the prims that a joint connects; '' stands for the world."""
+    first, second = (next(iter(prim.relationships.get(name, ())), "") for name in BODIES)
+    return first, second
+
+
+@once_per_stage
+def joints(stage: StageModel) -> tuple[Prim, ...]:
+    """Return the joints that are part of the scene and switched on."""
+    return tuple(
+        prim
+        for prim in stage.of_type(is_joint_type)
+        if prim.present and not is_switched_off(prim, JOINT_ENABLED)
+    )
+
+
+def number(value: Value | None) -> float | None:
+    """Return a value as a number; None for what is none."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    return float(value)

@@ -1,0 +1,147 @@
+"""The prims of a stage that are no nodes, and what may be asked of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from msgspec import Struct, field
+
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.spec.catalog import Value
+
+Matrix = tuple[float, ...]  # 16 numbers in rows, as USD multiplies: row vectors, translation last
+NameFilter = str | Callable[[str], bool]  # a name, or what tells whether a name is asked for
+
+
+class Prim(Struct, eq=False):
+    """A prim that is no node.
+
+    `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
+    `attributes` holds the values that rules ask about, `relationships` their targets. `local`
+    and `world` are transforms in stage units, None where the prim has no place. `authored` names
+    the attributes with a value of their own.
+
+    `read` reads the fields that `unread` left out: it is called with the prim and the name of the
+    first of them that is asked for, and sets at least that one.
+    """
+
+    path: str
+    type: str
+    apis: tuple[str, ...]
+    active: bool = True
+    defined: bool = True
+    attributes: Mapping[str, Value] = field(default_factory=dict)
+    relationships: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    local: Matrix | None = None
+    world: Matrix | None = None
+    authored: frozenset[str] = frozenset()
+    read: Callable[[Prim, str], None] | None = None
+
+    @classmethod
+    def unread(  # noqa: PLR0913 - what every prim is read with
+        cls,
+        path: str,
+        type_name: str,
+        apis: tuple[str, ...],
+        read: Callable[[Prim, str], None],
+        *,
+        active: bool,
+        defined: bool,
+    ) -> Prim:
+        """Return a prim whose values and place are read when they are asked for."""
+        prim = cls(path, type_name, apis, active, defined, read=read)
+        for name in ("attributes", "relationships", "authored", "local", "world"):
+            delattr(prim, name)
+        return prim
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of any field that is not set yet
+        """Read a field that nobody has asked for before."""
+        if name.startswith("__") or name == "read" or self.read is None:
+            raise AttributeError(name)
+        self.read(self, name)
+        return object.__getattribute__(self, name)
+
+    @property
+    def name(self) -> str:
+        """The prim name."""
+        return self.path.rpartition("/")[2]
+
+    @property
+    def parent(self) -> str:
+        """The path of the parent prim; '' for a prim at the root."""
+        return self.path.rpartition("/")[0]
+
+    @property
+    def present(self) -> bool:
+        """Whether the prim is part of the scene."""
+        return self.active and self.defined
+
+
+def name_matches(name: str, asked: NameFilter) -> bool:
+    """Whether a name is asked for."""
+    return name == asked if isinstance(asked, str) else asked(name)
+
+
+class Prims(Mapping[str, Prim]):
+    """The prims of a stage that are no nodes, by path, parents before children.
+
+    The answers here look at every prim; a stage that is read as it is asked knows them better.
+    """
+
+    def __init__(self, prims: Mapping[str, Prim]) -> None:
+        """Take prims that were read already."""
+        self._prims = prims
+
+    def __getitem__(self, path: str) -> Prim:
+        """Return the prim at a path, in the scene or not."""
+        return self._prims[path]
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the paths."""
+        return iter(self._prims)
+
+    def __len__(self) -> int:
+        """Count the prims."""
+        return len(self._prims)
+
+    def of_type(self, asked: NameFilter) -> Iterable[Prim]:
+        """Return the prims of the types asked for."""
+        return (prim for prim in self.values() if name_matches(prim.type, asked))
+
+    def with_api(self, asked: NameFilter) -> Iterable[Prim]:
+        """Return the prims to which a schema asked for is applied."""
+        return (
+            prim for prim in self.values() if any(name_matches(api, asked) for api in prim.apis)
+        )
+
+    def named(self, asked: NameFilter) -> Iterable[Prim]:
+        """Return the prims whose own name is asked for."""
+        return (prim for prim in self.values() if name_matches(prim.name, asked))
+
+    def below(self, top: str) -> Iterable[Prim]:
+        """Return the prim at `top` and those below it."""
+        return (prim for path, prim in self.items() if is_at_or_below(path, top))
+
+
+class Collider(Struct, frozen=True):
+    """The box around one collision shape in world space, in metres, and the body it moves with."""
+
+    path: str
+    body: str
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+
+class Colliders:
+    """The collision shapes of a stage; without any where none were read."""
+
+    def below(self, top: str) -> Iterable[Collider]:
+        """Return the boxes of the shapes at and below a prim."""
+        del top
+        return ()
+
+    def beside(self, top: str) -> Iterable[Collider]:
+        """Return the boxes of the shapes that are not `below` a prim."""
+        del top
+        return ()

@@ -1,0 +1,226 @@
+"""A stage as plain data: what the rules look at instead of USD."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Iterator, Mapping
+from typing import Any, Literal
+
+from msgspec import Struct, field
+from msgspec.structs import force_setattr
+
+from lab3_usd.model.prims import Collider, Colliders, Matrix, NameFilter, Prim, Prims
+from lab3_usd.spec.catalog import NodeType, Value
+
+__all__ = ["Collider", "Colliders", "Matrix", "Prim", "Prims"]  # from `prims.py`
+
+
+class PortState(Struct, frozen=True):
+    """One port as the composed stage holds it.
+
+    `value` is the authored value, None where the port was left alone; `usd_type` the declared
+    type of a port with a value (`rel` for a relationship). `sources` are the full property paths
+    of its connections, `targets` the prim paths of a relationship.
+    """
+
+    name: str
+    usd_type: str = ""
+    value: Value | None = None
+    sources: tuple[str, ...] = ()
+    targets: tuple[str, ...] = ()
+
+
+class Node(Struct, frozen=True):
+    """A node prim that is active and defined.
+
+    `type_name` is `node:type` as saved ('' where absent), `type` its catalog entry or None.
+    `namespace` joins the namespace attributes of the prim and its ancestors, `own_namespace` is
+    that of the prim alone.
+    """
+
+    path: str
+    type_name: str
+    type: NodeType | None
+    version: int | None
+    ports: Mapping[str, PortState]
+    position: tuple[float, float] | None = None
+    namespace: str = ""
+    own_namespace: str = ""
+
+    @property
+    def name(self) -> str:
+        """The prim name."""
+        return self.path.rpartition("/")[2]
+
+    def state(self, port: str) -> PortState | None:
+        """Return the state of the port with this full name, None where the file has none."""
+        return self.ports.get(port)
+
+    def sources(self, port: str) -> tuple[str, ...]:
+        """Return the property paths wired into this input."""
+        found = self.ports.get(port)
+        return () if found is None else found.sources
+
+    def targets(self, port: str) -> tuple[str, ...]:
+        """Return the prim paths this relationship names."""
+        found = self.ports.get(port)
+        return () if found is None else found.targets
+
+    def value(self, port: str) -> Value | None:
+        """Return the effective value: the authored one, else the default of Isaac Sim 6.0.1."""
+        found = self.ports.get(port)
+        if found is not None and found.value is not None:
+            return found.value
+        return None if self.type is None else self.type.default(port, self.version)
+
+    def has_port(self, port: str) -> bool:
+        """Whether a wire can leave from or end at this port.
+
+        The catalog decides where the type is known: the application drops a wire to a port that
+        the type does not have, whatever the file declares.
+        """
+        if self.type is None:
+            return port in self.ports
+        return self.type.port(port) is not None
+
+
+DEACTIVATED, OVER, OUTSIDE = "deactivated", "an over without a def", "outside every graph"
+
+
+class AbsentPrim(Struct, frozen=True):
+    """A prim that is in the file but no node of the scene.
+
+    `reason` says what it is instead: deactivated, an over without a def, outside every graph, of
+    another type than a node's.
+    """
+
+    path: str
+    type_name: str
+    reason: str
+    ports: Mapping[str, PortState] = field(default_factory=dict)
+
+
+class GraphModel(Struct, frozen=True):
+    """A graph prim with its nodes in the order of their paths.
+
+    `instanced` tells whether it belongs to an instance, of which Isaac Sim loads no graph.
+    """
+
+    path: str
+    prim_type: str
+    active: bool
+    attributes: Mapping[str, Value]
+    nodes: tuple[Node, ...]
+    absent: tuple[AbsentPrim, ...] = ()
+    instanced: bool = False
+
+    @property
+    def name(self) -> str:
+        """The prim name."""
+        return self.path.rpartition("/")[2]
+
+
+class UnresolvedAsset(Struct, frozen=True):
+    """An asset that the stage asks for and that cannot be found from here.
+
+    `prim` is where it would bring something: '/' for a sublayer of the stage itself, the prim that
+    refers to the asset for a sublayer of an asset. `layer` is the layer that asks for it.
+    """
+
+    prim: str
+    asset: str
+    kind: Literal["reference", "payload", "sublayer", "sublayer of an asset"]
+    layer: str = ""
+
+
+class MutedSublayer(Struct, frozen=True):
+    """A sublayer that Isaac Sim opens muted, and the prims that it defines or changes."""
+
+    asset: str
+    prims: tuple[str, ...]
+
+
+class Script(Struct, frozen=True):
+    """Code in the file: the prim that carries it, and by which node type or schema."""
+
+    prim: str
+    carrier: str
+
+
+class AnimatedAttribute(Struct, frozen=True):
+    """An attribute whose time samples change it while the timeline plays.
+
+    `time` is the first time code at which it is no longer as at the start, in words both times.
+    """
+
+    prim: str
+    property: str
+    time: float
+    first: str
+    then: str
+
+
+class StageModel(Struct, frozen=True, eq=False):
+    """Everything the rules know of one stage.
+
+    Two models are the same only when they are one. `derived` holds what was worked out from this
+    one (see `derived.py`), so that it goes when the model goes. `instances` are the paths of the
+    prims that are instances.
+    """
+
+    up_axis: str
+    meters_per_unit: float
+    kilograms_per_unit: float
+    graphs: tuple[GraphModel, ...]
+    prims: Mapping[str, Prim]
+    orphans: tuple[Node, ...] = ()
+    absent: tuple[AbsentPrim, ...] = ()
+    unresolved: tuple[UnresolvedAsset, ...] = ()
+    colliders: Colliders = field(default_factory=Colliders)
+    muted: tuple[MutedSublayer, ...] = ()
+    instances: tuple[str, ...] = ()
+    scripts: tuple[Script, ...] = ()
+    moving: tuple[AnimatedAttribute, ...] = ()
+    derived: dict[Hashable, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Let a model that is made of another start without anything derived."""
+        force_setattr(self, "derived", {})
+
+    def nodes(self) -> Iterator[Node]:
+        """Yield every live node, graph by graph, then those outside every graph."""
+        for graph in self.graphs:
+            if graph.active:
+                yield from graph.nodes
+        yield from self.orphans
+
+    def prim(self, path: str) -> Prim | None:
+        """Return the prim at `path` when it is part of the scene."""
+        found = self.prims.get(path)
+        return found if found is not None and found.present else None
+
+    @property
+    def _asked(self) -> Prims:
+        return self.prims if isinstance(self.prims, Prims) else Prims(self.prims)
+
+    def of_type(self, asked: NameFilter) -> Iterable[Prim]:
+        """Return the prims of the types asked for, in the scene or not."""
+        return self._asked.of_type(asked)
+
+    def with_api(self, asked: NameFilter) -> Iterable[Prim]:
+        """Return the prims that carry a schema asked for, in the scene or not."""
+        return self._asked.with_api(asked)
+
+    def named(self, asked: NameFilter) -> Iterable[Prim]:
+        """Return the prims whose own name is asked for, in the scene or not."""
+        return self._asked.named(asked)
+
+    def below(self, top: str) -> Iterable[Prim]:
+        """Return the prim at `top` and those below it, parents first, in the scene or not."""
+        return self._asked.below(top)
+
+    def unresolved_above(self, path: str) -> UnresolvedAsset | None:
+        """Return the missing asset that could hold the prim at `path`, None where none could."""
+        for missing in self.unresolved:
+            if path == missing.prim or path.startswith(missing.prim.rstrip("/") + "/"):
+                return missing
+        return None

@@ -1,0 +1,1 @@
+"""The output formats of `lab3 check`: one module each."""

@@ -1,0 +1,58 @@
+"""Annotations of GitHub Actions: workflow commands that mark the line in the pull request."""
+
+from __future__ import annotations
+
+from lab3_usd.model.finding import Crash, Finding, Report, Severity
+from lab3_usd.report.entries import Entry, crashes, entries, relative_path, site
+from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.safe_text import visible
+
+COMMANDS: dict[Severity, str] = {"error": "error", "warning": "warning", "note": "notice"}
+
+
+def render(report: Report, rules: Rules | None, options: Options) -> str:
+    """Return one workflow command a line."""
+    del rules
+    lines = [_annotation(entry, options.root) for entry in entries(report)]
+    lines += [_crash(path, crash, options.root) for path, crash in crashes(report)]
+    return "".join(line + "\n" for line in lines)
+
+
+def escape_data(text: str) -> str:
+    """Escape the message of a workflow command, which ends with the line."""
+    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def escape_property(text: str) -> str:
+    """Escape the value of a property, which ends with a comma or two colons."""
+    return escape_data(visible(text)).replace(":", "%3A").replace(",", "%2C")
+
+
+def _annotation(entry: Entry, root: str | None) -> str:
+    finding = entry.finding
+    properties = {"file": relative_path(entry.file, root)}
+    if finding.line:
+        properties["line"] = str(finding.line)
+        if finding.column:
+            properties["col"] = str(finding.column)
+    properties["title"] = f"{finding.rule} {finding.name}"
+    return _command(COMMANDS[finding.severity], properties, _message(finding))
+
+
+def _crash(path: str, crash: Crash, root: str | None) -> str:
+    properties = {"file": relative_path(path, root), "title": f"{crash.rule} crashed"}
+    return _command("error", properties, visible(crash.error))
+
+
+def _message(finding: Finding) -> str:
+    lines = [site(finding), finding.message]
+    if finding.hint:
+        lines.append(finding.hint)
+    if finding.handout:
+        lines.append(f"handout {finding.handout}")
+    return "\n".join(visible(line) for line in lines)
+
+
+def _command(name: str, properties: dict[str, str], message: str) -> str:
+    listed = ",".join(f"{key}={escape_property(value)}" for key, value in properties.items())
+    return f"::{name} {listed}::{escape_data(message)}"

@@ -1,0 +1,99 @@
+"""The report as one self-contained HTML page, readable without network and scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from lab3_usd.check.registry import Rule
+from lab3_usd.model.finding import SEVERITIES, ChecklistItem, Crash, Report
+from lab3_usd.report.blocks import Block, blocks
+from lab3_usd.report.faults import faults
+from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.formats.text_checklist import STATES
+from lab3_usd.report.html.faults import cards, chapters
+from lab3_usd.report.html.model import BlockView, ChecklistSection
+from lab3_usd.report.html.pictures import gallery, topics
+from lab3_usd.report.html.stage_content import read_content
+from lab3_usd.report.html.templates import fill
+from lab3_usd.report.statistics import plural
+from lab3_usd.report.tool import NAME, tool_version
+from lab3_usd.report.topic_table import COLUMNS
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
+
+HEADINGS = ("Why", "Fix", "Example")
+Manual = tuple[str, tuple[tuple[str, str], ...]]
+
+
+def render(report: Report, rules: Rules | None, options: Options) -> str:
+    """Return the page; the stages are read again from their paths, for pictures and tables.
+
+    The page forbids itself the network and every script and style but its own. A stage that is
+    no longer where it was is reported without pictures. With a grade, everything belongs to the
+    one submission, and faults come before notes.
+    """
+    summary = options.grade
+    lab = load_lab()
+    found = blocks(report, lab, graded=summary is not None)
+    views = tuple(_view(block, lab, graded=summary is not None) for block in found)
+    return fill(
+        "report.html.j2",
+        more_style="maps.css" if options.dry_runs else "",
+        dry_runs=options.dry_runs,
+        views=views,
+        lab_title=lab.title,
+        summary=summary,
+        rules=_manuals(views, rules or {}),
+        severities=SEVERITIES,
+        states=STATES,
+        columns=COLUMNS,
+        plural=plural,
+        tool=f"{NAME} {tool_version()}",
+    )
+
+
+def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
+    found = faults(block, graded=graded)
+    read = {stage.index: read_content(stage.result, lab) for stage in block.stages}
+    contents = {index: each for index, each in read.items() if each is not None}
+    shown = gallery(block, contents, found)
+    return BlockView(
+        block=block,
+        chapters=chapters(list(cards(block, found, shown.links)), lab),
+        graphs=tuple(each for each in shown.pictures if each.kind == "graph"),
+        trees=tuple(each for each in shown.pictures if each.kind == "frames"),
+        topics=topics(contents),
+        checks=tuple(
+            _checklist_sections(() if block.submission is None else block.submission.checklist)
+        ),
+        crashes=tuple(_crashes(block)),
+    )
+
+
+def _checklist_sections(items: Iterable[ChecklistItem]) -> Iterator[ChecklistSection]:
+    sections: dict[str, list[ChecklistItem]] = {}
+    for item in items:
+        sections.setdefault(item.section, []).append(item)
+    for name, inside in sections.items():
+        yield ChecklistSection(name, tuple(inside))
+
+
+def _crashes(block: Block) -> Iterator[tuple[str, Crash]]:
+    for stage in block.stages:
+        yield from ((stage.file, crash) for crash in stage.result.crashes)
+    if block.submission is not None:
+        yield from ((block.path, crash) for crash in block.submission.crashes)
+
+
+def _manuals(views: Iterable[BlockView], rules: Mapping[str, Rule]) -> dict[str, Manual]:
+    """Return the rules that found something: the name and the manual's paragraphs by heading."""
+    names = {card.fault.finding.rule for view in views for card in view.cards}
+    found = [rules[name] for name in sorted(names) if name in rules]
+    return {rule.id: (rule.name, tuple(_paragraphs(rule.manual))) for rule in found}
+
+
+def _paragraphs(manual: str) -> Iterator[tuple[str, str]]:
+    for part in manual.split("\n\n"):
+        text = " ".join(part.split())
+        heading = next((each for each in HEADINGS if text.startswith(f"{each}: ")), "")
+        yield heading, text.removeprefix(f"{heading}: ")

@@ -1,0 +1,117 @@
+"""The report as JSON in the form of `schema/report-1.json`; imports next to nothing, for speed."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Literal
+
+from msgspec import to_builtins
+from msgspec.structs import asdict
+
+from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
+from lab3_usd.report.entries import Summary, summarize
+from lab3_usd.report.fingerprints import fault_id
+from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.safe_text import truncated_values
+from lab3_usd.report.tool import NAME, tool_version
+
+VERSION = 1
+Json = dict[str, Any]
+
+
+def render(report: Report, rules: Rules | None, options: Options) -> str:
+    """Return the report as indented JSON in ASCII; verbose adds the requirements."""
+    del rules
+    return dump(report_json(report, requirements=options.verbosity == "verbose"))
+
+
+def dump(document: Json) -> str:
+    """Return a document as JSON text.
+
+    ASCII, so that any console can print it and a path that is no valid Unicode comes back as it
+    was given.
+    """
+    return json.dumps(document, indent=2) + "\n"
+
+
+def report_json(report: Report, *, requirements: bool = False) -> Json:
+    """Return the report as plain data, keys in the order of the schema."""
+    document = _head()
+    document["results"] = [_result(result, requirements=requirements) for result in report.results]
+    if report.submissions:
+        document["submissions"] = [_submission(found) for found in report.submissions]
+    document["summary"] = _summary(summarize(report))
+    return document
+
+
+def error_report(message: str, kind: Literal["usage", "crash"]) -> Json:
+    """Return the report of a run that came to nothing: wrong usage, or the tool itself failed."""
+    document = _head()
+    document["results"] = []
+    document["summary"] = _summary(Summary(0, 0, 0, 0, 0))
+    document["error"] = {"kind": kind, "message": message}
+    return document
+
+
+def finding_json(finding: Finding) -> Json:
+    """Return one finding as plain data; what is unknown is null, a repair is there or not."""
+    document = {
+        "rule": finding.rule,
+        "name": finding.name,
+        "severity": finding.severity,
+        "prim": finding.prim,
+        "property": finding.property,
+        "message": finding.message,
+        "expected": finding.expected,
+        "actual": finding.actual,
+        "layer": finding.layer,
+        "line": finding.line,
+        "column": finding.column,
+        "handout": finding.handout,
+        "hint": finding.hint,
+        "related": list(finding.related),
+        "fault": fault_id(finding),
+    }
+    if finding.fix is not None:
+        document["fix"] = truncated_values(to_builtins(finding.fix))
+    return document
+
+
+def _head() -> Json:
+    return {"version": VERSION, "tool": {"name": NAME, "version": tool_version()}}
+
+
+def _result(result: StageResult, *, requirements: bool) -> Json:
+    document: Json = {
+        "path": result.path,
+        "checkpoint": result.checkpoint,
+        "verdict": result.verdict,
+        "score": {
+            "earned": float(result.score.earned),
+            "possible": float(result.score.possible),
+        },
+        "findings": [finding_json(finding) for finding in result.findings],
+    }
+    if requirements:
+        document["requirements"] = [asdict(requirement) for requirement in result.requirements]
+    _add_crashes(document, result.crashes)
+    return document
+
+
+def _submission(submission: Submission) -> Json:
+    document: Json = {
+        "path": submission.path,
+        "findings": [finding_json(finding) for finding in submission.findings],
+        "checklist": [asdict(item) for item in submission.checklist],
+    }
+    _add_crashes(document, submission.crashes)
+    return document
+
+
+def _add_crashes(document: Json, crashes: tuple[Crash, ...]) -> None:
+    if crashes:
+        document["crashes"] = [{"rule": crash.rule, "error": crash.error} for crash in crashes]
+
+
+def _summary(summary: Summary) -> Json:
+    return asdict(summary)

@@ -1,0 +1,120 @@
+"""JUnit XML as Jenkins and Surefire define it: a suite per file, a case per requirement."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from xml.etree import ElementTree as ET
+
+from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
+from lab3_usd.report.entries import site
+from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.safe_text import visible
+
+DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
+COUNTED = {"tests": "testcase", "failures": "testcase/failure", "errors": "testcase/error"}
+
+
+def render(report: Report, rules: Rules | None, options: Options) -> str:
+    """Return the suites.
+
+    A case is a requirement, or a rule that found something: an error fails it, a warning or note
+    is its output. A rule that failed itself is an error.
+    """
+    del rules, options
+    suites = ET.Element("testsuites", name="lab3")
+    for result in report.results:
+        suites.append(_stage_suite(result))
+    for submission in report.submissions:
+        suites.append(_submission_suite(submission))
+    _count(suites, ".//")
+    ET.indent(suites)
+    return DECLARATION + ET.tostring(suites, encoding="unicode") + "\n"
+
+
+def _stage_suite(result: StageResult) -> ET.Element:
+    suite = _suite(result.path)
+    classname = _classname(result.path)
+    for requirement in result.requirements:
+        case = _case(suite, f"{classname}.{requirement.group}", requirement.id)
+        if not requirement.met:
+            _outcome(case, "failure", requirement.kind, f"not met: {requirement.title}", [])
+    _add_findings(suite, classname, result.findings)
+    _add_crashes(suite, classname, result.crashes)
+    return _counted(suite, classname)
+
+
+def _submission_suite(submission: Submission) -> ET.Element:
+    suite = _suite(submission.path)
+    classname = _classname(submission.path)
+    _add_findings(suite, classname, submission.findings)
+    _add_crashes(suite, classname, submission.crashes)
+    return _counted(suite, classname)
+
+
+def _suite(path: str) -> ET.Element:
+    return ET.Element("testsuite", name=visible(path), time="0")
+
+
+def _counted(suite: ET.Element, classname: str) -> ET.Element:
+    # Jenkins takes a suite without cases for a run that broke off.
+    if len(suite) == 0:
+        _case(suite, f"{classname}.rules", "no findings")
+    _count(suite, "./")
+    return suite
+
+
+def _count(element: ET.Element, below: str) -> None:
+    for name, path in COUNTED.items():
+        element.set(name, str(len(element.findall(below + path))))
+
+
+def _classname(path: str) -> str:
+    # Jenkins reads `package.Class`, split at the dots.
+    stem = re.sub(r"\.[^./\\]+$", "", path)
+    return ".".join(visible(part).replace(".", "_") for part in re.split(r"[/\\]+", stem) if part)
+
+
+def _case(suite: ET.Element, classname: str, name: str) -> ET.Element:
+    names = {"classname": visible(classname), "name": visible(name), "time": "0"}
+    return ET.SubElement(suite, "testcase", names)
+
+
+def _add_findings(suite: ET.Element, classname: str, findings: Iterable[Finding]) -> None:
+    by_rule: dict[tuple[str, str], list[Finding]] = {}
+    for finding in findings:
+        by_rule.setdefault((finding.rule, finding.name), []).append(finding)
+    for (rule_id, name), found in by_rule.items():
+        case = _case(suite, f"{classname}.rules", f"{rule_id} {name}")
+        errors = [finding for finding in found if finding.severity == "error"]
+        others = [finding for finding in found if finding.severity != "error"]
+        if errors:
+            # One element for all: Jenkins keeps a single failure of a case.
+            text = [line for finding in errors for line in _lines(finding)]
+            _outcome(case, "failure", rule_id, errors[0].message, text)
+        if others:
+            lines = [line for finding in others for line in _lines(finding)]
+            ET.SubElement(case, "system-out").text = _text(lines)
+
+
+def _add_crashes(suite: ET.Element, classname: str, crashes: Iterable[Crash]) -> None:
+    for crash in crashes:
+        case = _case(suite, f"{classname}.rules", f"{crash.rule} crashed")
+        _outcome(case, "error", crash.rule, crash.error, [])
+
+
+def _outcome(case: ET.Element, tag: str, kind: str, message: str, lines: list[str]) -> None:
+    outcome = ET.SubElement(case, tag, {"type": visible(kind), "message": visible(message)})
+    outcome.text = _text(lines or [message])
+
+
+def _lines(finding: Finding) -> list[str]:
+    place = f" ({finding.layer}:{finding.line})" if finding.layer and finding.line else ""
+    lines = [f"{finding.severity}: {site(finding)}: {finding.message}{place}"]
+    if finding.hint:
+        lines.append(f"  {finding.hint}")
+    return lines
+
+
+def _text(lines: list[str]) -> str:
+    return "\n".join(visible(line) for line in lines)

@@ -1,0 +1,95 @@
+"""GitHub-flavoured Markdown: a table for each file, for pull requests, wikis and Gradescope."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
+from lab3_usd.report.entries import site, summarize
+from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.safe_text import visible
+from lab3_usd.report.statistics import summary_line
+from lab3_usd.spec.load.loader import load_lab
+
+HEADING = ("Severity", "Rule", "Where", "What is wrong", "How to repair it", "Handout")
+# Everything that CommonMark or GitHub may take for markup; a backslash before it keeps it text.
+_MARKUP = re.compile(r"([\\`*_{}\[\]<>()#+.!|~&$^:@=-])")
+
+
+def render(report: Report, rules: Rules | None, options: Options) -> str:
+    """Return a heading, a table for each file and a summary."""
+    del rules, options
+    blocks = [f"# {load_lab().title} check"]
+    for result in report.results:
+        blocks += _stage(result)
+    for submission in report.submissions:
+        blocks += _submission(submission)
+    blocks.append(text(summary_line(summarize(report))))
+    return "\n\n".join(blocks) + "\n"
+
+
+def text(value: str) -> str:
+    """Return a string so escaped that Markdown shows it as it is, on one line."""
+    return _MARKUP.sub(r"\\\1", visible(value))
+
+
+def code(value: str) -> str:
+    """Return a string as a code span, also within a table."""
+    shown = visible(value).replace("|", "\\|")
+    ticks = "`" * (1 + max((len(run) for run in re.findall("`+", shown)), default=0))
+    padded = f" {shown} " if shown.startswith("`") or shown.endswith("`") else shown
+    return f"{ticks}{padded}{ticks}" if shown.strip() else ""
+
+
+def table(heading: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return a table of cells that are Markdown already."""
+    names = list(heading)
+    lines = [names, ["---"] * len(names), *(list(row) for row in rows)]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def findings_table(findings: Iterable[Finding]) -> str:
+    """Return the table of findings."""
+    return table(HEADING, (_row(finding) for finding in findings))
+
+
+def _stage(result: StageResult) -> list[str]:
+    score = f"{result.score.earned:g} of {result.score.possible:g} met"
+    blocks = [
+        f"## {code(result.path)}",
+        f"Checkpoint {text(result.checkpoint)}: **{text(result.verdict)}**, {text(score)}"
+        if result.checkpoint
+        else f"**{text(result.verdict)}**",
+    ]
+    if result.findings:
+        blocks.append(findings_table(result.findings))
+    return blocks + _crashes(result.crashes)
+
+
+def _submission(submission: Submission) -> list[str]:
+    blocks = [f"## {code(submission.path)}"]
+    if submission.findings:
+        blocks.append(findings_table(submission.findings))
+    if submission.checklist:
+        rows = (
+            (text(item.section), text(item.text), text(item.state), text(item.because))
+            for item in submission.checklist
+        )
+        blocks.append(table(("Handout", "Item", "State", "Because"), rows))
+    return blocks + _crashes(submission.crashes)
+
+
+def _row(finding: Finding) -> list[str]:
+    return [
+        text(finding.severity),
+        text(f"{finding.rule} {finding.name}"),
+        code(site(finding)),
+        text(finding.message),
+        text(finding.hint or ""),
+        text(finding.handout or ""),
+    ]
+
+
+def _crashes(crashes: Iterable[Crash]) -> list[str]:
+    return [f"Rule {text(crash.rule)} crashed: {code(crash.error)}" for crash in crashes]

@@ -1,0 +1,179 @@
+"""SARIF 2.1.0 for code scanning: rules with their manuals, results with both kinds of location."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import PurePosixPath
+from typing import Any
+from urllib.parse import quote
+
+from lab3_usd.check.registry import Rule
+from lab3_usd.model.finding import Finding, Report, site_of
+from lab3_usd.model.repair import TextChange
+from lab3_usd.report.entries import Entry, crashes, entries, relative_path, site
+from lab3_usd.report.fingerprints import fingerprinted
+from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.safe_text import visible
+from lab3_usd.report.tool import NAME, tool_version
+
+VERSION = "2.1.0"
+SCHEMA = (
+    "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
+)
+ROOT = "%SRCROOT%"
+FINGERPRINT = "ruleAndSite/v1"
+_LINK = re.compile(r"\[(?=[^\[\]]*\]\()")
+Json = dict[str, Any]
+
+
+def render(report: Report, rules: Rules | None, options: Options) -> str:
+    """Return one run with a result for each finding; without `rules` their manuals are left out."""
+    names = {entry.finding.rule: entry.finding.name for entry in entries(report)}
+    names = dict(sorted(names.items()))
+    index = {rule_id: position for position, rule_id in enumerate(names)}
+    known = rules or {}
+    driver = {
+        "name": NAME,
+        "version": tool_version(),
+        "rules": [
+            _descriptor(rule_id, name, known.get(rule_id)) for rule_id, name in names.items()
+        ],
+    }
+    run = {
+        "tool": {"driver": driver},
+        "invocations": [_invocation(report, options.root)],
+        "columnKind": "unicodeCodePoints",
+        "results": [
+            {
+                "ruleIndex": index[entry.finding.rule],
+                **_result(entry, fingerprint_text, options.root),
+                **_fixes(entry, options),
+            }
+            for entry, fingerprint_text in fingerprinted(report)
+        ],
+    }
+    return json.dumps({"$schema": SCHEMA, "version": VERSION, "runs": [run]}, indent=2) + "\n"
+
+
+def message(text: str) -> Json:
+    """Return a message whose braces and brackets stay text (SARIF 3.11.5 and 3.11.6)."""
+    plain = visible(text).replace("{", "{{").replace("}", "}}")
+    return {"text": _LINK.sub(r"\\[", plain)}
+
+
+def file_uri(path: str, root: str | None) -> Json:
+    """Return the place of a file: relative to the root where below it, else absolute."""
+    relative = relative_path(path, root)
+    encoded = quote(relative.encode("utf-8", "surrogateescape"))
+    if PurePosixPath(relative).is_absolute():
+        return {"uri": f"file://{encoded}"}
+    return {"uri": encoded, "uriBaseId": ROOT}
+
+
+def _descriptor(rule_id: str, name: str, rule: Rule | None) -> Json:
+    if rule is None:
+        return {"id": rule_id, "name": name}
+    first = " ".join(rule.manual.partition("\n\n")[0].split())
+    return {
+        "id": rule_id,
+        "name": name,
+        "shortDescription": {"text": first},
+        "fullDescription": {"text": rule.section("Why") or first},
+        "help": {"text": rule.manual},
+        "defaultConfiguration": {"level": rule.severity},
+    }
+
+
+def _result(entry: Entry, fingerprint_text: str, root: str | None) -> Json:
+    finding = entry.finding
+    text = f"{finding.message}. {finding.hint}" if finding.hint else finding.message
+    result = {
+        "ruleId": finding.rule,
+        "level": finding.severity,
+        "message": message(text),
+        "locations": [
+            {
+                "physicalLocation": _physical(entry, root),
+                "logicalLocations": [_logical(finding)],
+            }
+        ],
+        "partialFingerprints": {FINGERPRINT: fingerprint_text},
+    }
+    if finding.related:
+        result["relatedLocations"] = [
+            {"logicalLocations": [{"fullyQualifiedName": prim, "kind": "object"}]}
+            for prim in dict.fromkeys(finding.related)
+        ]
+    properties = _properties(entry)
+    return {**result, "properties": properties} if properties else result
+
+
+def _fixes(entry: Entry, options: Options) -> Json:
+    """Return the lines that the repair changes, file by file; nothing where there is none."""
+    lines = options.changes.get((entry.path, site_of(entry.finding)))
+    if not lines or entry.finding.fix is None:
+        return {}
+    changes = [
+        {
+            "artifactLocation": file_uri(file, options.root),
+            "replacements": [_replacement(each) for each in lines if each.file == file],
+        }
+        for file in dict.fromkeys(each.file for each in lines)
+    ]
+    return {
+        "fixes": [{"description": message(entry.finding.fix.title), "artifactChanges": changes}]
+    }
+
+
+def _replacement(change: TextChange) -> Json:
+    region = {
+        "startLine": change.first + 1,
+        "startColumn": 1,
+        "endLine": change.last + 1,
+        "endColumn": 1,
+    }
+    return {"deletedRegion": region, "insertedContent": {"text": change.text}}
+
+
+def _physical(entry: Entry, root: str | None) -> Json:
+    place: Json = {"artifactLocation": file_uri(entry.file, root)}
+    finding = entry.finding
+    if finding.line:
+        place["region"] = {"startLine": finding.line}
+        if finding.column:
+            place["region"]["startColumn"] = finding.column
+    return place
+
+
+def _logical(finding: Finding) -> Json:
+    name = finding.property or finding.prim.rpartition("/")[2]
+    kind = "property" if finding.property else "object"
+    return {"name": name, "fullyQualifiedName": site(finding), "kind": kind}
+
+
+def _properties(entry: Entry) -> Json:
+    finding = entry.finding
+    known = {
+        "checkpoint": entry.checkpoint,
+        "expected": finding.expected,
+        "actual": finding.actual,
+        "handout": finding.handout,
+    }
+    return {key: value for key, value in known.items() if value is not None}
+
+
+def _invocation(report: Report, root: str | None) -> Json:
+    notifications = [
+        {
+            "level": "error",
+            "message": message(f"rule {crash.rule} crashed: {crash.error}"),
+            "associatedRule": {"id": crash.rule},
+            "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, root)}}],
+        }
+        for path, crash in crashes(report)
+    ]
+    invocation: Json = {"executionSuccessful": not notifications}
+    if notifications:
+        invocation["toolExecutionNotifications"] = notifications
+    return invocation

@@ -1,0 +1,151 @@
+"""The report for people: each fault with its line, its repair and its section of the handout."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from msgspec.structs import replace
+
+from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResult, Submission
+from lab3_usd.report.blocks import Block, blocks
+from lab3_usd.report.entries import entries, summarize
+from lab3_usd.report.faults import faults
+from lab3_usd.report.formats.ansi import paint
+from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.formats.text_checklist import checklist_lines
+from lab3_usd.report.formats.text_findings import (
+    REPAIRABLE,
+    Page,
+    finding_block,
+    finding_blocks,
+    is_repairable,
+)
+from lab3_usd.report.formats.text_order import repairs, where_found
+from lab3_usd.report.safe_text import visible
+from lab3_usd.report.source_excerpt import read_excerpts
+from lab3_usd.report.statistics import plural, statistics_table, summary_line
+from lab3_usd.spec.load.loader import load_lab
+
+
+def render(report: Report, rules: Rules | None, options: Options) -> str:
+    """Return the report as text, with ANSI colours when `options.color` asks for them.
+
+    Stages of one folder, each of another checkpoint, are reported together: a fault once, with the
+    stages that have it. quiet: the lines that sum up. normal: warnings and errors in full, notes in
+    a line. verbose: all in full, with what each rule's fault does on the robot, and the whole
+    checklist.
+    """
+    shows_source = options.source == "always" or (
+        options.source == "auto" and len(report.results) == 1 and not report.submissions
+    )
+    found = [entry.finding for entry in entries(report)] if shows_source else []
+    quiet = options.verbosity == "quiet"
+    page = Page(options, rules or {}, read_excerpts(() if quiet else found), shows_source)
+    sections = [section for block in _blocks(report) for section in _sections(block, page)]
+    if options.statistics:
+        sections.append(statistics_table(report))
+    lines = [*_spaced(sections), summary_line(summarize(report))]
+    count = sum(is_repairable(entry.finding) for entry in entries(report))
+    if count and not quiet:
+        lines.append(f"{REPAIRABLE} {plural(count, 'finding')} can be repaired with lab3 fix")
+    return "\n".join(lines) + "\n"
+
+
+def _blocks(report: Report) -> Iterator[Block]:
+    """Yield the blocks of a report, stages that belong together in the order of the lab."""
+    lab = load_lab()
+    order = list(lab.checkpoints)
+    for block in blocks(report, lab):
+        if block.is_one_student and all(each.label in order for each in block.stages):
+            stages = sorted(block.stages, key=lambda stage: order.index(stage.label))
+            yield replace(block, stages=tuple(stages))
+        else:
+            yield block
+
+
+def _sections(block: Block, page: Page) -> Iterator[list[str]]:
+    if not page.options.each and block.is_one_student:
+        lines = _together(block, page)
+        yield from [[line] for line in lines] if page.options.verbosity == "quiet" else [lines]
+        return
+    yield from (_stage_section(stage.result, page) for stage in block.stages)
+    if block.submission is not None:
+        yield _submission_section(block.submission, page)
+
+
+def _spaced(sections: list[list[str]]) -> list[str]:
+    # Files without findings stand close together, so that the others stand out.
+    lines: list[str] = []
+    for section in sections:
+        if len(section) > 1 and lines and lines[-1]:
+            lines.append("")
+        lines += section
+        if len(section) > 1:
+            lines.append("")
+    return lines
+
+
+def _together(block: Block, page: Page) -> list[str]:
+    """Return the lines of stages that were saved one after the other."""
+    lines = [_stage_heading(stage.result, page) for stage in block.stages]
+    for stage in block.stages:
+        lines += (f"{line} (in {stage.label})" for line in _crash_lines(stage.result.crashes, page))
+    if block.submission is not None:
+        lines += _submission_heading(block.submission, page)
+    if page.options.verbosity == "quiet":
+        return lines
+    found = faults(block)
+    lines += repairs(found, block, page)
+    explained: set[str] = set()
+    for fault in found:
+        where = where_found(fault.stages, block)
+        lines += finding_block(fault.finding, page, explained, where)
+    if block.submission is not None:
+        lines += checklist_lines(block.submission.checklist, page.options, page.width)
+    return lines
+
+
+def _stage_section(result: StageResult, page: Page) -> list[str]:
+    lines = [_stage_heading(result, page), *_crash_lines(result.crashes, page)]
+    if page.options.verbosity != "quiet":
+        lines += finding_blocks(result.findings, page)
+    return lines
+
+
+def _submission_section(submission: Submission, page: Page) -> list[str]:
+    lines = [*_submission_heading(submission, page)]
+    if page.options.verbosity != "quiet":
+        lines += finding_blocks(submission.findings, page)
+        lines += checklist_lines(submission.checklist, page.options, page.width)
+    return lines
+
+
+def _submission_heading(submission: Submission, page: Page) -> Iterator[str]:
+    heading = paint(visible(submission.path), "heading", color=page.color)
+    yield f"{heading}: submission{_counts(submission.findings)}"
+    yield from _crash_lines(submission.crashes, page)
+
+
+def _stage_heading(result: StageResult, page: Page) -> str:
+    path = paint(visible(result.path), "heading", color=page.color)
+    verdict = paint(result.verdict, result.verdict, color=page.color)
+    at = f"checkpoint {visible(result.checkpoint)}, " if result.checkpoint else ""
+    heading = f"{path}: {at}{verdict}"
+    if result.score.possible:
+        heading = f"{heading}, {result.score.earned:g} of {result.score.possible:g} met"
+    return heading + _counts(result.findings)
+
+
+def _counts(findings: Sequence[Finding]) -> str:
+    severities = [finding.severity for finding in findings]
+    return "".join(
+        f", {plural(severities.count(severity), severity)}"
+        for severity in SEVERITIES
+        if severity in severities
+    )
+
+
+def _crash_lines(crashes: tuple[Crash, ...], page: Page) -> Iterator[str]:
+    for crash in crashes:
+        label = paint("crash", "error", color=page.color)
+        yield f"{label} {visible(f'{crash.rule}: {crash.error}')}"

@@ -1,0 +1,51 @@
+"""The checklists of the handout as text, with the state of each item."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+from itertools import groupby
+
+from lab3_usd.model.finding import ChecklistItem
+from lab3_usd.report.formats.ansi import paint
+from lab3_usd.report.formats.registry import Options
+from lab3_usd.report.safe_text import visible
+
+STATES = {
+    "met": "met",
+    "not met": "not met",
+    "not shown": "not shown",
+    "person": "for a person to judge",
+}
+
+
+def checklist_lines(
+    items: tuple[ChecklistItem, ...], options: Options, width: int
+) -> Iterator[str]:
+    """Yield a line that counts the items, and each by its section; those met only when verbose."""
+    if not items:
+        return
+    counts = [(sum(item.state == state for item in items), state) for state in STATES]
+    yield ""
+    yield "checklist: " + ", ".join(f"{count} {STATES[state]}" for count, state in counts if count)
+    shown = [item for item in items if item.state != "met" or options.verbosity == "verbose"]
+    for section, members in groupby(shown, key=lambda item: item.section):
+        yield f"  {visible(section)}"
+        for item in members:
+            yield from _item_lines(item, width, color=options.color)
+
+
+def _item_lines(item: ChecklistItem, width: int, *, color: bool) -> Iterator[str]:
+    because = f": {item.because}" if item.because else ""
+    indent = " " * 15
+    first, *more = textwrap.wrap(
+        visible(f"{item.text}{because}"),
+        width,
+        initial_indent=indent,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    ) or [indent]
+    state = paint(f"{item.state:<9}", item.state, color=color)
+    yield f"    {state}  {first[len(indent) :]}"
+    yield from more

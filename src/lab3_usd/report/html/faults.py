@@ -1,0 +1,62 @@
+"""The findings of a block for the page, merged over its stages and sorted by section."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.order import section_key
+from lab3_usd.report.blocks import Block
+from lab3_usd.report.faults import Fault
+from lab3_usd.report.html.model import Card, Chapter, ExcerptLine, Excerpts, Link, Section
+from lab3_usd.report.source_excerpt import excerpt_lines, read_excerpts
+from lab3_usd.spec.lab import Lab
+
+EXCERPT_WIDTH = 96
+MOST_EXCERPTS = 80  # in one block: a page stays small whatever a stage holds
+
+
+def cards(
+    block: Block, found: Iterable[Fault], links: Mapping[str, tuple[Link, ...]]
+) -> Iterator[Card]:
+    """Yield a card for each fault, with the lines of its file where those can be read."""
+    all_faults = list(found)
+    excerpts = read_excerpts(fault.finding for fault in all_faults[:MOST_EXCERPTS])
+    for fault in all_faults:
+        frame = tuple(_excerpt(fault.finding, excerpts))
+        yield Card(fault, block.span(fault.stages), frame, links.get(fault.id, ()))
+
+
+def _excerpt(finding: Finding, excerpts: Excerpts) -> Iterator[ExcerptLine]:
+    if not finding.layer or not finding.line:
+        return
+    excerpt = excerpts.get((finding.layer, finding.line))
+    if excerpt is None:
+        return
+    for row in excerpt_lines(excerpt, finding.line, finding.column, EXCERPT_WIDTH):
+        gutter, bar, text = row.partition(" |")
+        yield ExcerptLine(gutter + bar, text, is_hit=row.startswith(">"))
+
+
+def chapters(found: Sequence[Card], lab: Lab) -> tuple[Chapter, ...]:
+    """Group cards, which are in order already, by section and those by part of the handout."""
+    titles: dict[str, str] = {}
+    for each in lab.checkpoints.values():
+        titles.setdefault(each.part, each.title)
+    sections: dict[tuple[str, str], list[Card]] = {}
+    for card in found:
+        name = card.fault.finding.handout or ""
+        title = "Not opened" if card.fault.is_cause else _chapter(name, titles)
+        sections.setdefault((title, name), []).append(card)
+    parts: dict[str, list[Section]] = {}
+    for (title, name), inside in sections.items():
+        parts.setdefault(title, []).append(Section(name, tuple(inside)))
+    return tuple(Chapter(title, tuple(inside)) for title, inside in parts.items())
+
+
+def _chapter(section: str, titles: Mapping[str, str]) -> str:
+    _, letter, number, _, _ = section_key(section)
+    if letter:
+        title = titles.get(letter, "")
+        return f"Part {letter}: {title}" if title else f"Part {letter}"
+    return f"Section {number}" if number else "Beside the handout"

@@ -1,0 +1,150 @@
+"""The pictures of a block: one for all stages with the same graph, linked to its faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from msgspec import Struct, field
+
+from lab3_usd.report.blocks import Block
+from lab3_usd.report.faults import Fault
+from lab3_usd.report.html.model import Link, PagePicture, Topic
+from lab3_usd.report.html.picture_links import PictureTarget, related_targets, target_of
+from lab3_usd.report.html.stage_content import StageContent
+from lab3_usd.report.picture import Picture
+from lab3_usd.report.picture_formats.svg import svg
+
+# Characters in one block, so that the page of a whole submission stays below 400 kB.
+PICTURE_CHARACTERS = 300_000
+LEAST_CHARACTERS = 40_000
+CHARACTERS_PER_FAULT = 1_500
+CHARACTERS_PER_TOPIC = 800
+MOST_LINKS = 4  # from one fault, where its graph differs from stage to stage
+
+
+class Gallery(Struct, frozen=True):
+    """The pictures of a block, and the links into them by the id of each fault."""
+
+    pictures: tuple[PagePicture, ...] = ()
+    links: Mapping[str, tuple[Link, ...]] = field(default_factory=dict)
+
+
+class _SharedPicture(Struct, frozen=True):
+    """A picture with the stages that it shows and its id on the page."""
+
+    id: str
+    picture: Picture
+    stages: tuple[int, ...]
+    lines: tuple[str, ...]
+
+
+def gallery(
+    block: Block, contents: Mapping[int, StageContent], block_faults: Sequence[Fault]
+) -> Gallery:
+    """Draw every picture once; pictures without faults are the first to be left out for size.
+
+    Among the others, later checkpoints come first, because they include the earlier ones.
+    """
+    all_shared = list(_shared_pictures(block, contents))
+    targets = {shared.id: _targets(shared, block_faults) for shared in all_shared}
+    drawn: dict[str, str] = {}
+    characters_left = _characters_left(contents, block_faults)
+    for shared in sorted(all_shared, key=lambda one: (not targets[one.id], -one.stages[-1])):
+        text = _svg(shared, targets[shared.id], block_faults)
+        if len(text) <= characters_left:
+            characters_left -= len(text)
+            drawn[shared.id] = text
+    links: dict[str, list[Link]] = {}
+    for shared in all_shared:
+        for name, target in targets[shared.id].items():
+            if shared.id in drawn:
+                links.setdefault(name, []).append(_link(shared, target))
+    pictures = tuple(
+        _page_picture(shared, targets[shared.id], drawn.get(shared.id)) for shared in all_shared
+    )
+    return Gallery(pictures, {name: tuple(ways[:MOST_LINKS]) for name, ways in links.items()})
+
+
+def _characters_left(contents: Mapping[int, StageContent], block_faults: Sequence[Fault]) -> int:
+    """Return the characters left for pictures beside the faults and the topics."""
+    beside = CHARACTERS_PER_FAULT * len(block_faults) + CHARACTERS_PER_TOPIC * len(topics(contents))
+    return max(PICTURE_CHARACTERS - beside, LEAST_CHARACTERS)
+
+
+def _shared_pictures(
+    block: Block, contents: Mapping[int, StageContent]
+) -> Iterable[_SharedPicture]:
+    """Yield each different picture with its stages: graph by graph, in the order of the lab."""
+    stages: dict[Picture, list[int]] = {}
+    names: dict[tuple[str, str], list[Picture]] = {}
+    for index in sorted(contents):
+        for picture in contents[index].pictures:
+            stages.setdefault(picture, []).append(index)
+            same = names.setdefault((picture.kind, picture.title), [])
+            same += [] if picture in same else [picture]
+    every = [picture for same in names.values() for picture in same]
+    for number, picture in enumerate(every):
+        shows = tuple(stages[picture])
+        lines = contents[shows[0]].tree if picture.kind == "frames" else ()
+        yield _SharedPicture(f"{block.id}-g{number}", picture, shows, lines)
+
+
+def _targets(shared: _SharedPicture, block_faults: Sequence[Fault]) -> dict[str, PictureTarget]:
+    """Return where in the picture each fault is, by the id of the fault."""
+    targets = {}
+    for fault in block_faults:
+        target = target_of(fault.finding, shared.picture)
+        if target is not None and set(fault.stages) & set(shared.stages):
+            targets[fault.id] = target
+    return targets
+
+
+def _svg(
+    shared: _SharedPicture, targets: Mapping[str, PictureTarget], block_faults: Sequence[Fault]
+) -> str:
+    links: dict[str, str] = {}
+    for name, target in targets.items():
+        links.setdefault(target.id, f"#{name}")
+    for fault in block_faults:
+        if fault.id in targets:
+            for target in related_targets(fault.finding, shared.picture):
+                links.setdefault(target.id, f"#{fault.id}")
+    text = svg(shared.picture, f"{shared.id}-", links)
+    # The parts beside the faults are drawn from this element; what has links is no image.
+    role = 'role="group"' if links else 'role="img"'
+    return text.replace("<svg ", f'<svg id="{shared.id}" ', 1).replace('role="img"', role, 1)
+
+
+def _link(shared: _SharedPicture, target: PictureTarget) -> Link:
+    return Link(
+        target=f"{shared.id}-{target.id}",
+        picture=shared.id,
+        title=shared.picture.title,
+        stages=shared.stages,
+        view=target.view,
+    )
+
+
+def _page_picture(
+    shared: _SharedPicture, targets: Mapping[str, PictureTarget], text: str | None
+) -> PagePicture:
+    picture = shared.picture
+    return PagePicture(
+        id=shared.id,
+        title=picture.title,
+        kind=picture.kind,
+        stages=shared.stages,
+        size=(picture.width, picture.height),
+        faults=len(targets),
+        svg=text,
+        lines=shared.lines,
+    )
+
+
+def topics(contents: Mapping[int, StageContent]) -> tuple[Topic, ...]:
+    """Return the rows of the topic table, each once, with the stages that have it."""
+    stages: dict[tuple[str, ...], list[int]] = {}
+    for index in sorted(contents):
+        for cells in contents[index].topics:
+            stages.setdefault(cells, []).append(index)
+    return tuple(Topic(cells, tuple(dict.fromkeys(shows))) for cells, shows in stages.items())

@@ -1,0 +1,133 @@
+"""The templates of the HTML pages, with escaping and the content security policy."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from base64 import b64encode
+from collections.abc import Mapping
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup, escape
+
+from lab3_usd.report.picture_formats.svg_style import PALETTES, stylesheet
+from lab3_usd.report.safe_text import visible
+
+FOLDER = Path(__file__).resolve().parent / "templates"
+COMPILED = FOLDER / "compiled"
+_BREAK_AFTER = re.compile(r"(?<=\w)[/.:_](?=\w)")
+_CODE = re.compile(r"`([^`]+)`")
+
+
+def fill(template: str, more_style: str = "", **values: object) -> str:
+    """Return a template with its values, and the page's style, script and policy.
+
+    `more_style` is the file of another style that the page needs.
+    """
+    return environment().get_template(template).render(**_common_values(more_style), **values)
+
+
+@lru_cache(maxsize=2)
+def _common_values(more_style: str) -> Mapping[str, object]:
+    """Return the values of every page: style, script, and the policy that allows them."""
+    style = _style() + (text_of(more_style) if more_style else "")
+    script = text_of("report.js")
+    return {
+        "style": _own_markup(style),
+        "script": _own_markup(script),
+        "policy": content_policy(style, script),
+    }
+
+
+@lru_cache(maxsize=1)
+def environment() -> jinja2.Environment:
+    """Return the templates: every value is escaped, for HTML and where it does not print."""
+    environment = jinja2.Environment(
+        loader=_loader(),
+        bytecode_cache=_bytecode_cache(),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_finalized,
+    )
+    environment.filters.update(picture=_own_markup, path=_path, prose=_prose)
+    return environment
+
+
+def text_of(name: str) -> str:
+    """Return a style or script of the pages."""
+    return (FOLDER / name).read_text(encoding="utf-8")
+
+
+def _loader() -> jinja2.BaseLoader:
+    """Return the templates as a wheel carries them, as modules; else those of the checkout."""
+    if COMPILED.is_dir():
+        return jinja2.ModuleLoader(COMPILED)
+    return jinja2.FileSystemLoader(FOLDER, encoding="utf-8")
+
+
+def _bytecode_cache() -> jinja2.BytecodeCache | None:
+    if COMPILED.is_dir() or sys.dont_write_bytecode or not os.access(FOLDER, os.W_OK):
+        return None
+    folder = FOLDER / "__pycache__"
+    folder.mkdir(exist_ok=True)
+    return jinja2.FileSystemBytecodeCache(str(folder))
+
+
+def compile_templates(target: Path) -> None:
+    """Write the templates below `target` as modules, for a wheel."""
+    environment().compile_templates(target, ["j2"], zip=None, ignore_errors=False)
+
+
+def _finalized(value: object) -> object:
+    is_plain = isinstance(value, str) and not isinstance(value, Markup)
+    return visible(str(value)) if is_plain else value
+
+
+def _own_markup(text: str) -> Markup:
+    """Return markup of our own: files of this package, and pictures that escape themselves."""
+    return Markup(text)  # noqa: S704 - see above
+
+
+def _path(text: str) -> Markup:
+    """Return a path that may be broken between its names."""
+    return _own_markup(_BREAK_AFTER.sub(r"\g<0><wbr>", _escaped(text)))
+
+
+def _prose(text: str) -> Markup:
+    """Return a sentence, what stands between backticks as code."""
+    return _own_markup(_CODE.sub(r"<code>\1</code>", _escaped(text)))
+
+
+def _escaped(text: str) -> str:
+    return str(escape(visible(text)))
+
+
+def palette_style() -> str:
+    """Return the colours of the pictures as variables of a page's style."""
+    light, dark = (
+        "".join(f"--{name.replace('_', '-')}:{value};" for name, value in PALETTES[theme].items())
+        for theme in ("light", "dark")
+    )
+    return f":root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}\n"
+
+
+def _style() -> str:
+    return palette_style() + text_of("report.css") + stylesheet()
+
+
+def content_policy(style: str, script: str) -> str:
+    """Return the content security policy: nothing from anywhere, our style and script as they are.
+
+    The picture in the browser's tab is data in the page itself.
+    """
+    parts = ["default-src 'none'", "img-src data:", "base-uri 'none'", "form-action 'none'"]
+    for kind, text in (("style", style), ("script", script)):
+        digest = b64encode(sha256(text.encode()).digest()).decode()
+        parts.append(f"{kind}-src 'sha256-{digest}'")
+    return "; ".join(parts)

@@ -1,0 +1,1 @@
+"""The file formats of a picture: one module each, SVG in four."""

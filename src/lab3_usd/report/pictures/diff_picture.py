@@ -1,0 +1,157 @@
+"""Pictures of what differs between two versions of a graph: removed, changed and added parts."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.stage import Node
+from lab3_usd.model.stage_diff import Edit, StageChange
+from lab3_usd.report.layout.box_size import sized
+from lab3_usd.report.layout.canvas import on_canvas
+from lab3_usd.report.layout.missing_positions import position_missing
+from lab3_usd.report.layout.text_width import clip_end
+from lab3_usd.report.picture import Box, Curve, End, Picture, Row, State
+from lab3_usd.report.pictures.graph_picture import MOST_LETTERS, laid_out
+from lab3_usd.report.pictures.node_boxes import absent_box, ends, node_box
+from lab3_usd.report.pictures.port_rows import MOST_LABEL, BoxSubject
+from lab3_usd.report.pictures.site_findings import SiteFindings, findings_by_site
+
+NodePair = tuple[Node | None, Node | None]
+Wires = dict[tuple[End, End], bool]
+STATE_OF: Mapping[Edit, State] = {"added": "extra", "removed": "missing", "changed": "wrong"}
+_ON_ROWS = ("value", "target")
+
+
+class GraphVersions(Struct, frozen=True):
+    """A graph before and after: its nodes in pairs, None where one is in one version only.
+
+    `path` says where a prim of the first version is in the second.
+    """
+
+    name: str
+    path: str
+    nodes: tuple[NodePair, ...]
+    moved: Callable[[str], str]
+
+
+def diff_picture(graph: GraphVersions, changes: Sequence[StageChange]) -> Picture:
+    """Return the second version of the graph, with what is gone, other and new marked."""
+    keys = dict(_keys(graph))
+    curves = tuple(_curves(graph, keys))
+    found = findings_by_site(_findings(changes))
+    was = {(each.path, each.property): each.was for each in changes if each.part in _ON_ROWS}
+    touched = {each.path for each in changes if each.part == "node" and each.edit == "changed"}
+    boxes = [
+        _with_old_values(_box(pair, key, curves, found, touched), was) for key, pair in keys.items()
+    ]
+    boxes += _outside(boxes, curves)
+    old_positions = {
+        key: before.position
+        for key, (before, _) in keys.items()
+        if before is not None and before.position is not None
+    }
+    present = frozenset(key for key, (_, after) in keys.items() if after is not None)
+    boxes = list(position_missing(boxes, curves, old_positions, present or frozenset(keys)))
+    subtitle = _counted(graph.path, boxes, curves)
+    name = clip_end(graph.name, MOST_LETTERS)
+    drawn = laid_out(tuple(boxes), curves)
+    return on_canvas(Picture(name, subtitle, *drawn, path=graph.path, judged=True, kind="diff"))
+
+
+def _keys(graph: GraphVersions) -> Iterator[tuple[str, NodePair]]:
+    """Yield each pair with the key of its box: where the node is now, or would be."""
+    present = {after.path for _, after in graph.nodes if after is not None}
+    for before, after in graph.nodes:
+        if after is not None:
+            yield after.path, (before, after)
+        elif before is not None:
+            key = graph.moved(before.path)
+            yield (f"{key}_removed" if key in present else key), (before, None)
+
+
+def _findings(changes: Iterable[StageChange]) -> Iterator[Finding]:
+    """Yield values and targets that are not as before as faults, which boxes know how to mark."""
+    for each in changes:
+        if each.part in _ON_ROWS and each.edit == "changed":
+            message = f"{each.property} was {each.was}, is {each.now}"
+            yield Finding("", "", "error", each.path, message, each.property)
+
+
+def _box(
+    pair: NodePair, key: str, curves: Sequence[Curve], found: SiteFindings, touched: set[str]
+) -> Box:
+    before, after = pair
+    arriving, leaving = ends(curves)
+    subject = BoxSubject(
+        key,
+        None,
+        after or before,
+        {end.port: state for end, state in arriving.items() if end.key == key},
+        {end.port: state for end, state in leaving.items() if end.key == key},
+        found,
+    )
+    edit: Edit | None = None
+    if before is None or after is None:
+        edit = "added" if before is None else "removed"
+    elif key in touched:
+        edit = "changed"
+    box = node_box(subject, "ok" if edit is None else STATE_OF[edit])
+    name = key.rpartition("/")[2]
+    return box if edit is None else replace(box, subtitle=f"{name} · {edit}")
+
+
+def _with_old_values(box: Box, was: Mapping[tuple[str, str], str]) -> Box:
+    def with_old_value(row: Row) -> Row:
+        old = was.get((box.key, row.port))
+        if not old or row.state == "ok":
+            return row
+        return replace(row, value=(*row.value, clip_end(f"was {old}", MOST_LABEL)))
+
+    return sized(replace(box, settings=tuple(map(with_old_value, box.settings))))
+
+
+def _curves(graph: GraphVersions, keys: Mapping[str, NodePair]) -> Iterator[Curve]:
+    old_keys = {before.path: key for key, (before, _) in keys.items() if before is not None}
+    old = _wires((pair[0] for pair in graph.nodes), lambda p: old_keys.get(p, graph.moved(p)))
+    new = _wires((pair[1] for pair in graph.nodes), lambda path: path)
+    for (source, target), is_execution in (old | new).items():
+        state: State = "ok"
+        if (source, target) not in new:
+            state = "missing"
+        elif (source, target) not in old:
+            state = "extra"
+        yield Curve(source, target, is_execution, state)
+
+
+def _wires(nodes: Iterable[Node | None], key: Callable[[str], str]) -> Wires:
+    """Return the ends of each wire, and whether it carries execution."""
+    found: Wires = {}
+    for node in filter(None, nodes):
+        for name, state in node.ports.items():
+            port = None if node.type is None else node.type.port(name)
+            for source in state.sources:
+                prim, _, output = source.rpartition(".")
+                target = End(key(node.path), name)
+                found[End(key(prim), output), target] = port is not None and port.is_execution
+    return found
+
+
+def _outside(boxes: Sequence[Box], curves: Sequence[Curve]) -> Iterator[Box]:
+    drawn = {box.key for box in boxes}
+    for key in dict.fromkeys(curve.source.key for curve in curves):
+        if key not in drawn:
+            away = [curve for curve in curves if curve.source.key == key]
+            ports = tuple(dict.fromkeys(curve.source.port for curve in away))
+            yield absent_box(key, ports, "not in this graph", away[0].state)
+
+
+def _counted(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> str:
+    states = Counter([box.state for box in boxes] + [curve.state for curve in curves])
+    states.update(row.state for box in boxes if box.state == "ok" for row in box.settings)
+    parts = [f"{states[state]} {edit}" for edit, state in STATE_OF.items() if states[state]]
+    return "  ·  ".join([clip_end(path, MOST_LETTERS), *(parts or ["no changes"])])

@@ -1,0 +1,208 @@
+"""The picture of a TF tree: what a stage publishes, compared with the tree of the lab."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
+
+from msgspec import Struct
+
+from lab3_usd.check.tf.frames import Edge
+from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames
+from lab3_usd.report.layout.box_size import sized
+from lab3_usd.report.layout.canvas import on_canvas
+from lab3_usd.report.layout.layered import Placed, layered
+from lab3_usd.report.layout.text_width import clip_end
+from lab3_usd.report.picture import STATES, Box, Curve, End, Picture, State
+from lab3_usd.spec.lab import FrameSpec, LocalizationSpec
+
+Pair = tuple[str, str]
+MOST_TITLE = 40
+GRAVE: tuple[State, ...] = ("wrong", "extra")
+
+
+class DrawnEdge(Struct, frozen=True):
+    """One edge of the drawn tree: its publishers, whether they are certain, and its state.
+
+    `unknown` is the reason why the child is unknown; the child is then not a frame name.
+    """
+
+    parent: str
+    child: str
+    publishers: tuple[str, ...]
+    state: State = "ok"
+    external: bool = False
+    sure: bool = True
+    unknown: str = ""
+
+
+def spec_frames_picture(frames: FrameSpec) -> Picture:
+    """Return the tree that the lab asks for, with the part that localization adds."""
+    branches = [DrawnEdge(*edge, ()) for edge in frames.edges]
+    if frames.localization is not None:
+        branches.insert(0, _localization(frames.localization))
+    return _picture("TF", "the required tree", branches, judged=False)
+
+
+def frames_picture(
+    frames: FrameSpec,
+    edges: Sequence[Edge],
+    hidden: Sequence[UnresolvedFrames] = (),
+    *,
+    required: bool = True,
+    localized: bool = False,
+) -> Picture:
+    """Return the tree of a stage, with missing, extra and conflicting edges marked.
+
+    Without `required` (before the checkpoint that adds the tree) nothing is missing or extra.
+    `localized` adds what localization publishes. What is `hidden` is drawn as unknown, and no
+    frame is missing that could be among it.
+    """
+    branches = [
+        branch
+        for branch in _branches(frames, edges, required=required)
+        if branch.state != "missing" or not any(each.may_be(branch.child) for each in hidden)
+    ]
+    branches += [_unknown(each) for each in hidden]
+    if localized and frames.localization is not None:
+        branches.insert(0, _localization(frames.localization))
+    return _picture("TF", _counted(branches), branches, judged=True)
+
+
+def _unknown(hidden: UnresolvedFrames) -> DrawnEdge:
+    why = f"asset not found: {hidden.asset}"
+    return DrawnEdge(hidden.parent, hidden.what, (hidden.publisher,), unknown=why)
+
+
+def _localization(spec: LocalizationSpec) -> DrawnEdge:
+    return DrawnEdge(*spec.edge, (spec.by,), external=True)
+
+
+def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> Iterator[DrawnEdge]:
+    """Yield the asked edges in the order of the lab, then the others as they are published."""
+    published: dict[Pair, list[str]] = {}
+    for edge in edges:
+        published.setdefault((edge.parent, edge.child), []).append(edge.publisher)
+    certain = {(edge.parent, edge.child) for edge in edges if edge.sure}
+    parents = _parents(published)
+    top = frames.root
+    for wanted in frames.edges:
+        if (
+            wanted not in published
+            and required
+            and frames.deeper_under not in _ancestors(wanted[1], parents)
+        ):
+            yield DrawnEdge(*wanted, (), "missing")
+    order: list[Pair] = [pair for pair in frames.edges if pair in published]
+    order += [pair for pair in published if pair not in frames.edges]
+    for pair in order:
+        publishers = tuple(dict.fromkeys(published[pair]))
+        state = _state(pair, frames, parents)
+        if len(publishers) > 1:
+            state = "wrong"
+        elif not required and top not in pair:
+            state = "ok"
+        yield DrawnEdge(*pair, publishers, state, sure=pair in certain)
+
+
+def _parents(pairs: Iterable[Pair]) -> dict[str, list[str]]:
+    parents: dict[str, list[str]] = {}
+    for parent, child in pairs:
+        parents.setdefault(child, []).append(parent)
+    return parents
+
+
+def _state(pair: Pair, frames: FrameSpec, parents: Mapping[str, Sequence[str]]) -> State:
+    """Judge a published edge; where a frame has two parents the one that is asked for is right."""
+    if pair in frames.edges:
+        return "ok"
+    parent, child = pair
+    top = frames.root
+    if child in {parent, top} or len(parents[child]) > 1:
+        return "wrong"
+    ancestors = _ancestors(child, parents)
+    if frames.deeper_under in ancestors:
+        return "ok"
+    return "extra" if top in ancestors else "wrong"
+
+
+def _ancestors(frame: str, parents: Mapping[str, Sequence[str]]) -> set[str]:
+    """Return the frames above a published one, as far as they are published."""
+    ancestors: set[str] = set()
+    while frame in parents and parents[frame][0] not in ancestors:
+        frame = parents[frame][0]
+        ancestors.add(frame)
+    return ancestors
+
+
+def _counted(branches: Sequence[DrawnEdge]) -> str:
+    states = Counter(branch.state for branch in branches)
+    unknown = sum(bool(branch.unknown) for branch in branches)
+    there = sum(branch.state != "missing" for branch in branches) - unknown
+    parts = [f"{there} transform{'s' * (there != 1)}"]
+    parts += [f"{unknown} unknown"] if unknown else []
+    parts += [f"{states[state]} {state}" for state in STATES if state != "ok" and states[state]]
+    return "  ·  ".join(parts)
+
+
+def _picture(title: str, subtitle: str, branches: Sequence[DrawnEdge], *, judged: bool) -> Picture:
+    names = dict.fromkeys(name for branch in branches for name in (branch.parent, branch.child))
+    boxes = [_box(name, [branch for branch in branches if branch.child == name]) for name in names]
+    curves = [
+        Curve(
+            End(branch.parent, ""),
+            End(branch.child, ""),
+            dashed=branch.external or not branch.sure,
+            state=branch.state,
+            note=_note(branch),
+        )
+        for branch in branches
+    ]
+    placed = _placed(tuple(boxes), tuple(curves))
+    return on_canvas(Picture(title, subtitle, *placed, judged=judged, kind="frames"))
+
+
+@lru_cache(maxsize=16)  # most stages of a class publish the same tree
+def _placed(boxes: tuple[Box, ...], curves: tuple[Curve, ...]) -> Placed:
+    return layered(boxes, curves)
+
+
+def _box(name: str, edges_into: Sequence[DrawnEdge]) -> Box:
+    """Return the box of a frame; `edges_into` are the edges that lead to it."""
+    unknown = next((branch.unknown for branch in edges_into if branch.unknown), "")
+    if unknown:
+        return sized(_unknown_box(name, unknown))
+    states = {branch.state for branch in edges_into}
+    state: State = "missing" if states == {"missing"} else "ok"
+    state = next((one for one in GRAVE if one in states), state)
+    publishers = dict.fromkeys(one for branch in edges_into for one in branch.publishers)
+    surely = "by" if all(branch.sure for branch in edges_into) else "perhaps by"
+    published_by = " and ".join(clip_end(one.rpartition("/")[2], MOST_TITLE) for one in publishers)
+    return sized(
+        Box(
+            key=name,
+            title=clip_end(name, MOST_TITLE),
+            subtitle=f"{surely} {published_by}"
+            if published_by
+            else "missing"
+            if state == "missing"
+            else "",
+            family="frame",
+            state=state,
+            note="\n".join(publishers),
+        )
+    )
+
+
+def _unknown_box(what: str, why: str) -> Box:
+    kind, _, path = what.partition(" /")
+    title = clip_end(f"{kind} {path.rpartition('/')[2]}", MOST_TITLE)
+    reason = why.partition(":")[0]
+    return Box(key=what, title=title, subtitle=reason, family="absent", note=f"{what}: {why}")
+
+
+def _note(branch: DrawnEdge) -> str:
+    surely = "published" if branch.sure else "perhaps published"
+    published_by = f", {surely} by {' and '.join(branch.publishers)}" if branch.publishers else ""
+    return f"{branch.parent} → {branch.child}{published_by}"

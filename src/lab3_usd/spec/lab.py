@@ -1,0 +1,250 @@
+"""What a correct stage is, as data: graph specs, scene requirements and checkpoints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from lab3_usd.spec.catalog import Catalog
+from lab3_usd.spec.graph import GraphSpec, NodeSpec, Target
+from lab3_usd.spec.ros import RosSpec, TopicSpec
+from lab3_usd.spec.submission import SubmissionSpec
+
+
+class Checkpoint(Struct, frozen=True):
+    """One checkpoint: its number, file name without ending, and everything it must hold.
+
+    `graphs` and `sensors` are cumulative; `new` names the graphs this checkpoint adds.
+    """
+
+    id: str
+    file: str
+    title: str
+    part: str
+    graphs: tuple[str, ...]
+    new: tuple[str, ...]
+    sensors: tuple[str, ...]
+    new_sensors: tuple[str, ...]
+    frames: bool = False
+    topics: bool = False
+    localization: bool = False
+
+
+class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree": "with"}):
+    """The inputs that decide when time stamps start again, and the node that all agree with."""
+
+    ports: tuple[str, ...]
+    agree: str
+
+
+class Policy(Struct, frozen=True, forbid_unknown_fields=True):
+    """What holds for every graph: inputs that stay at their defaults, topics that may be shared."""
+
+    handout: str
+    keep_default: tuple[str, ...]
+    namespace: str
+    namespace_attribute: str
+    stamp_reset: StampReset
+    tree_topics: tuple[str, ...]
+    tick: str
+
+
+class FrameEdge(tuple[str, str]):
+    """A transform of the TF tree: parent and child."""
+
+    __slots__ = ()
+    written = "'parent -> child'"
+
+    @classmethod
+    def parse(cls, text: str) -> FrameEdge:
+        """Read an edge as the specs write it.
+
+        Raises:
+            ValueError: it is written otherwise.
+        """
+        parent, child = filter(None, text.split(" -> "))
+        return cls((parent, child))
+
+
+class ForbiddenTransform(Struct, frozen=True, forbid_unknown_fields=True):
+    """A transform that nothing may publish, and the usual names of nodes that do."""
+
+    parent: str
+    child: str
+    nodes: tuple[str, ...]
+    handout: str
+
+    @property
+    def edge(self) -> tuple[str, str]:
+        """Parent and child."""
+        return self.parent, self.child
+
+
+class LocalizationSpec(Struct, frozen=True, forbid_unknown_fields=True, rename={"since": "from"}):
+    """The transform that localization adds, and the chain of frames that it completes."""
+
+    edge: FrameEdge
+    by: str
+    since: str
+    chain: tuple[str, ...]
+    handout: str
+
+
+class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
+    """The TF tree: its edges, what is forbidden, and what localization adds."""
+
+    handout: str
+    edges: tuple[FrameEdge, ...] = ()
+    deeper_under: str = ""
+    forbidden: ForbiddenTransform | None = None
+    localization: LocalizationSpec | None = None
+
+    @property
+    def root(self) -> str:
+        """The frame at the top of what a stage publishes, '' where it publishes none."""
+        if self.localization is not None:
+            return self.localization.edge[1]
+        children = {child for _, child in self.edges}
+        return next((parent for parent, _ in self.edges if parent not in children), "")
+
+    @property
+    def unplaced(self) -> str:
+        """The frame that no stage may place, '' for none: the root, where the lab guards it."""
+        is_guarded = self.localization is not None or self.forbidden is not None
+        return self.root if is_guarded else ""
+
+    @property
+    def above(self) -> str:
+        """The frame that localization puts above the root, '' where there is none."""
+        return "" if self.localization is None else self.localization.edge[0]
+
+    @property
+    def reserved(self) -> dict[str, str]:
+        """The root and who alone may place it; empty where nobody does."""
+        return {} if self.localization is None else {self.root: self.localization.by}
+
+    @property
+    def guard_handout(self) -> str:
+        """The section that says that no stage may place the root."""
+        return self.handout if self.forbidden is None else self.forbidden.handout
+
+    def is_forbidden(self, edge: tuple[str, str]) -> bool:
+        """Whether nothing may publish this transform."""
+        return self.forbidden is not None and edge == self.forbidden.edge
+
+
+class Handout(Struct, frozen=True, forbid_unknown_fields=True):
+    """The sections of the handout: how many each part has, and those that ask for nothing here."""
+
+    sections: Mapping[str, int]
+    by_hand: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name every section."""
+        return tuple(
+            f"{part}{number}"
+            for part, count in self.sections.items()
+            for number in range(1, count + 1)
+        )
+
+
+class Lab(Struct, frozen=True, eq=False):
+    """Everything that `graphs/` says, loaded once.
+
+    `scene` is the scene file as plain, checked data; `ros` what the running system must show,
+    `submission` what is handed in.
+    """
+
+    folder: Path
+    title: str
+    catalog: Catalog
+    graphs: Mapping[str, GraphSpec]
+    checkpoints: Mapping[str, Checkpoint]
+    policy: Policy
+    frames: FrameSpec
+    ros: RosSpec
+    submission: SubmissionSpec
+    handout: Handout
+    scene: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def first(self) -> str:
+        """The first checkpoint: the starter."""
+        return next(iter(self.checkpoints))
+
+    @property
+    def last(self) -> str:
+        """The last checkpoint."""
+        return list(self.checkpoints)[-1]
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The names of the stages, without ending, by checkpoint."""
+        return {name: checkpoint.file for name, checkpoint in self.checkpoints.items()}
+
+    def until(self, checkpoint: str) -> tuple[str, ...]:
+        """Name the checkpoints up to one of them."""
+        order = list(self.checkpoints)
+        return tuple(order[: order.index(checkpoint) + 1])
+
+    def is_after(self, checkpoint: str, other: str) -> bool:
+        """Whether a checkpoint comes after another."""
+        return checkpoint not in self.until(other)
+
+    @property
+    def sensors(self) -> Mapping[str, Any]:
+        """The sensors of the scene file, by the names that checkpoints add them under."""
+        sensors: Mapping[str, Any] = self.scene["sensors"]
+        return sensors
+
+    def sensors_of(self, kind: str) -> tuple[Mapping[str, Any], ...]:
+        """Return the sensors of one kind, in the order of the scene file."""
+        return tuple(each for each in self.sensors.values() if each["kind"] == kind)
+
+    @property
+    def lidar_link(self) -> str:
+        """The prim at whose height the lab's map is cut: the first lidar's link, '' for none."""
+        for lidar in self.sensors_of("lidar"):
+            link: str = lidar["path"].rpartition("/")[0]
+            return link
+        return ""
+
+    @property
+    def topics(self) -> Mapping[str, TopicSpec]:
+        """The topics of the running system by name, with their message types and QoS."""
+        return self.ros.topics
+
+
+def articulated_at_root(lab: Lab) -> Lab:
+    """Return the lab for a stage whose articulation root is on the robot root.
+
+    Isaac Sim looks for an articulation at the target prim and below, never above: there, the
+    handout's target finds none, and the robot root is the target instead.
+    """
+    return replace(
+        lab, graphs={name: _graph_at_root(spec, lab) for name, spec in lab.graphs.items()}
+    )
+
+
+def _graph_at_root(spec: GraphSpec, lab: Lab) -> GraphSpec:
+    return replace(
+        spec, nodes={role: _node_at_root(node, lab) for role, node in spec.nodes.items()}
+    )
+
+
+def _node_at_root(node: NodeSpec, lab: Lab) -> NodeSpec:
+    return replace(node, targets=tuple(_target_at_root(each, node, lab) for each in node.targets))
+
+
+def _target_at_root(target: Target, node: NodeSpec, lab: Lab) -> Target:
+    robot = lab.scene["robot"]
+    if target.port not in node.type.articulation:
+        return target
+    if target.prims != (robot["articulation"]["target"],):
+        return target
+    return replace(target, prims=(robot["path"],), handout_prims=target.prims)

@@ -1,0 +1,1 @@
+"""Reading the description of a lab from YAML."""

@@ -1,0 +1,221 @@
+"""One graph spec out of its YAML file, held against the catalog."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from msgspec import Struct
+
+from lab3_usd.errors import SpecError
+from lab3_usd.spec.catalog import INPUT, Catalog, NodeType, Port, can_connect
+from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef, Setting, Target, Wire
+from lab3_usd.spec.load.records import record
+from lab3_usd.spec.values import typed_value
+
+_WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
+_ROLE = re.compile(r"^[A-Za-z_]\w*$")
+_PATH = re.compile(r"^(/[A-Za-z_]\w*)+$")
+_BySection = dict[str, tuple[str, ...]]
+
+
+class _NodeEntry(Struct, forbid_unknown_fields=True):
+    """A node as the file describes it; inputs by the section of the handout that names them."""
+
+    type: str
+    at: tuple[float, float]
+    handout: str
+    set: dict[str, dict[str, Any]] = {}
+    targets: dict[str, dict[str, tuple[str, ...]]] = {}
+    keep: _BySection = {}
+    ports: tuple[str, ...] = ()
+    frames_from: tuple[str, ...] = ()
+
+    def named_ports(self) -> Iterator[str]:
+        """Yield every input that the entry names, whatever for."""
+        for by_section in (self.set, self.targets, self.keep):
+            for names in by_section.values():
+                yield from names
+        yield from self.ports
+        yield from self.frames_from
+
+
+class _GraphFile(Struct, forbid_unknown_fields=True):
+    """What the file of a graph holds; wires by the section of the handout that asks for them."""
+
+    graph: str
+    path: str
+    handout: str
+    nodes: dict[str, _NodeEntry]
+    wires: _BySection
+    optional_wires: _BySection = {}
+    forbidden_wires: _BySection = {}
+
+
+def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSpec:
+    """Build one graph spec.
+
+    Raises:
+        SpecError: names the file, the graph, the role and the port that are wrong.
+    """
+    said = record(data, _GraphFile, file)
+    where = f"{file}: {said.graph}"
+    nodes = {
+        _role(role, where): _node(role, entry, catalog, where) for role, entry in said.nodes.items()
+    }
+    wires = _wires(said.wires, nodes, where)
+    _check_sources(wires, where)
+    return GraphSpec(
+        name=said.graph,
+        path=_path(said.path, f"{where}: path"),
+        handout=said.handout,
+        nodes=nodes,
+        wires=wires,
+        optional_wires=_wires(said.optional_wires, nodes, where),
+        forbidden_wires=_wires(said.forbidden_wires, nodes, where),
+    )
+
+
+def _role(role: str, where: str) -> str:
+    if not _ROLE.match(role):
+        message = f"{where}: '{role}' cannot be the name of a prim"
+        raise SpecError(message)
+    return role
+
+
+def _check_sources(wires: tuple[Wire, ...], where: str) -> None:
+    """Refuse a second wire into one input: the lab has one source for each."""
+    fed: dict[PortRef, Wire] = {}
+    for wire in wires:
+        if wire.target in fed:
+            message = f"{where}: wire '{wire}': '{fed[wire.target]}' ends at that input already"
+            raise SpecError(message)
+        fed[wire.target] = wire
+
+
+def _path(path: str, where: str) -> str:
+    if not _PATH.match(path):
+        message = f"{where}: {path!r} is not the absolute path of a prim"
+        raise SpecError(message)
+    return path
+
+
+def _node(role: str, entry: _NodeEntry, catalog: Catalog, graph: str) -> NodeSpec:
+    where = f"{graph}: {role}"
+    node_type = catalog.types.get(entry.type)
+    if node_type is None:
+        message = f"{where}: type '{entry.type}' is not in the catalog"
+        raise SpecError(message)
+    ports = {short: _input(node_type, short, where) for short in entry.named_ports()}
+    _check_uses(entry, ports, node_type, where)
+    settings = tuple(_settings(entry, ports, where))
+    targets = tuple(_targets(entry, ports, where))
+    ports_set = [*(each.port for each in settings), *(each.port for each in targets)]
+    for port, count in Counter(ports_set).items():
+        if count > 1:
+            message = f"{where}: {port} is set twice"
+            raise SpecError(message)
+    return NodeSpec(
+        role=role,
+        type=node_type,
+        at=entry.at,
+        handout=entry.handout,
+        settings=settings,
+        targets=targets,
+        keep=tuple(
+            (INPUT + short, section) for section, names in entry.keep.items() for short in names
+        ),
+        grown=tuple(INPUT + short for short in entry.ports),
+        frames_from=tuple(INPUT + short for short in entry.frames_from),
+    )
+
+
+def _input(node_type: NodeType, short: str, where: str) -> Port:
+    port = node_type.input(short)
+    if port is None:
+        message = f"{where}: {node_type.type} has no input '{short}'"
+        raise SpecError(message)
+    return port
+
+
+def _check_uses(
+    entry: _NodeEntry, ports: Mapping[str, Port], node_type: NodeType, where: str
+) -> None:
+    """Refuse an added port that every node has, and frames from anything but prims."""
+    for short in entry.ports:
+        if ports[short].name in node_type.ports:
+            message = f"{where}: {ports[short].name}: is on every node, it cannot be added"
+            raise SpecError(message)
+    for short in entry.frames_from:
+        if not ports[short].is_target:
+            message = f"{where}: {ports[short].name}: is no relationship, it gives no frames"
+            raise SpecError(message)
+
+
+def _settings(entry: _NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Setting]:
+    for section, values in entry.set.items():
+        for short, value in values.items():
+            port = ports[short]
+            place = f"{where}: {port.name}"
+            if port.is_execution or port.is_target:
+                message = f"{place}: is no value, but {port.ogn_type}"
+                raise SpecError(message)
+            checked = typed_value(value, port.usd_type, place)
+            if port.allowed and checked not in port.allowed:
+                message = f"{place} is {value!r}, expected one of {', '.join(port.allowed)}"
+                raise SpecError(message)
+            yield Setting(port.name, checked, section)
+
+
+def _targets(entry: _NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Target]:
+    for section, values in entry.targets.items():
+        for short, prims in values.items():
+            port = ports[short]
+            if not port.is_target:
+                message = f"{where}: {port.name}: is {port.ogn_type}, not a relationship"
+                raise SpecError(message)
+            checked = tuple(_path(path, f"{where}: {port.name}") for path in prims)
+            yield Target(port.name, checked, section)
+
+
+def _wires(lines: _BySection, nodes: Mapping[str, NodeSpec], where: str) -> tuple[Wire, ...]:
+    return tuple(
+        _wire(text, section, nodes, where) for section, texts in lines.items() for text in texts
+    )
+
+
+def _wire(text: str, section: str, nodes: Mapping[str, NodeSpec], graph: str) -> Wire:
+    where = f"{graph}: wire '{text}'"
+    match = _WIRE.match(text)
+    if match is None:
+        message = f"{where}: is not written 'role.port -> role.port'"
+        raise SpecError(message)
+    for role in (match[1], match[3]):
+        if role not in nodes:
+            message = f"{where}: there is no role '{role}'"
+            raise SpecError(message)
+    source = nodes[match[1]].type.source(match[2])
+    if source is None:
+        message = f"{where}: {nodes[match[1]].type.type} has no output '{match[2]}'"
+        raise SpecError(message)
+    target = _wire_end(match[3], match[4], nodes, where)
+    if not can_connect(source, target):
+        message = f"{where}: {source.ogn_type} cannot be wired to {target.ogn_type}"
+        raise SpecError(message)
+    return Wire(PortRef(match[1], source.name), PortRef(match[3], target.name), section)
+
+
+def _wire_end(role: str, short: str, nodes: Mapping[str, NodeSpec], where: str) -> Port:
+    node_type = nodes[role].type
+    target = node_type.input(short)
+    if target is None:
+        ends_at_output = node_type.source(short) is not None
+        what = "is an output, a wire ends at an input" if ends_at_output else "is not there"
+        message = f"{where}: '{short}' of {node_type.type} {what}"
+        raise SpecError(message)
+    if target.name not in (*node_type.ports, *nodes[role].grown):
+        message = f"{where}: {target.name} is there only once 'ports' of {role} names it"
+        raise SpecError(message)
+    return target

@@ -1,0 +1,55 @@
+"""Loads the lab: everything that `graphs/` says, checked once, then plain frozen data."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+from lab3_usd.data import data_folder, own_lab
+from lab3_usd.spec.isaac import IsaacTypes
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.compiled import compiled_or_loaded, compiled_or_loaded_types
+
+
+def load_lab(folder: Path | None = None) -> Lab:
+    """Load the lab described by the YAML files of `folder`.
+
+    By default it is the folder that the environment variable `LAB3_LAB` names, else the bundled
+    one.
+
+    Raises:
+        SpecError: a file is missing or wrong; the line names file, graph, role and port.
+    """
+    folder = folder or own_lab()
+    return _bundled(data_folder("graphs")) if folder is None else _load(folder)
+
+
+@lru_cache(maxsize=1)
+def _bundled(folder: Path) -> Lab:
+    return compiled_or_loaded(folder, _load)
+
+
+@lru_cache(maxsize=4)
+def _load(folder: Path) -> Lab:
+    from lab3_usd.spec.lint.linter import refuse_faulty  # noqa: PLC0415 - not for a compiled lab
+    from lab3_usd.spec.load.assemble import assemble  # noqa: PLC0415 - nor YAML's parser
+
+    lab = assemble(folder)
+    refuse_faulty(lab)
+    return lab
+
+
+@lru_cache(maxsize=1)
+def load_isaac_types() -> IsaacTypes:
+    """Load every public node type of Isaac Sim, which the lab's catalog is a part of.
+
+    Raises:
+        SpecError: a file is missing or wrong.
+    """
+    return compiled_or_loaded_types(data_folder("graphs") / "isaac", _assemble_types)
+
+
+def _assemble_types(folder: Path) -> IsaacTypes:
+    from lab3_usd.spec.load.isaac import assemble_types  # noqa: PLC0415 - nor YAML's parser
+
+    return assemble_types(folder)

@@ -1,0 +1,182 @@
+"""The bundled starter scene as data: its prims, and what the handout fixes about them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct, field
+from msgspec.structs import fields, replace
+
+from lab3_usd.errors import SpecError
+from lab3_usd.spec.load.records import record
+from lab3_usd.spec.load.yaml_file import read_yaml
+from lab3_usd.spec.scene import SCENE_FILE, Number3, complete_scene
+
+STARTER_FILE = "starter.yaml"
+_Data = dict[str, Any]
+
+
+class PoseSpec(Struct, frozen=True, forbid_unknown_fields=True):
+    """Where a prim stands in its parent: metres, degrees about X then Y then Z, factors."""
+
+    translate: Number3 = (0.0, 0.0, 0.0)
+    rotate: Number3 = (0.0, 0.0, 0.0)
+    scale: Number3 = (1.0, 1.0, 1.0)
+
+
+class AttributeSpec(Struct, frozen=True):
+    """A value of a prim; `type` is None where USD's own schemas know the attribute."""
+
+    name: str
+    value: Any
+    type: str | None = None
+
+
+class PrimSpec(Struct, frozen=True):
+    """One prim of the starter; an `over` is a library that other prims refer to."""
+
+    path: str
+    type: str = ""
+    doc: str = ""
+    apis: tuple[str, ...] = ()
+    reference: str = ""
+    over: bool = False
+    pose: PoseSpec | None = None
+    attributes: tuple[AttributeSpec, ...] = ()
+    targets: tuple[tuple[str, tuple[str, ...]], ...] = ()
+
+
+class _Prim(Struct, forbid_unknown_fields=True):
+    """A prim as `starter.yaml` writes it."""
+
+    like: str = ""
+    type: str = ""
+    doc: str = ""
+    apis: tuple[str, ...] = ()
+    reference: str = ""
+    over: bool = False
+    pose: PoseSpec | None = None
+    attributes: _Data = field(name="set", default_factory=dict)
+    targets: dict[str, tuple[str, ...]] = {}
+    children: dict[str, _Data] = {}
+
+
+class _Attribute(Struct, forbid_unknown_fields=True):
+    type: str
+    value: Any = None
+
+
+class _StarterFile(Struct, forbid_unknown_fields=True):
+    doc: str
+    default_prim: str
+    kinds: dict[str, _Data]
+    prims: dict[str, _Data]
+
+
+class StarterSpec(Struct, frozen=True):
+    """The whole starter; `prims` holds parents before children, in the order of the file."""
+
+    doc: str
+    default_prim: str
+    up_axis: str
+    meters_per_unit: float
+    kilograms_per_unit: float
+    prims: tuple[PrimSpec, ...]
+
+
+def load_starter_spec(folder: Path) -> StarterSpec:
+    """Read the bundled starter from `starter.yaml` and `scene.yaml` in `folder`.
+
+    Masses, the robot's pose and the place of the lidar's link are the handout's (5.3, 5.4) and
+    stand in `scene.yaml` alone.
+
+    Raises:
+        SpecError: a file cannot be read, or says something that no prim can be made of.
+    """
+    starter = record(read_yaml(folder / STARTER_FILE), _StarterFile, STARTER_FILE)
+    scene = complete_scene(read_yaml(folder / SCENE_FILE))
+    kinds: dict[str, _Data] = {}
+    for name, kind in starter.kinds.items():
+        kinds[name] = _like(kind, kinds, f"{STARTER_FILE}: kind {name}")
+    prims = {prim.path: prim for prim in _prims(starter.prims, "", kinds)}
+    for fact in _handout_facts(scene["robot"]):
+        if fact.path not in prims:
+            message = f"{STARTER_FILE}: {fact.path} is missing, {SCENE_FILE} asks for it"
+            raise SpecError(message)
+        prims[fact.path] = _with_fact(prims[fact.path], fact)
+    stage = scene["stage"]
+    return StarterSpec(
+        doc=starter.doc,
+        default_prim=starter.default_prim,
+        up_axis=stage["up_axis"],
+        meters_per_unit=stage["meters_per_unit"],
+        kilograms_per_unit=stage["kilograms_per_unit"],
+        prims=tuple(prims.values()),
+    )
+
+
+def _like(item: _Data, kinds: Mapping[str, _Data], where: str) -> _Data:
+    """Complete a prim with the kind it is like; kinds can only be like kinds above them."""
+    said = record(item, _Prim, where)
+    if not said.like:
+        return item
+    if said.like not in kinds:
+        message = f"{where}: is like '{said.like}', which is no kind above it"
+        raise SpecError(message)
+    kind = kinds[said.like]
+    whole = {**kind, **item, "set": kind.get("set", {}) | said.attributes}
+    del whole["like"]
+    return whole
+
+
+def _prims(
+    children: Mapping[str, _Data], parent: str, kinds: Mapping[str, _Data]
+) -> Iterator[PrimSpec]:
+    for name, item in children.items():
+        path = f"{parent}/{name}"
+        where = f"{STARTER_FILE}: {path}"
+        prim = record(_like(item, kinds, where), _Prim, where)
+        if not prim.type and not prim.over:
+            message = f"{where}: 'type' is missing"
+            raise SpecError(message)
+        yield PrimSpec(
+            path=path,
+            type="" if prim.over else prim.type,
+            doc=prim.doc,
+            apis=prim.apis,
+            reference=prim.reference,
+            over=prim.over,
+            pose=prim.pose,
+            attributes=tuple(_attributes(prim.attributes, f"{where}: set")),
+            targets=tuple(prim.targets.items()),
+        )
+        yield from _prims(prim.children, path, kinds)
+
+
+def _attributes(values: _Data, where: str) -> Iterator[AttributeSpec]:
+    for name, value in values.items():
+        if isinstance(value, dict):
+            said = record(value, _Attribute, f"{where}: {name}")
+            yield AttributeSpec(name, said.value, said.type)
+        else:
+            yield AttributeSpec(name, value)
+
+
+def _handout_facts(robot: Mapping[str, Any]) -> Iterator[PrimSpec]:
+    """Yield the prims of the robot with no more than the handout says of them."""
+    root = robot["path"]
+    pose = {each.name: robot["pose"][each.name] for each in fields(PoseSpec)}
+    yield PrimSpec(root, pose=record(pose, PoseSpec, SCENE_FILE))
+    for name, link in robot["links"].items():
+        yield PrimSpec(
+            f"{root}/{name}",
+            pose=PoseSpec(tuple(link["offset"])) if "offset" in link else None,
+            attributes=(AttributeSpec("physics:mass", link["mass"]),) if "mass" in link else (),
+        )
+
+
+def _with_fact(prim: PrimSpec, fact: PrimSpec) -> PrimSpec:
+    pose = prim.pose if fact.pose is None else fact.pose
+    return replace(prim, pose=pose, attributes=prim.attributes + fact.attributes)

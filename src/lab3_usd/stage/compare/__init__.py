@@ -1,0 +1,1 @@
+"""Comparing a stage with the starter it was made from."""

@@ -1,0 +1,1 @@
+"""Opening the stages of strangers without leaving their folder."""

@@ -1,0 +1,214 @@
+"""The layers of a submission: each is looked at, and what leads out of it is redirected."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from msgspec import Struct
+from pxr import Sdf, Tf, Usd
+
+from lab3_usd.errors import StageError
+from lab3_usd.stage.read.missing_assets import blocked_path
+from lab3_usd.stage.read.opening import ENDINGS
+
+_ADDRESS = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # one letter is a drive of Windows
+_ABSOLUTE = re.compile(r"^([/\\]|[A-Za-z]:)")
+_FORMAT_ARGUMENTS = ":SDF_FORMAT_ARGS:"
+_CLIPS = "clips"
+_NO_MEMORY = "bad_alloc"
+_ATTEMPTS = 8
+_MOST_ASSETS = 500
+_Check = Callable[[Path], "bytes | None"]
+
+
+class BlockedAsset(Struct, frozen=True):
+    """An asset that was not opened: the stage that asks for it, and why not.
+
+    One with `is_error` is an error wherever it is; the others only where a graph hangs on them.
+    """
+
+    stage: str
+    asset: str
+    reason: str
+    is_error: bool
+
+
+@dataclass(slots=True)
+class Fence:
+    """What may be opened while one submission is judged, and what came of it.
+
+    `check` looks at the bytes of a layer before usd-core does: it raises StageError, which says
+    why and leaves the name of the file to the fence, or returns the text of a text layer. `broken`
+    holds files that are not opened, and why; `announce` is told of every stage before it is
+    opened. `graphs` are paths at which a graph belongs. Stages in `closed`, by their names in the
+    submission, are not opened again.
+    """
+
+    root: Path
+    check: _Check
+    allowed: frozenset[str] = frozenset()
+    broken: Mapping[str, str] = field(default_factory=dict)
+    announce: Callable[[str], None] = lambda _name: None
+    graphs: Collection[str] = ()
+    nesting: int = 200
+    closed: set[str] = field(default_factory=set)
+    found: dict[tuple[str, str], BlockedAsset] = field(default_factory=dict)
+    layers: dict[str, Sdf.Layer] = field(default_factory=dict)
+    stages: dict[str, Usd.Stage] = field(default_factory=dict)
+    digests: dict[str, str] = field(default_factory=dict)
+
+
+def name_of(fence: Fence, real: str) -> str | None:
+    """Return a path relative to the submission, None for what lies outside of it."""
+    inside = os.path.relpath(real, fence.root)
+    return None if inside == ".." or inside.startswith(f"..{os.sep}") else inside
+
+
+def shown_name(fence: Fence, real: str) -> str:
+    """Return how a message names a file: never by where the copy of a submission lies."""
+    return name_of(fence, real) or Path(real).name
+
+
+def open_layer(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
+    """Look at the bytes of a layer, let usd-core read it, and drop the clips that are in it.
+
+    Raises:
+        StageError: usd-core should not be given the file, or reads no layer from it.
+        MemoryError: there is not enough for it.
+    """
+    name = shown_name(fence, file)
+    try:
+        text = b"" if file in fence.allowed else fence.check(Path(file))
+    except StageError as error:
+        message = f"{name}: {error}"
+        raise StageError(message) from error
+    with memory_errors():
+        layer = Sdf.Layer.FindOrOpen(identifier)
+    if layer is None:
+        message = f"{name}: usd-core opens no stage from it; save it again from Isaac Sim"
+        raise StageError(message)
+    fence.layers[layer.identifier] = layer
+    if text is None or _CLIPS.encode() in text:
+        _drop_clips(layer, fence.nesting)
+    return layer
+
+
+@contextmanager
+def memory_errors() -> Iterator[None]:
+    """Tell running out of memory from a damaged file; usd-core reports both alike."""
+    try:
+        yield
+    except (Tf.ErrorException, RuntimeError) as error:
+        if _NO_MEMORY in str(error):
+            raise MemoryError from error
+        raise
+
+
+def _drop_clips(layer: Sdf.Layer, nesting: int) -> None:
+    """Value clips name layers that are opened while values are read; the lab has none."""
+    with_clips: list[Sdf.Path] = []
+
+    def visit(path: Sdf.Path) -> None:
+        if not path.IsPrimPath() and not path.IsPrimVariantSelectionPath():
+            return
+        if path.pathElementCount > nesting:
+            message = f"prims lie more than {nesting} levels deep in one another"
+            raise StageError(message)
+        spec = layer.GetObjectAtPath(path)
+        if spec is not None and spec.HasInfo(_CLIPS):  # a damaged file names what it lacks
+            with_clips.append(path)
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+    for path in with_clips:
+        layer.GetObjectAtPath(path).ClearInfo(_CLIPS)
+
+
+def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
+    """Redirect everything that leads out, in this layer and in all it leads to, to nowhere."""
+    waiting, seen = [root], {root.identifier}
+    while waiting:
+        layer = waiting.pop()
+        is_trusted = os.path.realpath(layer.realPath) in fence.allowed
+        assets = [each for each in layer.GetCompositionAssetDependencies() if each]
+        if len(assets) > _MOST_ASSETS:
+            message = (
+                f"{shown_name(fence, root.realPath)}: refers to {len(assets)} files; not opened"
+            )
+            raise StageError(message)
+        for asset in assets:
+            found = (
+                _trusted(fence, layer, asset) if is_trusted else _inspect(fence, layer, asset, name)
+            )
+            if isinstance(found, BlockedAsset):
+                fence.found.setdefault((name, asset), found)
+                _redirect(layer, asset)
+            elif found is not None and found.identifier not in seen:
+                seen.add(found.identifier)
+                waiting.append(found)
+
+
+def _inspect(
+    fence: Fence, layer: Sdf.Layer, asset: str, name: str
+) -> Sdf.Layer | BlockedAsset | None:
+    """Return the layer that an asset is, why it is not opened, or None where there is no file."""
+    reason = _unlike_a_file(asset)
+    if reason:
+        return BlockedAsset(name, asset, reason, is_error=True)
+    if _ADDRESS.match(asset):
+        return BlockedAsset(name, asset, "it is not on this computer", is_error=False)
+    identifier = layer.ComputeAbsolutePath(asset)
+    file = os.path.realpath(identifier.partition("[")[0])
+    if file not in fence.allowed:
+        if _ABSOLUTE.match(asset):
+            return BlockedAsset(name, asset, "it is an absolute path", is_error=False)
+        if name_of(fence, file) is None:
+            return BlockedAsset(name, asset, "it leads out of the submission", is_error=True)
+    return _layer_at(fence, identifier, file, BlockedAsset(name, asset, "", is_error=True))
+
+
+def _trusted(fence: Fence, layer: Sdf.Layer, asset: str) -> Sdf.Layer | None:
+    """Return what a layer of the starter leads to; what is missing there stays missing."""
+    identifier = layer.ComputeAbsolutePath(asset)
+    file = os.path.realpath(identifier.partition("[")[0])
+    return open_layer(fence, identifier, file) if file in fence.allowed else None
+
+
+def _unlike_a_file(asset: str) -> str:
+    if asset.startswith("`"):
+        return "it is an expression, not a path"
+    if _FORMAT_ARGUMENTS in asset:
+        return "it carries arguments for a file format"
+    return ""
+
+
+def _layer_at(
+    fence: Fence, identifier: str, file: str, unopened: BlockedAsset
+) -> Sdf.Layer | BlockedAsset | None:
+    if not Path(identifier).is_absolute() or not os.path.lexists(file):
+        return BlockedAsset(unopened.stage, unopened.asset, "it is not there", is_error=False)
+    if identifier in fence.layers:
+        return fence.layers[identifier]
+    if not file.lower().endswith(ENDINGS):
+        return BlockedAsset(unopened.stage, unopened.asset, "it is no USD file", is_error=True)
+    try:
+        return open_layer(fence, identifier, file)
+    except StageError as error:
+        reason = str(error).rpartition(": ")[2]
+        return BlockedAsset(unopened.stage, unopened.asset, reason, is_error=True)
+    except (Tf.ErrorException, RuntimeError, UnicodeError):
+        return BlockedAsset(unopened.stage, unopened.asset, "it is damaged", is_error=True)
+
+
+def _redirect(layer: Sdf.Layer, asset: str) -> None:
+    """Rewrite an asset in memory; usd-core changes one kind of arc at a time, so ask again."""
+    for _ in range(_ATTEMPTS):
+        layer.UpdateCompositionAssetDependency(asset, blocked_path(asset))
+        if asset not in layer.GetCompositionAssetDependencies():
+            return
+    message = f"the reference to {asset} cannot be taken out"
+    raise StageError(message)

@@ -1,0 +1,1 @@
+"""Where prims stand, and the shapes of their colliders."""

@@ -1,0 +1,201 @@
+"""The boxes around collision shapes in world space, in metres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cache
+
+from pxr import Gf, Usd, Vt
+
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.prims import Collider, Colliders, Matrix, Prim, Prims
+from lab3_usd.stage.geometry.transforms import TransformCache
+from lab3_usd.stage.read.opening import stage_errors
+from lab3_usd.stage.read.prims import DAMAGE, RIGID_BODY, PrimReader
+
+_Corner = tuple[float, float, float]
+_Box = tuple[_Corner, _Corner]
+
+_COLLISION = "PhysicsCollisionAPI"
+_FEW = 100  # points of a mesh; more are left to UsdGeom
+_AXIS_NAMES = ("X", "Y", "Z")
+# The shapes of UsdGeom by type name; whether round ones end in half balls.
+_ROUND = {"Cylinder": False, "Capsule": True, "Cone": False}
+_PARTS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+
+
+class StageColliders(Colliders):
+    """The boxes around the collision prims of an open stage, each measured when it is asked for.
+
+    A collision prim has the box of its own shape and of the shapes below it. Planes have none.
+    The bodies are the nearest ancestors that are rigid bodies, '' for none. Cylinders, spheres and
+    capsules are taken as round, so that a wheel turned about its axle stands as high as one that
+    is not; cones as the cylinders around them.
+    """
+
+    def __init__(self, prims: Prims, reader: PrimReader) -> None:
+        """Measure the prims of a stage."""
+        self._prims = prims
+        self._reader = reader
+        self._boxes: dict[str, _Box | None] = {}
+        self._bodies: dict[str, str] = {"": ""}
+        self._metres = float(reader.stage.GetMetadata("metersPerUnit"))
+
+    def below(self, top: str) -> Iterator[Collider]:
+        """Yield the boxes of the shapes at and below a prim."""
+        return (
+            box
+            for prim in self._colliding()
+            if is_at_or_below(prim.path, top)
+            for box in self._measured(prim)
+        )
+
+    def beside(self, top: str) -> Iterator[Collider]:
+        """Yield the boxes of the shapes that are not `below` a prim."""
+        return (
+            box
+            for prim in self._colliding()
+            if not is_at_or_below(prim.path, top)
+            for box in self._measured(prim)
+        )
+
+    def _colliding(self) -> Iterator[Prim]:
+        return (prim for prim in self._prims.with_api(_COLLISION) if prim.present)
+
+    def _body(self, path: str) -> str:
+        """Return the nearest rigid body at or above a path."""
+        if len(self._bodies) == 1:
+            self._bodies.update((prim.path, prim.path) for prim in self._prims.with_api(RIGID_BODY))
+        above = []
+        while path not in self._bodies:
+            above.append(path)
+            path = path.rpartition("/")[0]
+        self._bodies.update(dict.fromkeys(above, self._bodies[path]))
+        return self._bodies[path]
+
+    def _measured(self, prim: Prim) -> Iterator[Collider]:
+        """Yield the box of a collision prim that has a shape of its own or shapes below."""
+        path = prim.path
+        if path not in self._boxes:
+            with stage_errors(self._reader.name, *DAMAGE):
+                self._measure(self._reader.stage.GetPrimAtPath(path))
+        box = self._boxes[path]
+        if box is not None:
+            low, high = (_scaled(corner, self._metres) for corner in box)
+            yield Collider(path, self._body(path), low, high)
+
+    def _measure(self, top: Usd.Prim) -> None:
+        """Measure a collision prim and those below it, each shape once."""
+        transforms = self._reader.transforms
+        if not top.GetAllChildrenNames() and not top.IsInstance():
+            self._boxes[str(top.GetPath())] = _world_box(top, transforms)
+            return
+        open_boxes: list[list[_Box]] = [[]]
+        prims = iter(Usd.PrimRange.PreAndPostVisit(top, _PARTS))
+        for prim in prims:
+            path = str(prim.GetPath())
+            if not prims.IsPostVisit():
+                known = path in self._boxes
+                box = self._boxes[path] if known else _world_box(prim, transforms)
+                open_boxes.append([] if box is None else [box])
+                if known:
+                    prims.PruneChildren()
+                continue
+            boxes = open_boxes.pop()
+            box = _union(boxes) if boxes else None
+            open_boxes[-1] += [] if box is None else [box]
+            if prim == top or _COLLISION in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+                self._boxes[path] = box
+        self._boxes.setdefault(str(top.GetPath()), None)
+
+
+def _world_box(prim: Usd.Prim, transforms: TransformCache) -> _Box | None:
+    kind = str(prim.GetTypeName())
+    if kind in _ROUND:
+        return _around(transforms.world(prim), *_round_sizes(prim), has_balls=_ROUND[kind])
+    if kind == "Sphere":
+        return _around(transforms.world(prim), _number(prim, "radius"), 0.0, 0, has_balls=True)
+    if kind == "Cube":
+        return _cube_box(transforms.world(prim), _number(prim, "size") / 2)
+    attribute = prim.GetAttribute("points")
+    points = attribute.Get() if attribute else None
+    if not points or not isinstance(points, Vt.Vec3fArray):
+        return None
+    matrix = Gf.Matrix4d(*transforms.world(prim))
+    if len(points) <= _FEW:
+        return _bounds([tuple(matrix.Transform(Gf.Vec3d(point))) for point in points])
+    return _box_of_many(points, matrix)
+
+
+def _box_of_many(points: Vt.Vec3fArray, matrix: Gf.Matrix4d) -> _Box:
+    """Return the box around many points, which usd-core works out without a loop here."""
+    from pxr import UsdGeom  # noqa: PLC0415 - takes as long to load as judging a stage
+
+    mesh = UsdGeom.Mesh(_scratch().GetPrimAtPath("/points"))
+    mesh.GetPointsAttr().Set(points)
+    extent = UsdGeom.Boundable.ComputeExtentFromPlugins(mesh, Usd.TimeCode.Default(), matrix)
+    low, high = ((corner[0], corner[1], corner[2]) for corner in extent)
+    return low, high
+
+
+@cache
+def _scratch() -> Usd.Stage:
+    """Return a stage with a mesh that takes any points, as usd-core measures none by themselves."""
+    stage = Usd.Stage.CreateInMemory()
+    stage.DefinePrim("/points", "Mesh")
+    return stage
+
+
+def _number(prim: Usd.Prim, name: str) -> float:
+    """Return a size of a shape, the schema's own where the file names none; 0 for what is none."""
+    value = prim.GetAttribute(name).Get()
+    return float(value) if isinstance(value, (int, float)) else 0.0
+
+
+def _cube_box(matrix: Matrix, half: float) -> _Box:
+    half = abs(half)
+    return _reaching(
+        matrix,
+        half * (abs(matrix[0]) + abs(matrix[4]) + abs(matrix[8])),
+        half * (abs(matrix[1]) + abs(matrix[5]) + abs(matrix[9])),
+        half * (abs(matrix[2]) + abs(matrix[6]) + abs(matrix[10])),
+    )
+
+
+def _round_sizes(prim: Usd.Prim) -> tuple[float, float, int]:
+    """Return radius, half the height, and the index of the axis, Z where the file names none."""
+    axis = prim.GetAttribute("axis").Get()
+    along = "XYZ".index(axis) if axis in _AXIS_NAMES else 2
+    return _number(prim, "radius"), _number(prim, "height") / 2, along
+
+
+def _around(matrix: Matrix, radius: float, half: float, along: int, *, has_balls: bool) -> _Box:
+    """Return the box around two discs, or two balls, that lie `half` from the middle."""
+    x, y, z = (
+        abs(matrix[4 * along + column]) * half
+        + radius
+        * math.hypot(*(matrix[4 * row + column] for row in range(3) if has_balls or row != along))
+        for column in range(3)
+    )
+    return _reaching(matrix, x, y, z)
+
+
+def _reaching(matrix: Matrix, x: float, y: float, z: float) -> _Box:
+    """Return the box around where the matrix puts the origin, with these half sizes."""
+    across, along, up = matrix[12:15]
+    return (across - x, along - y, up - z), (across + x, along + y, up + z)
+
+
+def _bounds(points: list[_Corner]) -> _Box:
+    xs, ys, zs = zip(*points, strict=True)
+    return (min(xs), min(ys), min(zs)), (max(xs), max(ys), max(zs))
+
+
+def _union(boxes: list[_Box]) -> _Box:
+    lows, highs = zip(*boxes, strict=True)
+    return _bounds([*lows, *highs])
+
+
+def _scaled(corner: _Corner, metres: float) -> _Corner:
+    return corner[0] * metres, corner[1] * metres, corner[2] * metres

@@ -1,0 +1,193 @@
+"""The local and world transforms of prims, out of their own operations.
+
+The same as `UsdGeom.Xformable` gives, for types that usd-core does not know as well, and without
+loading UsdGeom's Python classes, which takes as long as judging a stage. Matrices are plain
+tuples: converting one of Gf's takes longer than composing two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from struct import Struct
+from typing import Any
+
+from pxr import Gf, Usd, Vt
+
+from lab3_usd.model.stage import Matrix
+from lab3_usd.model.transform_math import IDENTITY, multiply
+from lab3_usd.stage.read.plain_values import elements
+
+ORDER = "xformOpOrder"
+RESET = "!resetXformStack!"
+_INVERSE = "!invert!"
+_SIXTEEN = Struct("16d")
+_SHORTEST = 1e-10  # length of an axis that is one, as in Gf
+
+
+class TransformCache:
+    """Composes transforms down the namespace, each once.
+
+    `UsdGeom.XformCache` skips prims whose type usd-core does not know, an OmniLidar among them;
+    their own operations are read all the same here.
+    """
+
+    def __init__(self) -> None:
+        """Start with nothing known but the root."""
+        self._known: dict[str, tuple[Matrix | None, Matrix]] = {"/": (None, IDENTITY)}
+
+    def of(self, prim: Usd.Prim, path: str) -> tuple[Matrix | None, Matrix]:
+        """Return the local transform (None where none is authored) and the world transform.
+
+        Every Xform has the order of its operations by its schema; only one that a layer states
+        says where the prim stands.
+        """
+        ahead = []
+        while path not in self._known:
+            ahead.append((prim, path))
+            prim, path = prim.GetParent(), path.rpartition("/")[0] or "/"
+        for each, below in reversed(ahead):
+            self._known[below] = self._read(each, self._known[path][1])
+            path = below
+        return self._known[path]
+
+    def world(self, prim: Usd.Prim) -> Matrix:
+        """Return the world transform of a prim."""
+        return self.of(prim, str(prim.GetPath()))[1]
+
+    def _read(self, prim: Usd.Prim, parent: Matrix) -> tuple[Matrix | None, Matrix]:
+        if not prim.GetAttribute(ORDER).HasAuthoredValue():
+            return None, parent
+        local, is_reset = local_transform(prim)
+        return local, local if is_reset else multiply(local, parent)
+
+
+def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
+    """Return the local matrix, and whether it leaves the parent's transform out.
+
+    An operation without a value, or of a kind that USD does not have, moves nothing.
+    """
+    matrix, is_reset = IDENTITY, False
+    for name in _names(prim.GetAttribute(ORDER).Get()):
+        if name == RESET:
+            matrix, is_reset = IDENTITY, True
+            continue
+        operation = _operation(prim, name.removeprefix(_INVERSE))
+        if operation is not None:
+            if name.startswith(_INVERSE):
+                operation = _inverse(operation)
+            matrix = operation if matrix is IDENTITY else multiply(operation, matrix)
+    return matrix, is_reset
+
+
+def _names(order: Any) -> list[str]:  # noqa: ANN401 - of any type where a file is damaged
+    if not isinstance(order, Vt.TokenArray):
+        return []
+    # Iterating over a Vt type is five times as slow as asking for its elements.
+    return [order[index] for index in range(len(order))]
+
+
+def _operation(prim: Usd.Prim, name: str) -> Matrix | None:
+    attribute = prim.GetAttribute(name)
+    value = attribute.Get() if attribute else None
+    make = _MAKERS.get(name.split(":")[1]) if value is not None and ":" in name else None
+    try:
+        return None if make is None else make(value)
+    except (TypeError, ValueError, AttributeError):  # not what the operation takes
+        return None
+
+
+def _inverse(matrix: Matrix) -> Matrix:
+    return _matrix(Gf.Matrix4d(*matrix).GetInverse())
+
+
+def _translation(value: Any) -> Matrix:  # noqa: ANN401 - of any precision
+    x, y, z = _vector(value)
+    return (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, y, z, 1.0)
+
+
+def _scaling(value: Any) -> Matrix:  # noqa: ANN401
+    x, y, z = _vector(value)
+    return (x, 0.0, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 0.0, z, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def _vector(value: Any) -> tuple[float, float, float]:  # noqa: ANN401
+    x, y, z = elements(value)
+    return _number(x), _number(y), _number(z)
+
+
+def _number(value: Any) -> float:  # noqa: ANN401
+    if isinstance(value, float):
+        return value
+    raise TypeError(value)  # UsdGeom takes no whole numbers either
+
+
+def _orientation(value: Any) -> Matrix:  # noqa: ANN401
+    """Return the rotation of a quaternion.
+
+    As in Gf, the imaginary part gives the axis and the real part the angle, whatever the length.
+    """
+    w, (x, y, z) = max(-1.0, min(1.0, float(value.real))), _vector(value.imaginary)
+    length = math.sqrt(x * x + y * y + z * z)
+    if length <= _SHORTEST:
+        return IDENTITY
+    part = math.sqrt(1.0 - w * w) / length
+    x, y, z = x * part, y * part, z * part
+    return (
+        *(1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (z * x - y * w), 0.0),
+        *(2 * (x * y - z * w), 1 - 2 * (z * z + x * x), 2 * (y * z + x * w), 0.0),
+        *(2 * (z * x + y * w), 2 * (y * z - x * w), 1 - 2 * (y * y + x * x), 0.0),
+        *(0.0, 0.0, 0.0, 1.0),
+    )
+
+
+def _matrix(value: Any) -> Matrix:  # noqa: ANN401
+    return _SIXTEEN.unpack(Gf.Matrix4d(value))
+
+
+def _turn(axis: str, degrees: float) -> Matrix:
+    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    matrix = [*IDENTITY]
+    one, other = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}[axis]
+    matrix[5 * one] = matrix[5 * other] = cosine
+    matrix[4 * one + other], matrix[4 * other + one] = sine, -sine
+    return tuple(matrix)
+
+
+def _about(axis: str) -> Callable[[Any], Matrix]:
+    return lambda degrees: _turn(axis, _number(degrees))
+
+
+def _turns(order: str) -> Callable[[Any], Matrix]:
+    """Return the maker of three turns; the first letter turns first."""
+
+    def make(value: Any) -> Matrix:  # noqa: ANN401
+        degrees = _vector(value)
+        first, second, third = (_turn(axis, degrees["XYZ".index(axis)]) for axis in order)
+        return multiply(multiply(first, second), third)
+
+    return make
+
+
+def _along(axis: str, make: Callable[[Any], Matrix], rest: float) -> Callable[[Any], Matrix]:
+    """Return the maker of an operation on one axis; the others keep `rest`."""
+    index = "XYZ".index(axis)
+
+    def one(value: Any) -> Matrix:  # noqa: ANN401
+        parts = [rest, rest, rest]
+        parts[index] = _number(value)
+        return make(Gf.Vec3d(*parts))
+
+    return one
+
+
+_MAKERS: dict[str, Callable[[Any], Matrix]] = {
+    "translate": _translation,
+    "scale": _scaling,
+    "orient": _orientation,
+    "transform": _matrix,
+    **{f"translate{axis}": _along(axis, _translation, 0.0) for axis in "XYZ"},
+    **{f"scale{axis}": _along(axis, _scaling, 1.0) for axis in "XYZ"},
+    **{f"rotate{axis}": _about(axis) for axis in "XYZ"},
+    **{f"rotate{order}": _turns(order) for order in ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")},
+}

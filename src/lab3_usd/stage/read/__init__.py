@@ -1,0 +1,1 @@
+"""Opening stages, and reading them into plain data."""

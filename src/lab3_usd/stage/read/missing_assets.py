@@ -1,0 +1,133 @@
+"""Assets that a stage asks for and that cannot be found, and what would stand on them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any
+from urllib.parse import quote, unquote
+
+from pxr import Sdf, Usd
+
+from lab3_usd.model.stage import UnresolvedAsset
+
+_ASSET = re.compile(r"@(.*?)@")
+_SUBLAYER = "ErrorInvalidSublayerPath"
+# A file that was found but lacks the prim asked for hides nothing: what it holds is judged.
+_MISSING = ("ErrorInvalidAssetPath", "ErrorMutedAssetPath", _SUBLAYER)
+_LACKS_PRIM = "ErrorUnresolvedPrimPath"
+# A device has no children, so that nothing below it can be looked up, let alone opened. The asset
+# is one name below it, whatever slashes and dots are in it.
+_BLOCKED = "/dev/null/blocked/"
+_EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
+
+
+def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
+    """Return what composition could not find, in the order of prim and asset.
+
+    What a sublayer of the stage itself would bring may be anywhere; one that an asset lacks
+    concerns the prims that refer to the asset.
+    """
+    found: set[tuple[str, str, Any, str]] = set()
+    lacking: dict[str, set[str]] = {}
+    for error in stage.GetCompositionErrors():
+        text, name = str(error), type(error).__name__
+        assets = _ASSET.findall(text)
+        if name not in _MISSING or not assets:
+            continue
+        layer = assets[1] if len(assets) > 1 else ""
+        asset = original_asset(_as_written(assets[0], layer))
+        if name != _SUBLAYER:
+            kind = "payload" if "@ for payload" in text else "reference"
+            found.add((str(error.rootSite.path.GetPrimPath()), asset, kind, layer))
+        elif error.rootSite.layerStack.rootLayer == stage.GetRootLayer():
+            found.add(("/", asset, "sublayer", layer))
+        else:
+            lacking.setdefault(layer, set()).add(asset)
+    for layer, prim in _users(stage, set(lacking)) if lacking else ():
+        found |= {(prim, asset, "sublayer of an asset", layer) for asset in lacking[layer]}
+    return [UnresolvedAsset(*each) for each in sorted(found)]
+
+
+def _users(stage: Usd.Stage, layers: set[str]) -> Iterator[tuple[str, str]]:
+    """Yield each of these layers with the topmost prims that its asset is brought to.
+
+    A prim may also want from the asset what only the missing sublayer would define.
+    """
+    above: dict[str, str] = {}
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), _EVERYTHING):
+        path = str(prim.GetPath())
+        for layer in _brought(prim) & layers:
+            if not path.startswith(f"{above.get(layer, path)}/"):
+                above[layer] = path
+                yield layer, path
+    for error in stage.GetCompositionErrors():
+        if type(error).__name__ == _LACKS_PRIM:
+            root = Sdf.Layer.Find(_ASSET.findall(str(error))[0])
+            for layer in _with_sublayers(root) & layers:
+                yield layer, str(error.rootSite.path.GetPrimPath())
+
+
+def _brought(prim: Usd.Prim) -> set[str]:
+    """Return the layers that references and payloads of the prim, or above it, bring to it."""
+    source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+    ahead = list(source.GetPrimIndex().rootNode.children) if source else []
+    layers: set[str] = set()
+    while ahead:
+        node = ahead.pop()
+        layers.update(layer.identifier for layer in node.layerStack.layers)
+        ahead.extend(node.children)
+    return layers
+
+
+def _with_sublayers(root: Sdf.Layer | None) -> set[str]:
+    found: set[str] = set()
+    ahead = [] if root is None else [root]
+    while ahead:
+        layer = ahead.pop()
+        if layer.identifier not in found:
+            found.add(layer.identifier)
+            opened = (Sdf.Layer.FindRelativeToLayer(layer, path) for path in layer.subLayerPaths)
+            ahead.extend(each for each in opened if each is not None)
+    return found
+
+
+def _as_written(asset: str, layer_path: str) -> str:
+    """Return the asset as the layer names it; usd-core tells it as a path of this computer."""
+    layer = Sdf.Layer.Find(layer_path)
+    for written in layer.GetCompositionAssetDependencies() if layer else ():
+        if asset in {written, os.path.normpath(written), layer.ComputeAbsolutePath(written)}:
+            return str(written)
+    return asset
+
+
+def is_in_scene(prim: Usd.Prim, hidden: Iterable[str]) -> bool:
+    """Whether the prim is defined, or would be if the assets missing at `hidden` were there.
+
+    A student's prim below an `over` of a robot whose file did not come along is the student's
+    own work all the same.
+    """
+    if prim.IsDefined():
+        return not prim.IsAbstract()
+    if not prim.HasDefiningSpecifier():
+        return False
+    above = prim.GetParent()
+    while above and not above.IsDefined():
+        path = f"{above.GetPath()}/"
+        if not above.HasDefiningSpecifier() and not any(
+            path.startswith(f"{place.rstrip('/')}/") for place in hidden
+        ):
+            return False
+        above = above.GetParent()
+    return True
+
+
+def blocked_path(asset: str) -> str:
+    """Return a path that no computer can open and that still tells which asset was asked for."""
+    return _BLOCKED + quote(asset, safe="")
+
+
+def original_asset(path: str) -> str:
+    """Return the asset that a blocked path stands for, any other path as it is."""
+    return unquote(path[len(_BLOCKED) :]) if path.startswith(_BLOCKED) else path

@@ -1,0 +1,59 @@
+"""Values of usd-core as plain Python: numbers, text, tuples."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pxr import Gf, Sdf
+
+from lab3_usd.spec.catalog import Value
+
+LONGEST = 4096  # elements; longer arrays (points, faces) are nothing a rule asks about
+_PLAIN = (bool, int, float, str)
+_VECTORS = (
+    *(Gf.Vec2d, Gf.Vec2f, Gf.Vec2h, Gf.Vec2i),
+    *(Gf.Vec3d, Gf.Vec3f, Gf.Vec3h, Gf.Vec3i),
+    *(Gf.Vec4d, Gf.Vec4f, Gf.Vec4h, Gf.Vec4i),
+)
+_HALF = "e"
+_QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
+
+
+def plain_value(value: Any) -> Value | None:  # noqa: ANN401 - whatever usd-core returns
+    """Return the value without Gf, Sdf and Vt; None where there is none or nobody asks for it.
+
+    Quaternions come in OGN's order x, y, z, w.
+    """
+    if value is None or isinstance(value, _PLAIN):
+        result: Value | None = value
+        return result
+    if isinstance(value, _QUATERNIONS):
+        x, y, z = elements(value.imaginary)
+        return (x, y, z, float(value.real))
+    if isinstance(value, Sdf.AssetPath):
+        return str(value.path)
+    return tuple(elements(value)) if isinstance(value, _VECTORS) else _items(value)
+
+
+def _items(value: Any) -> Value | None:  # noqa: ANN401
+    try:
+        count = len(value)
+    except TypeError:
+        return None
+    if count > LONGEST:
+        return None
+    # Iterating over a Vt or Gf type is five to twenty times as slow as asking for its elements.
+    items = (plain_value(value[index]) for index in range(count))
+    return tuple(item for item in items if item is not None)
+
+
+def elements(vector: Any) -> list[Any]:  # noqa: ANN401 - of any size and precision
+    """Return the numbers of a vector of Gf's.
+
+    Raises:
+        TypeError: the value is none.
+    """
+    view = memoryview(vector)
+    if view.format == _HALF:  # which Python reads no buffer of
+        return [vector[index] for index in range(len(vector))]
+    return view.tolist()

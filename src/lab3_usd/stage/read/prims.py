@@ -1,0 +1,212 @@
+"""The prims of an open stage, each read when a rule asks for it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from typing import Any
+
+from msgspec import Struct, field
+from pxr import Sdf, Tf, Usd
+
+from lab3_usd.model.prims import NameFilter, Prim, Prims
+from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.graph_form import GraphForm
+from lab3_usd.stage.geometry.transforms import TransformCache
+from lab3_usd.stage.read.missing_assets import is_in_scene
+from lab3_usd.stage.read.opening import stage_errors
+from lab3_usd.stage.read.plain_values import plain_value
+from lab3_usd.stage.read.ports import DamagedError, property_names
+
+EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
+DAMAGE = (Tf.ErrorException, UnicodeDecodeError, DamagedError)
+# What rules ask of prims outside the graphs; everything else on a stage is none of their business.
+_ATTRIBUTES = re.compile(
+    r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
+    r"horizontalAperture|verticalAperture|projection|cameraProjectionType|clippingPlanes|"
+    r"kind|node|xformOpOrder|omniGraphs)(:|$)"
+)
+# Prims whose place matters even if they are no rigid bodies, beside the lab's sensors.
+_PLACED = ("Xform", "Camera", "Plane", "")
+_PLACE = ("local", "world")
+RIGID_BODY = "PhysicsRigidBodyAPI"
+
+
+def schemas(prim: Usd.Prim) -> tuple[str, ...]:
+    """Return every schema applied to a prim, known to usd-core or not."""
+    return tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
+
+
+class PrimReader:
+    """Reads what a prim is and holds; below the `hidden` prims assets are missing.
+
+    It keeps the stage open, and knows none of the prims that it has read: who lets go of those
+    lets go of the stage.
+    """
+
+    def __init__(
+        self, stage: Usd.Stage, name: str, hidden: tuple[str, ...], sensors: Mapping[str, Any]
+    ) -> None:
+        """Read from `stage`, which goes by `name` where it turns out to be damaged.
+
+        The lab's sensors are placed, and have the attributes that the lab describes.
+        """
+        self.stage = stage
+        self.transforms = TransformCache()
+        self.hidden = hidden
+        self.name = name
+        self.placed = {*_PLACED, *(sensor["type"] for sensor in sensors.values())}
+        self.asked = {name for sensor in sensors.values() for name in sensor["attributes"]}
+
+    def prim(self, prim: Usd.Prim, path: str) -> Prim:
+        """Return the prim at a path, whose values and place are still to be read."""
+        with stage_errors(self.name, *DAMAGE):
+            return Prim.unread(
+                path,
+                prim.GetTypeName(),
+                schemas(prim),
+                self._read,
+                active=prim.IsActive(),
+                defined=is_in_scene(prim, self.hidden),
+            )
+
+    def _read(self, prim: Prim, name: str) -> None:
+        """Set the field of a prim, and those that are read with it.
+
+        Raises:
+            StageError: the file is damaged there.
+        """
+        with stage_errors(self.name, *DAMAGE):
+            found = self.stage.GetPrimAtPath(prim.path)
+            if name in _PLACE:
+                is_placed = prim.type in self.placed or RIGID_BODY in prim.apis
+                nowhere = (None, None)
+                prim.local, prim.world = (
+                    self.transforms.of(found, prim.path) if is_placed else nowhere
+                )
+            else:
+                _read_values(found, prim, self.asked)
+
+
+def _read_values(found: Usd.Prim, prim: Prim, asked: AbstractSet[str]) -> None:
+    attributes: dict[str, Value] = {}
+    relationships: dict[str, tuple[str, ...]] = {}
+    for name in property_names(found):
+        if _ATTRIBUTES.match(name) is None and name not in asked:
+            continue
+        attribute = found.GetAttribute(name)
+        if not attribute:
+            targets = found.GetRelationship(name).GetTargets()
+            relationships[name] = tuple(str(target) for target in targets)
+            continue
+        value = plain_value(attribute.Get())
+        if value is not None:
+            attributes[name] = value
+    prim.attributes, prim.relationships = attributes, relationships
+    prim.authored = frozenset(attributes)
+
+
+class PrimIndex(Struct, frozen=True):
+    """The prims of a stage in the order of a traversal, and their numbers by type and schema."""
+
+    prims: list[Usd.Prim] = field(default_factory=list)
+    by_type: dict[str, list[int]] = field(default_factory=dict)
+    by_api: dict[str, list[int]] = field(default_factory=dict)
+
+    def add(self, prim: Usd.Prim, type_name: str, apis: Iterable[str]) -> None:
+        """Add the next prim."""
+        number = len(self.prims)
+        self.prims.append(prim)
+        self.by_type.setdefault(type_name, []).append(number)
+        for api in apis:
+            self.by_api.setdefault(api, []).append(number)
+
+
+class StagePrims(Prims):
+    """The prims of an open stage that are no nodes, and that no application made for itself."""
+
+    def __init__(self, reader: PrimReader, form: GraphForm, index: PrimIndex) -> None:
+        """Take what one scan of the stage has found."""
+        self._reader = reader
+        self._form = form
+        self._index = index
+        self._by_name: dict[str, list[int]] = {}
+        self._known: dict[str, Prim] = {}
+        self._answers: dict[tuple[int, str], list[Prim]] = {}  # by index and key
+
+    def __getitem__(self, path: str) -> Prim:
+        """Return the prim at a path, in the scene or not."""
+        known = self._known.get(path)
+        if known is not None:
+            return known
+        found = self._find(path)
+        if not found or found.IsPseudoRoot() or not self._counts(found, path):
+            raise KeyError(path)
+        return self._prim(found, path)
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the paths."""
+        return (str(prim.GetPath()) for prim in self._index.prims)
+
+    def __len__(self) -> int:
+        """Count the prims."""
+        return len(self._index.prims)
+
+    def of_type(self, asked: NameFilter) -> Sequence[Prim]:
+        """Return the prims of the types asked for."""
+        return self._chosen(self._index.by_type, asked)
+
+    def with_api(self, asked: NameFilter) -> Sequence[Prim]:
+        """Return the prims to which a schema asked for is applied."""
+        return self._chosen(self._index.by_api, asked)
+
+    def named(self, asked: NameFilter) -> Sequence[Prim]:
+        """Return the prims whose own name is asked for."""
+        if not self._by_name:
+            with stage_errors(self._reader.name, *DAMAGE):
+                for number, prim in enumerate(self._index.prims):
+                    self._by_name.setdefault(prim.GetName(), []).append(number)
+        return self._chosen(self._by_name, asked)
+
+    def below(self, top: str) -> Iterator[Prim]:
+        """Yield the prim at `top` and those below it."""
+        found = self._find(top)
+        with stage_errors(self._reader.name, *DAMAGE):
+            for prim in Usd.PrimRange(found, EVERYTHING) if found else ():
+                path = str(prim.GetPath())
+                if not prim.IsPseudoRoot() and self._counts(prim, path):
+                    yield self._prim(prim, path)
+
+    def _find(self, path: str) -> Usd.Prim | None:
+        """Return the prim at a path as the stage itself writes it; a file may say any text."""
+        if path[:1] != "/" or not Sdf.Path.IsValidPathString(path)[0]:
+            return None
+        found = self._reader.stage.GetPrimAtPath(path)
+        is_it = found and str(found.GetPath()) == path and not found.IsInPrototype()
+        return found if is_it else None
+
+    def _counts(self, prim: Usd.Prim, path: str) -> bool:
+        return prim.GetTypeName() != self._form.node_type and not self._form.ignores(path)
+
+    def _prim(self, prim: Usd.Prim, path: str) -> Prim:
+        known = self._known.get(path)
+        if known is None:
+            known = self._known[path] = self._reader.prim(prim, path)
+        return known
+
+    def _chosen(self, index: Mapping[str, list[int]], asked: NameFilter) -> Sequence[Prim]:
+        """Return the prims of every key that is asked for, each once and as they are traversed."""
+        if not isinstance(asked, str):
+            numbers = {number for key in index if asked(key) for number in index[key]}
+            return [self._numbered(number) for number in sorted(numbers)]
+        known = self._answers.get((id(index), asked))
+        if known is None:
+            known = [self._numbered(number) for number in index.get(asked, ())]
+            self._answers[id(index), asked] = known
+        return known
+
+    def _numbered(self, number: int) -> Prim:
+        prim = self._index.prims[number]
+        with stage_errors(self._reader.name, *DAMAGE):
+            return self._prim(prim, str(prim.GetPath()))

@@ -1,0 +1,248 @@
+"""Reads a composed stage into plain data, in one traversal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pxr import Usd
+
+from lab3_usd.model.stage import (
+    DEACTIVATED,
+    OVER,
+    AbsentPrim,
+    GraphModel,
+    Node,
+    Script,
+    StageModel,
+)
+from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.lab import Lab
+from lab3_usd.stage.geometry.colliders import StageColliders
+from lab3_usd.stage.read.layers import find_muted
+from lab3_usd.stage.read.missing_assets import find_unresolved, is_in_scene
+from lab3_usd.stage.read.opening import cached, open_stage, quiet, stage_errors
+from lab3_usd.stage.read.plain_values import plain_value
+from lab3_usd.stage.read.ports import read_ports
+from lab3_usd.stage.read.prims import DAMAGE, EVERYTHING, PrimIndex, PrimReader, StagePrims, schemas
+from lab3_usd.stage.read.time_samples import changes_after_start, hold_start_values
+
+_POSITION = "ui:nodegraph:node:pos"
+_NAMESPACE = "isaac:namespace"
+_NODE_TYPE = "node:type"
+
+
+def read_stage(path: Path | str, lab: Lab) -> StageModel:
+    """Read the stage at `path` as it is composed, payloads loaded.
+
+    Raises:
+        StageError: the file cannot be opened; the line says why.
+    """
+    return read_model(open_stage(Path(path)), lab, str(path))
+
+
+@quiet()
+def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
+    """Read an open stage; `path` is the name it goes by.
+
+    Raises:
+        StageError: the file is damaged in a way that shows only now.
+    """
+    with stage_errors(path, *DAMAGE):
+        return cached(("model", id(stage)), lambda: _read_model(stage, lab, path))
+
+
+def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
+    hold_start_values(stage)
+    unresolved = tuple(find_unresolved(stage))
+    hidden = tuple(dict.fromkeys(missing.prim for missing in unresolved))
+    scan = _Scan(stage, lab, hidden)
+    scan.run()
+    reader = PrimReader(stage, path, hidden, lab.sensors)
+    prims = StagePrims(reader, lab.catalog.graph, scan.others)
+    return StageModel(
+        up_axis=str(stage.GetMetadata("upAxis")),
+        meters_per_unit=float(stage.GetMetadata("metersPerUnit")),
+        kilograms_per_unit=_kilograms(stage),
+        graphs=tuple(scan.graph(path) for path in scan.graphs),
+        prims=prims,
+        orphans=tuple(scan.nodes[""]),
+        absent=tuple(scan.absent[""]),
+        unresolved=unresolved,
+        colliders=StageColliders(prims, reader),
+        muted=tuple(find_muted(stage)),
+        instances=tuple(scan.instances),
+        scripts=tuple(scan.scripts),
+        moving=changes_after_start(stage),
+    )
+
+
+class _Scan:
+    """One traversal: reads graphs and their nodes, and notes which other prims there are.
+
+    `nodes` and `absent` are by the path of their graph, '' for those outside every graph.
+    """
+
+    def __init__(self, stage: Usd.Stage, lab: Lab, hidden: tuple[str, ...]) -> None:
+        self._stage = stage
+        self._lab = lab
+        self._hidden = hidden
+        self.others = PrimIndex()
+        self.graphs: dict[str, Usd.Prim] = {}
+        self.nodes: dict[str, list[Node]] = {"": []}
+        self.absent: dict[str, list[AbsentPrim]] = {"": []}
+        self.scripts: list[Script] = []
+        self.instances: list[str] = []
+        self._namespaces: dict[str, str] = {"/": ""}
+
+    def run(self) -> None:
+        """Look at every prim; at those that the application made for itself only for scripts."""
+        form = self._lab.catalog.graph
+        for top in self._stage.GetPseudoRoot().GetFilteredChildren(EVERYTHING):
+            self._tree(top, is_ignored=form.ignores(str(top.GetPath())))
+        if self._stage.GetPrototypes():
+            everything = Usd.PrimRange(self._stage.GetPseudoRoot(), EVERYTHING)
+            self.instances += (str(prim.GetPath()) for prim in everything if prim.IsInstance())
+
+    def _tree(self, top: Usd.Prim, *, is_ignored: bool) -> None:
+        """Look at a prim at the root and at all below it.
+
+        Nothing else is done for each prim of a stage, so this must be quick.
+        """
+        form, known, scripts = self._lab.catalog.graph, self.others, self._lab.catalog.scripts
+        above: list[str] = []  # the graphs around the prim, innermost last
+        for prim in Usd.PrimRange(top, EVERYTHING):
+            kind, apis = prim.GetTypeName(), prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+            while above and not f"{prim.GetPath()}/".startswith(f"{above[-1]}/"):
+                above.pop()
+            if is_ignored:
+                self._ignored(prim, apis)
+            elif kind == form.node_type:
+                self._node(prim, above[-1] if above else "")
+            else:
+                known.add(prim, kind, apis)
+                if above or kind == form.type or (apis and scripts.among(apis)):
+                    self._other(prim, kind, apis, above)
+
+    def _ignored(self, prim: Usd.Prim, apis: Sequence[str]) -> None:
+        if prim.IsActive():
+            self._note_script(str(prim.GetPath()), _text(prim, _NODE_TYPE), apis)
+
+    def _other(self, prim: Usd.Prim, kind: str, apis: Sequence[str], above: list[str]) -> None:
+        """Look closer at a prim that is a graph, is in one or carries schemas."""
+        path = str(prim.GetPath())
+        if kind == self._lab.catalog.graph.type:
+            self.graphs[path] = prim
+            self.nodes[path], self.absent[path] = [], []
+            above.append(path)
+        elif above:
+            self._note_absent(prim, above[-1])
+        if self._is_live(prim):
+            self._note_script(path, "", apis)
+
+    def _is_live(self, prim: Usd.Prim) -> bool:
+        return bool(prim.IsActive() and is_in_scene(prim, self._hidden))
+
+    def _node(self, prim: Usd.Prim, graph: str) -> None:
+        if not self._is_live(prim):
+            self._note_absent(prim, graph)
+            return
+        node = self._read_node(prim)
+        if not node.type_name and not node.ports:
+            return  # a leftover, which is no node
+        if node.own_namespace:
+            self._namespaces[node.path] = node.namespace
+        self._note_script(node.path, node.type_name, schemas(prim))
+        self.nodes[graph].append(node)
+
+    def _note_absent(self, prim: Usd.Prim, graph: str) -> None:
+        """Keep a prim that looks like a node and is none: its own graph may miss it."""
+        catalog, type_name = self._lab.catalog, _text(prim, _NODE_TYPE)
+        ports = read_ports(prim, catalog.get(type_name))
+        if not (ports or type_name):
+            return
+        reason = f"of {prim.GetTypeName() or 'no type'}, not {catalog.graph.node_type}"
+        if not prim.IsActive():
+            reason = DEACTIVATED
+        elif not is_in_scene(prim, self._hidden):
+            reason = OVER
+        self.absent[graph].append(AbsentPrim(str(prim.GetPath()), type_name, reason, ports))
+
+    def _note_script(self, path: str, node_type: str, apis: Sequence[str]) -> None:
+        scripts = self._lab.catalog.scripts
+        carrier = node_type if scripts.runs(node_type) else scripts.among(apis)
+        if carrier is not None:
+            self.scripts.append(Script(path, carrier))
+
+    def _read_node(self, prim: Usd.Prim) -> Node:
+        type_name, own = _text(prim, _NODE_TYPE), _text(prim, _NAMESPACE)
+        kind = self._lab.catalog.get(type_name)
+        version = plain_value(_value_of(prim, "node:typeVersion"))
+        return Node(
+            path=str(prim.GetPath()),
+            type_name=type_name,
+            type=kind,
+            version=version if isinstance(version, int) else None,
+            ports=read_ports(prim, kind),
+            position=_pair(plain_value(_value_of(prim, _POSITION))),
+            namespace="/".join(filter(None, (self._namespace(prim.GetParent()), own))),
+            own_namespace=own,
+        )
+
+    def _namespace(self, prim: Usd.Prim) -> str:
+        """Join the namespaces of a prim and of those above it, outermost first.
+
+        A node that is none says nothing.
+        """
+        ahead = []
+        while (path := str(prim.GetPath())) not in self._namespaces:
+            ahead.append((path, prim))
+            prim = prim.GetParent()
+        joined = self._namespaces[path]
+        for place, each in reversed(ahead):
+            is_node = each.GetTypeName() == self._lab.catalog.graph.node_type
+            own = None if is_node else plain_value(_value_of(each, _NAMESPACE))
+            joined = "/".join(filter(None, (joined, own if isinstance(own, str) else "")))
+            self._namespaces[place] = joined
+        return joined
+
+    def graph(self, path: str) -> GraphModel:
+        """Return a graph with what was found in it."""
+        prim = self.graphs[path]
+        attributes = {}
+        for attribute in prim.GetAuthoredAttributes():
+            value = plain_value(attribute.Get())
+            if value is not None:
+                attributes[attribute.GetName()] = value
+        return GraphModel(
+            path=path,
+            prim_type=str(prim.GetTypeName()),
+            active=self._is_live(prim),
+            attributes=attributes,
+            nodes=tuple(self.nodes[path]),
+            absent=tuple(self.absent[path]),
+            instanced=prim.IsInstanceProxy(),
+        )
+
+
+def _kilograms(stage: Usd.Stage) -> float:
+    """Return the stage's mass unit; UsdPhysics says kilograms where nothing is written."""
+    value = stage.GetPseudoRoot().GetMetadata("kilogramsPerUnit")
+    return 1.0 if value is None else float(value)
+
+
+def _value_of(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401
+    attribute = prim.GetAttribute(name)
+    return attribute.Get() if attribute else None
+
+
+def _text(prim: Usd.Prim, name: str) -> str:
+    return str(plain_value(_value_of(prim, name)) or "")
+
+
+def _pair(value: Value | None) -> tuple[float, float] | None:
+    if not isinstance(value, tuple) or len(value) != 2:  # noqa: PLR2004 - x and y
+        return None
+    x, y = value
+    return (float(x), float(y)) if isinstance(x, float) and isinstance(y, float) else None

@@ -1,0 +1,185 @@
+"""Reads a composed stage for a dry run, with the values of the time at which playing starts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pxr import Usd, UsdGeom
+
+from lab3_usd.model.affine import HERE, Affine
+from lab3_usd.model.scene import Graph, Input, Node, Prim, Scene
+from lab3_usd.stage.read.missing_assets import find_unresolved
+
+GRAPH, NODE = "OmniGraph", "OmniGraphNode"
+IGNORED = ("Replicator", "Render")
+UNSEEN = ("guide",)
+LARGEST = 1e9
+LEAST_UNIT = 1e-4
+NO_TIME = Usd.TimeCode.Default()
+TIMELESS = ("physics", "drive:", "isaac:")  # what is parsed once, without a time
+SHAPES = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Mesh", "Plane")
+
+
+def read_scene(stage: Usd.Stage) -> Scene:
+    """Read a stage as it is composed."""
+    time = Usd.TimeCode(stage.GetStartTimeCode())
+    graphs: dict[str, Usd.Prim] = {}
+    nodes: dict[str, list[Node]] = {}
+    prims: dict[str, Prim] = {}
+    everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
+        path = str(prim.GetPath())
+        if path == "/" or path.split("/")[1] in IGNORED:
+            continue
+        kind = str(prim.GetTypeName())
+        if kind == GRAPH and not prim.IsInstanceProxy():
+            graphs[path], nodes[path] = prim, []
+        if kind == NODE:
+            _keep_node(prim, path, nodes, time)
+        else:
+            prims[path] = _prim(prim, path, kind, time, prims)
+    return Scene(
+        _unit(float(stage.GetMetadata("metersPerUnit"))),
+        str(stage.GetMetadata("upAxis")),
+        tuple(_graph(path, prim, tuple(nodes[path])) for path, prim in graphs.items()),
+        prims,
+        {each.prim: each.asset for each in find_unresolved(stage)},
+    )
+
+
+def _unit(meters: float) -> float:
+    """Return the metres of a unit; what is none, or too small to see a room in, is a metre."""
+    return meters if LEAST_UNIT <= meters <= 1.0 / LEAST_UNIT else 1.0
+
+
+def _keep_node(prim: Usd.Prim, path: str, nodes: dict[str, list[Node]], time: Usd.TimeCode) -> None:
+    parent = path.rpartition("/")[0]
+    if parent in nodes:
+        nodes[parent].append(_node(prim, path, time))
+
+
+def _graph(path: str, prim: Usd.Prim, nodes: tuple[Node, ...]) -> Graph:
+    def said(name: str, default: str) -> str:
+        return str(_value(prim, name) or default)
+
+    return Graph(
+        path,
+        said("evaluator:type", "push"),
+        said("pipelineStage", "pipelineStageSimulation"),
+        said("evaluationMode", "Automatic"),
+        nodes,
+    )
+
+
+def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> Node:
+    inputs, targets = {}, {}
+    names = [str(each) for each in prim.GetAuthoredPropertyNames()]
+    for name in names:
+        if not name.startswith("inputs:"):
+            continue
+        attribute = prim.GetAttribute(name)
+        if attribute:
+            inputs[name] = _input(attribute, time)
+        else:
+            targets[name] = tuple(map(str, prim.GetRelationship(name).GetTargets()))
+    return Node(
+        path,
+        str(_value(prim, "node:type") or ""),
+        int(_value(prim, "node:typeVersion") or 0),
+        inputs,
+        targets,
+        str(_value(prim, "isaac:namespace") or ""),
+    )
+
+
+def _input(attribute: Usd.Attribute, time: Usd.TimeCode) -> Input:
+    sources: tuple[str, ...] = ()
+    if attribute.HasAuthoredConnections():
+        sources = tuple(map(str, attribute.GetConnections()))
+    literal = None
+    if attribute.HasAuthoredCustomDataKey("omni"):
+        literal = plain(attribute.GetCustomDataByKey("omni:graph:attrValue"))
+    return Input(str(attribute.GetTypeName()), plain(attribute.Get(time)), literal, sources)
+
+
+def _value(prim: Usd.Prim, name: str, time: Usd.TimeCode = NO_TIME) -> Any:  # noqa: ANN401
+    attribute = prim.GetAttribute(name)
+    return plain(attribute.Get(time)) if attribute else None
+
+
+def _prim(
+    prim: Usd.Prim, path: str, kind: str, time: Usd.TimeCode, before: dict[str, Prim]
+) -> Prim:
+    values, targets = {}, {}
+    shape = kind in SHAPES or kind == "Camera"
+    for each in prim.GetAuthoredProperties():
+        name = str(each.GetName())
+        if name.startswith(("xformOp", "primvars", "ui:")):
+            continue
+        if isinstance(each, Usd.Attribute):
+            values[name] = plain(each.Get(NO_TIME if name.startswith(TIMELESS) else time))
+        else:
+            targets[name] = tuple(map(str, each.GetTargets()))
+    if shape:
+        values.update(_shape_values(prim, kind, time))
+    parent = before.get(path.rpartition("/")[0])
+    xform = UsdGeom.Xformable(prim)
+    local = _affine(xform.GetLocalTransformation(time))
+    above = parent.world if parent and not xform.GetResetXformStack() else HERE
+    return Prim(
+        path,
+        kind,
+        frozenset(prim.GetPrimTypeInfo().GetAppliedAPISchemas()),
+        above.then(local),
+        values,
+        targets,
+        shape and _is_seen(prim, time),
+        bool(xform.GetResetXformStack()),
+    )
+
+
+_FALLBACKS = {
+    "Cube": ("size",),
+    "Sphere": ("radius",),
+    "Cylinder": ("radius", "height", "axis"),
+    "Capsule": ("radius", "height", "axis"),
+    "Cone": ("radius", "height", "axis"),
+    "Mesh": ("points", "faceVertexCounts", "faceVertexIndices"),
+    "Plane": ("axis", "width", "length"),
+    "Camera": ("focalLength", "horizontalAperture", "verticalAperture", "clippingRange"),
+}
+
+
+def _shape_values(prim: Usd.Prim, kind: str, time: Usd.TimeCode) -> dict[str, Any]:
+    """Return what a shape is like, with the schema's values where nothing is authored."""
+    return {name: _value(prim, name, time) for name in _FALLBACKS[kind]}
+
+
+def _is_seen(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
+    image = UsdGeom.Imageable(prim)
+    return image.ComputePurpose() not in UNSEEN and image.ComputeVisibility(time) != "invisible"
+
+
+def _affine(matrix: Any) -> Affine:  # noqa: ANN401 - pxr has no types
+    """Return a matrix of USD, which multiplies rows from the left."""
+    m = [list(matrix.GetRow(row)) for row in range(4)]
+    rows = tuple(tuple(bounded(m[j][i]) for j in range(3)) for i in range(3))
+    return Affine(rows, (bounded(m[3][0]), bounded(m[3][1]), bounded(m[3][2])))  # type: ignore[arg-type]
+
+
+def bounded(number: float) -> float:
+    """Return a number as one can go on with: what is none is 0, and none is beyond all rooms."""
+    return max(-LARGEST, min(LARGEST, number)) if number == number else 0.0  # noqa: PLR0124 - NaN
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401
+    """Return a value of USD as Python's own; a quaternion comes as (w, x, y, z)."""
+    if isinstance(value, float):
+        return bounded(value)
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if hasattr(value, "GetReal"):
+        return tuple(bounded(float(each)) for each in (value.GetReal(), *value.GetImaginary()))
+    if hasattr(value, "__len__"):
+        return tuple(plain(each) for each in value)
+    return str(value)

@@ -1,0 +1,137 @@
+"""Finds where every prim, variant and property of a text layer begins, in one pass over it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+STRING = (
+    r'"""[^"\\]*(?:(?:\\.|"(?!""))[^"\\]*)*"""'
+    r"|'''[^'\\]*(?:(?:\\.|'(?!''))[^'\\]*)*'''"
+    r'|"[^"\\\r\n]*(?:\\.[^"\\\r\n]*)*"'
+    r"|'[^'\\\r\n]*(?:\\.[^'\\\r\n]*)*'"
+)
+# Three to five @ close an asset path that three opened; all but the last three belong to the path.
+ASSET = r"@@@(?:\\@@@|[^\r\n])*?@@@@{0,2}|@[^@\r\n]*@"
+BLOCK_COMMENT = r"/\*[^*]*\*+(?:[^/*][^*]*\*+)*/"
+LINE_COMMENT = r"(?:\#|//)[^\r\n]*"
+_PAD = rf"(?:[ \t]|{BLOCK_COMMENT})*"
+_WORD = r"""[^\s"'@<>=()\[\]{};,.\#/]+"""
+
+BLANK = re.compile(rf"(?:[\s;]+|{LINE_COMMENT}|{BLOCK_COMMENT})*")
+OPENING = re.compile(
+    rf"""(?:def|over|class)(?=[ \t/])(?:[^"'/\r\n]|{BLOCK_COMMENT})*(?P<prim>{STRING})"""
+    rf"|variantSet(?=[ \t/]){_PAD}(?P<set>{STRING}){_PAD}=",
+    re.DOTALL,
+)
+VARIANT = re.compile(rf"(?P<variant>{STRING})", re.DOTALL)
+ORDER = re.compile(rf"reorder(?=[ \t/]){_PAD}(?:nameChildren|properties|rootPrims){_PAD}=")
+# Qualifiers, type and name are words; the group `name` keeps the last, `first` a lone one.
+HEAD = re.compile(
+    rf"(?P<first>{_WORD})(?:(?:[ \t]|{BLOCK_COMMENT}|\[{_PAD}\])*(?P<name>{_WORD}))*{_PAD}"
+)
+LIST_EDITS = frozenset({"add", "append", "delete", "prepend", "reorder"})
+
+# A run of plain text and what ends it. A bracket with only plain text in it goes in one step.
+PIECE = re.compile(
+    rf"""[^()\[\]{{}}"'@\#/;\r\n]*
+    (?:[(\[{{][^()\[\]{{}}"'@\#/]*[)\]}}]
+    |(?P<open>[(\[{{])|(?P<close>[)\]}}])|(?P<end>[;\r\n])
+    |{STRING}|{ASSET}|{LINE_COMMENT}|{BLOCK_COMMENT}|.)""",
+    re.DOTALL | re.VERBOSE,
+)
+
+
+def scan_text(text: str) -> dict[str, int]:
+    """Return the offset of the statement that opens each spec, by the spec's path in the layer.
+
+    The paths are Sdf's: `/A/B.size`, `/A{shape=box}B`. A property's declaration counts before
+    statements that wire it, sample it or edit its list. The fields of the layer's metadata stand
+    as properties of the root (`/.upAxis`).
+
+    The text is one that OpenUSD accepts. Of any other the result is what could be made out.
+    """
+    declared: dict[str, int] = {}
+    edited: dict[str, int] = {}
+    for path, offset, is_edit in _statements(text):
+        (edited if is_edit else declared).setdefault(path, offset)
+    return edited | declared
+
+
+def _statements(text: str) -> Iterator[tuple[str, int, bool]]:
+    """Yield path and offset of each statement, and whether it only edits what stands elsewhere.
+
+    `bodies` holds the paths of the bodies that are open; that of a variant set ends in `=`.
+    """
+    bodies = [""]
+    pos = after_blank(text, 0)
+    while bodies and pos < len(text):
+        body = bodies[-1]
+        if text[pos] in ")]}":
+            bodies.pop()
+            pos += 1
+        elif text[pos] == "(":
+            bodies.append("/")
+            pos += 1
+        elif opening := (VARIANT if body.endswith("=") else OPENING).match(text, pos):
+            path = opened_path(body, opening)
+            yield (f"{path}}}" if path.endswith("=") else path), pos, False
+            bodies.append(path)
+            pos = _body_start(text, opening.end())
+        else:
+            head = HEAD.match(text, pos)
+            if head and not ORDER.match(text, pos):
+                name = head["name"] or head["first"]
+                is_edit = head["first"] in LIST_EDITS or text.startswith(".", head.end())
+                yield f"{body}.{name}", pos, is_edit
+            pos = statement_end(text, pos)
+        pos = after_blank(text, pos)
+
+
+def opened_path(body: str, opening: re.Match[str]) -> str:
+    """Return the path of what opens in a body; that of a variant set ends in `=`."""
+    kind = str(opening.lastgroup)
+    quoted = opening[kind]
+    width = 3 if quoted[:3] in ('"""', "'''") else 1
+    name = quoted[width:-width]
+    if kind == "set":
+        return f"{body}{{{name}="
+    if kind == "variant":
+        return f"{body}{name}}}"
+    return f"{body}{name}" if body.endswith("}") else f"{body}/{name}"
+
+
+def after_blank(text: str, pos: int) -> int:
+    """Return the position after white space and comments."""
+    blank = BLANK.match(text, pos)
+    return blank.end() if blank else pos
+
+
+def _body_start(text: str, pos: int) -> int:
+    """Return the position after the `{` that opens a body, past the metadata before it."""
+    pos = after_blank(text, pos)
+    if text.startswith("(", pos):
+        pos = after_blank(text, group_end(text, pos))
+    return pos + 1
+
+
+def group_end(text: str, pos: int) -> int:
+    """Return the position after the bracket that closes the one at `pos`."""
+    depth = 0
+    for piece in PIECE.finditer(text, pos):
+        depth += (piece.lastgroup == "open") - (piece.lastgroup == "close")
+        if depth <= 0:
+            return piece.end()
+    return len(text)
+
+
+def statement_end(text: str, pos: int) -> int:
+    """Return the position after the statement at `pos`: past its `;` or line end, if it has one."""
+    depth = 0
+    for piece in PIECE.finditer(text, pos):
+        if piece.lastgroup == "end" and not depth:
+            return piece.end()
+        if piece.lastgroup == "close" and not depth:
+            return piece.end() - 1
+        depth += (piece.lastgroup == "open") - (piece.lastgroup == "close")
+    return len(text)

@@ -1,0 +1,1 @@
+"""Writing stages: the starter, graphs, sensors, checkpoints."""

@@ -1,0 +1,241 @@
+"""Builds checkpoint stages: the starter, plus what each part of the lab adds to it."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from msgspec import Struct
+from pxr import Sdf, Tf, Usd, UsdUtils
+
+from lab3_usd.errors import Lab3Error, StageError, UsageError
+from lab3_usd.files import temporary_beside
+from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.layers import layer_files
+from lab3_usd.stage.read.opening import open_stage, quiet
+from lab3_usd.stage.write.author import author_graph, author_sensor
+from lab3_usd.stage.write.starter import starter_layer
+from lab3_usd.stage.write.starter_check import is_root_articulated, starter_problems
+
+_URI = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")
+LIDAR = "lidar"
+ENDINGS = {"usda": ".usda", "usdc": ".usd"}
+
+
+class StarterError(Lab3Error):
+    """A starter that cannot carry the lab; `reasons` says all of why, one line each."""
+
+    def __init__(self, path: str, reasons: Sequence[str]) -> None:
+        """Keep the reasons, in the order in which the lab meets them."""
+        self.reasons = tuple(reasons)
+        super().__init__(f"{path}: this starter cannot carry the lab")
+
+
+class BuildOptions(Struct, frozen=True):
+    """How to build: the text or the binary form, whose lidar, and whether to replace files."""
+
+    form: str = "usda"
+    lidar_asset: str | None = None
+    force: bool = False
+
+
+def build_checkpoint(starter: Path | str | None, checkpoint: str, target: Path | str) -> Path:
+    """Build one checkpoint stage from a starter (None for the bundled one) and return its path.
+
+    Raises:
+        StarterError: the starter lacks what the lab needs, or holds it already.
+        StageError: the starter cannot be opened, or the target not be written.
+        UsageError: there is no such checkpoint, the target exists or is not named as a stage.
+    """
+    starter, target = None if starter is None else Path(starter), Path(target)
+    lab = load_lab()
+    if checkpoint not in lab.checkpoints:
+        message = f"there is no checkpoint '{checkpoint}'; known are {', '.join(lab.checkpoints)}"
+        raise UsageError(message)
+    form = "usda" if target.suffix == ENDINGS["usda"] else "usdc"
+    if target.suffix not in {*ENDINGS.values(), ".usdc"}:
+        message = f"{target}: a stage ends in .usda (text), .usd or .usdc (binary)"
+        raise UsageError(message)
+    plan = {target: lab.checkpoints[checkpoint]}
+    return build_files(lab, starter, plan, BuildOptions(form))[0]
+
+
+@quiet()
+def checkpoint_layer(lab: Lab, starter: str | None, checkpoint: Checkpoint) -> Sdf.Layer:
+    """Return a checkpoint in memory as it is built from a starter, None for the bundled one.
+
+    Raises:
+        StarterError: the starter lacks what the lab needs, or holds it already.
+        StageError: the starter cannot be opened.
+    """
+    path = None if starter is None else Path(starter)
+    target = Path(f"{checkpoint.file}.usda")
+    stage = _open_starter(lab, path)
+    if is_root_articulated(lab, stage):
+        lab = articulated_at_root(lab)
+    ((_, layer),) = _checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions())
+    return layer
+
+
+def plan_files(lab: Lab, folder: Path, numbers: Sequence[str], form: str) -> dict[Path, Checkpoint]:
+    """Name the file of each checkpoint in `folder`, as the handout does."""
+    return {
+        folder / f"{lab.checkpoints[number].file}{ENDINGS[form]}": lab.checkpoints[number]
+        for number in numbers
+    }
+
+
+@quiet()
+def build_files(
+    lab: Lab, starter: Path | None, plan: dict[Path, Checkpoint], options: BuildOptions
+) -> list[Path]:
+    """Write every planned checkpoint, all or none.
+
+    Raises:
+        StarterError, StageError, UsageError: as `build_checkpoint`; nothing is written then.
+    """
+    stage = _open_starter(lab, starter)
+    if is_root_articulated(lab, stage):
+        lab = articulated_at_root(lab)
+    _check_targets(plan, stage, options)
+    for target in plan:
+        _make_folder(target.parent)
+    written: dict[Path, Path] = {}
+    try:
+        for target, layer in _checkpoint_layers(lab, stage, plan, options):
+            written[target] = export_layer(layer, target, options.form)
+        _put_in_place(written)
+    finally:
+        for temporary in written.values():
+            temporary.unlink(missing_ok=True)
+    return list(plan)
+
+
+def _open_starter(lab: Lab, starter: Path | None) -> Usd.Stage:
+    """Open the starter and make sure that it can carry the lab."""
+    if starter is None:
+        stage = Usd.Stage.Open(starter_layer(lab.folder))
+        name = "the bundled starter"
+    else:
+        stage = open_stage(starter)
+        name = str(starter)
+    reasons = starter_problems(lab, stage)
+    if reasons:
+        raise StarterError(name, reasons)
+    return stage
+
+
+def _check_targets(plan: dict[Path, Checkpoint], stage: Usd.Stage, options: BuildOptions) -> None:
+    existing = [target for target in plan if os.path.lexists(target)]
+    inputs = layer_files(stage).files if existing else frozenset()
+    for target in existing:
+        if target.resolve() in inputs:
+            message = f"{target}: is a file of the starter, which is never written; choose --out"
+            raise UsageError(message)
+        if target.is_dir():
+            message = f"{target}: is a folder; choose another one for --out"
+            raise UsageError(message)
+        if not options.force:
+            message = f"{target}: exists already; choose another folder or give --force"
+            raise UsageError(message)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"{folder}: cannot be made ({error.strerror})"
+        raise StageError(message) from error
+
+
+def _checkpoint_layers(
+    lab: Lab, stage: Usd.Stage, plan: dict[Path, Checkpoint], options: BuildOptions
+) -> Iterator[tuple[Path, Sdf.Layer]]:
+    """Yield one growing layer at each planned checkpoint; each is written before it grows on."""
+    wanted = {checkpoint.id: target for target, checkpoint in plan.items()}
+    folder = next(iter(plan)).parent
+    layer = _copy_for(stage.GetRootLayer(), folder)
+    for checkpoint in lab.checkpoints.values():
+        _add(layer, lab, checkpoint, options)
+        if checkpoint.id in wanted:
+            yield wanted[checkpoint.id], layer
+
+
+def _add(layer: Sdf.Layer, lab: Lab, checkpoint: Checkpoint, options: BuildOptions) -> None:
+    with Sdf.ChangeBlock():
+        for sensor in checkpoint.new_sensors:
+            spec = lab.sensors[sensor]
+            asset = options.lidar_asset if spec["kind"] == LIDAR else None
+            author_sensor(layer, spec, asset)
+        for name in checkpoint.new:
+            author_graph(layer, lab.graphs[name], lab.catalog)
+
+
+def _copy_for(source: Sdf.Layer, folder: Path) -> Sdf.Layer:
+    """Return an anonymous copy of `source` whose relative asset paths start from `folder`.
+
+    Addresses (`https:`, `omniverse:`) and absolute paths stay as they are. Nothing is flattened:
+    the layers referred to are not touched.
+    """
+    copy = Sdf.Layer.CreateAnonymous(".usda")
+    copy.TransferContent(source)
+    # usd-core drops `..` from paths as written, without following links; so does this.
+    start = Path(os.path.abspath(folder))  # noqa: PTH100 - Path.resolve() follows links
+    if Path(source.realPath).parent != start or source.GetFileFormat().IsPackage():
+        UsdUtils.ModifyAssetPaths(copy, lambda path: _from_folder(path, source, start))
+    return copy
+
+
+def _from_folder(path: str, source: Sdf.Layer, folder: Path) -> str:
+    if not path or _URI.match(path) or path.startswith("/") or not source.realPath:
+        return path
+    found = Sdf.ComputeAssetPathRelativeToLayer(source, path)
+    if not found.startswith("/"):
+        return path  # a search path that only the application's own resolver knows
+    relative = os.path.relpath(found, folder)
+    return relative if relative.startswith("..") else f"./{relative}"
+
+
+def export_layer(layer: Sdf.Layer, target: Path, form: str) -> Path:
+    """Write `layer` beside `target` as `form` (`usda` or `usdc`) and return the temporary file.
+
+    Raises:
+        StageError: the folder cannot be written to, or the disk is full.
+    """
+    try:
+        temporary = temporary_beside(target, ".usd")
+    except OSError as error:
+        message = f"{target}: cannot be written ({error.strerror})"
+        raise StageError(message) from error
+    try:
+        written = layer.Export(str(temporary), "", {"format": form})
+    except Tf.ErrorException:
+        written = False
+    if not written:
+        temporary.unlink(missing_ok=True)
+        message = f"{target}: cannot be written; is the disk full?"
+        raise StageError(message)
+    return temporary
+
+
+def _put_in_place(files: Mapping[Path, Path]) -> None:
+    """Rename each temporary file to its target.
+
+    Raises:
+        StageError: a target cannot be replaced; new files that came before it are gone again.
+    """
+    made: list[Path] = []
+    for target, temporary in files.items():
+        new = not target.exists()
+        try:
+            temporary.replace(target)
+        except OSError as error:
+            for path in made:
+                path.unlink(missing_ok=True)
+            message = f"{target}: cannot be written ({error.strerror})"
+            raise StageError(message) from error
+        if new:
+            made.append(target)

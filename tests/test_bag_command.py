@@ -1,0 +1,453 @@
+"""`lab3 bag`: recordings of all kinds, what is wrong in them, and those made to stop a reader."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from breaking import correct_stage
+from click.testing import CliRunner, Result
+from jsonschema import Draft202012Validator
+
+pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
+
+from recordings import STORE, Sent, durable, pictures, rewritten
+from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
+
+from lab3_usd.commands import bag as module
+from lab3_usd.commands.bag import command
+from lab3_usd.commands.sim import command as sim_command
+from lab3_usd.data import data_folder
+from lab3_usd.report.behaviour.words import LOOKS_OF_A_RECORDING
+from lab3_usd.sim.bag import files, packing
+from lab3_usd.sim.bag.checks import CHECKS
+from lab3_usd.sim.behaviour.judge import CHECKS as SHARED
+
+DRIVE = "0.15,0,2 0,0,0.5 -0.15,0,1.5 0,0.8,1.5 0,0,1"
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording without faults, of the last checkpoint that has a stage of its own."""
+    folder = tmp_path_factory.mktemp("recording")
+    stage = folder / "Lab3_05.usda"
+    correct_stage("05").GetRootLayer().Export(str(stage))
+    arguments = [str(stage), "--drive", DRIVE, "--bag", str(folder / "dry")]
+    assert CliRunner().invoke(sim_command, arguments).exit_code == 0
+    return rewritten(folder / "dry", folder / "run", pictures)
+
+
+def bag(path: Path, *arguments: str) -> Result:
+    return CliRunner().invoke(command, [str(path), *arguments])
+
+
+def judged(path: Path, *arguments: str) -> dict[str, Any]:
+    done = bag(path, "--format", "json", *arguments)
+    document: dict[str, Any] = json.loads(done.stdout)
+    schema = json.loads((data_folder("schema") / "sim-1.json").read_text(encoding="utf-8"))
+    assert [each.message for each in Draft202012Validator(schema).iter_errors(document)] == []
+    assert done.exit_code == {"ok": 0, "bad": 1, "unreadable": 2}[document["verdict"]]
+    return document
+
+
+def wrong(path: Path, *arguments: str) -> dict[str, str]:
+    found = judged(path, *arguments)["checks"]
+    return {each["name"]: each["message"] for each in found if each["verdict"] != "ok"}
+
+
+def test_a_good_recording_is_all_right(plain: Path) -> None:
+    assert judged(plain)["verdict"] == "ok"
+
+
+def test_the_topics_have_both_rates_and_their_qos(plain: Path) -> None:
+    document = judged(plain)
+    assert document["recording"] == str(plain)
+    scan = next(each for each in document["topics"] if each["name"] == "/scan")
+    assert scan == {
+        "name": "/scan",
+        "type": "sensor_msgs/msg/LaserScan",
+        "hz": pytest.approx(10.0, abs=0.2),
+        "frame": "base_scan",
+        "arrival_hz": pytest.approx(10.0, abs=0.2),
+        "qos": ["reliable, volatile"],
+    }
+
+
+@pytest.mark.parametrize("storage", list(StoragePlugin))
+@pytest.mark.parametrize(
+    "packing", [CompressionMode.NONE, CompressionMode.FILE, CompressionMode.MESSAGE]
+)
+def test_all_ways_of_packing_give_the_same(
+    plain: Path, tmp_path: Path, storage: StoragePlugin, packing: CompressionMode
+) -> None:
+    other = judged(rewritten(plain, tmp_path / "run", storage=storage, packing=packing))
+    assert {**other, "recording": ""} == {**judged(plain), "recording": ""}
+
+
+def test_a_recording_in_two_files_is_one(plain: Path, tmp_path: Path) -> None:
+    half = 2_500_000_000
+    folder = tmp_path / "run"
+    parts = [
+        rewritten(
+            plain,
+            tmp_path / name,
+            lambda sent, late=late: iter([sent] * ((sent.time > half) is late)),
+        )
+        for name, late in (("run_0", False), ("run_1", True))
+    ]
+    folder.mkdir()
+    for part in parts:
+        shutil.copy(part / f"{part.name}.mcap", folder)
+    assert {**judged(folder), "recording": ""} == {**judged(plain), "recording": ""}
+
+
+def test_one_file_is_a_recording(plain: Path) -> None:
+    assert judged(next(plain.glob("*.mcap")))["verdict"] == "ok"
+
+
+def test_a_simulation_at_half_speed_is_judged_by_its_own_time(plain: Path, tmp_path: Path) -> None:
+    slow = rewritten(
+        plain, tmp_path / "run", lambda sent: iter([sent._replace(time=2 * sent.time)])
+    )
+    document = judged(slow)
+    assert document["verdict"] == "ok"
+    scan = next(each for each in document["topics"] if each["name"] == "/scan")
+    assert (scan["hz"], scan["arrival_hz"]) == (
+        pytest.approx(10, abs=0.2),
+        pytest.approx(5, abs=0.1),
+    )
+
+
+def on(topic: str, edit: Callable[[Any], object]) -> Callable[[Sent], Iterator[Sent]]:
+    """Edit the messages of one topic; `None` of an edit leaves the message out."""
+
+    def change(sent: Sent) -> Iterator[Sent]:
+        if sent.topic != topic or edit(sent.said) != "drop":
+            yield sent
+
+    return change
+
+
+def turned(said: Any) -> None:
+    said.linear.x = -said.linear.x
+
+
+def farther(said: Any) -> None:
+    said.pose.pose.position.x *= 2
+
+
+def in_laser(said: Any) -> None:
+    said.header.frame_id = "laser"
+
+
+def by_the_wall(said: Any) -> None:
+    said.header.stamp.sec += 1_700_000_000
+
+
+def slower(said: Any) -> str:
+    return "drop" if said.header.stamp.nanosec % 400_000_000 > 200_000_000 else ""
+
+
+def faster(said: Any) -> None:
+    said.twist.twist.linear.x *= 2
+
+
+def no_tie(said: Any) -> None:
+    said.transforms = [each for each in said.transforms if each.child_frame_id != "base_footprint"]
+
+
+def moved(said: Any) -> None:
+    for each in said.transforms:
+        if each.child_frame_id == "base_footprint":
+            each.transform.translation.x += 0.5
+
+
+FAULTS: dict[str, tuple[str, Callable[[Any], object]]] = {
+    "follows": ("/cmd_vel", turned),
+    "way": ("/odom", farther),
+    "headers": ("/scan", in_laser),
+    "stamps": ("/odom", by_the_wall),
+    "scan": ("/scan", slower),
+    "odometry": ("/odom", faster),
+    "tree": ("/tf", no_tie),
+    "moving frames": ("/tf", moved),
+    "topics": ("/odom", lambda _: "drop"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_found_by_its_check(plain: Path, tmp_path: Path, name: str) -> None:
+    assert name in wrong(rewritten(plain, tmp_path / "run", on(*FAULTS[name])))
+
+
+def test_a_clock_that_jumps_back_is_told(plain: Path, tmp_path: Path) -> None:
+    def change(sent: Sent) -> Iterator[Sent]:
+        if sent.topic == "/clock" and sent.time > 3_000_000_000:
+            sent.said.clock.sec -= 2
+        yield sent
+
+    assert "jumps back by" in wrong(rewritten(plain, tmp_path / "run", change))["clock"]
+
+
+def test_a_clock_that_stands_is_told(plain: Path, tmp_path: Path) -> None:
+    def change(sent: Sent) -> Iterator[Sent]:
+        if sent.topic == "/clock":
+            sent.said.clock.sec = sent.said.clock.nanosec = 0
+        yield sent
+
+    assert "/clock runs 0.0 s in" in wrong(rewritten(plain, tmp_path / "run", change))["clock"]
+
+
+def test_another_durability_and_a_second_publisher_are_told(plain: Path, tmp_path: Path) -> None:
+    def change(sent: Sent) -> Iterator[Sent]:
+        qos = {"/scan": durable(sent.qos), "/odom": sent.qos * 2}.get(sent.topic, sent.qos)
+        yield sent._replace(qos=qos)
+
+    said = wrong(rewritten(plain, tmp_path / "run", change))["QoS"]
+    assert "2 publishers of /odom" in said
+    assert "/scan is offered transient_local, not volatile" in said
+
+
+def tied(sent: Sent, parent: str, end: int = 100) -> Iterator[Sent]:
+    """Add what AMCL sends: the place of odometry in the map."""
+    yield sent
+    if sent.topic == "/scan" and sent.time < end * 1_000_000_000:
+        kind = "tf2_msgs/msg/TFMessage"
+        types = STORE.types
+        still = types["geometry_msgs/msg/Transform"](
+            types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0),
+            types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+        )
+        head = types["std_msgs/msg/Header"](sent.said.header.stamp, parent)
+        said = types[kind]([types["geometry_msgs/msg/TransformStamped"](head, "odom", still)])
+        yield Sent(sent.time, "/tf", kind, said, sent.qos)
+
+
+def test_localization_ties_the_map_to_odometry(plain: Path, tmp_path: Path) -> None:
+    good = rewritten(plain, tmp_path / "good", lambda sent: tied(sent, "map"))
+    assert "localization" not in wrong(good)
+    assert "localization" in {each["name"] for each in judged(good)["checks"]}
+    assert wrong(plain, "--checkpoint", "07")["localization"] == "no map -> odom"
+    early = rewritten(plain, tmp_path / "early", lambda sent: tied(sent, "map", 2))
+    assert wrong(early)["localization"] == "map -> odom ends"
+
+
+def test_a_second_parent_of_odometry_is_told(plain: Path, tmp_path: Path) -> None:
+    def change(sent: Sent) -> Iterator[Sent]:
+        for each in tied(sent, "map"):
+            yield from tied(each, "world") if each is sent else iter([each])
+
+    assert "odom has the parents" in wrong(rewritten(plain, tmp_path / "run", change))["frames"]
+
+
+@pytest.mark.parametrize(("status", "said"), [(4, None), (6, "the last of 1 goals is aborted")])
+def test_the_goal_is_reached_or_not(
+    plain: Path, tmp_path: Path, status: int, said: str | None
+) -> None:
+    kind = "action_msgs/msg/GoalStatusArray"
+
+    def change(sent: Sent) -> Iterator[Sent]:
+        yield sent
+        if sent.topic == "/camera/camera_info":
+            types = STORE.types
+            number = types["unique_identifier_msgs/msg/UUID"](__import__("numpy").ones(16, "u1"))
+            goal = types["action_msgs/msg/GoalInfo"](number, sent.said.header.stamp)
+            one = types["action_msgs/msg/GoalStatus"](goal, status if sent.time > 4e9 else 2)
+            topic = "/navigate_to_pose/_action/status"
+            yield Sent(sent.time, topic, kind, types[kind]([one]), sent.qos)
+
+    assert wrong(rewritten(plain, tmp_path / "run", change)).get("goal") == said
+
+
+def test_static_transforms_belong_to_the_tree(plain: Path, tmp_path: Path) -> None:
+    def change(sent: Sent) -> Iterator[Sent]:
+        if sent.topic == "/tf":
+            held = [e for e in sent.said.transforms if e.child_frame_id == "base_scan"]
+            sent.said.transforms = [e for e in sent.said.transforms if e not in held]
+            if held and sent.time < 100_000_000:
+                said = STORE.types[sent.type](held)
+                yield Sent(sent.time, "/tf_static", sent.type, said, durable(sent.qos))
+        yield sent
+
+    document = judged(rewritten(plain, tmp_path / "run", change))
+    assert document["verdict"] == "ok"
+    assert {"parent": "base_footprint", "child": "base_scan", "static": True} in document["frames"]
+
+
+def test_without_commands_nothing_is_said_of_following(plain: Path, tmp_path: Path) -> None:
+    quiet = rewritten(plain, tmp_path / "run", on("/cmd_vel", lambda _: "drop"))
+    assert not {"rest", "follows", "limits", "way"} & {e["name"] for e in judged(quiet)["checks"]}
+    assert "no command was recorded" in bag(quiet).stdout
+
+
+def test_bytes_that_are_no_message_are_counted(plain: Path, tmp_path: Path) -> None:
+    odd = rewritten(
+        plain,
+        tmp_path / "run",
+        lambda sent: iter([sent._replace(said=b"\0\1\0\0abc") if sent.topic == "/odom" else sent]),
+    )
+    assert "on /odom are no nav_msgs/msg/Odometry" in wrong(odd)["messages"]
+
+
+def test_another_type_is_told(plain: Path, tmp_path: Path) -> None:
+    kind = "std_msgs/msg/String"
+    said = STORE.types[kind]("scan")
+    odd = rewritten(
+        plain,
+        tmp_path / "run",
+        lambda sent: iter([sent._replace(type=kind, said=said) if sent.topic == "/scan" else sent]),
+    )
+    assert "/scan is std_msgs/msg/String, not sensor_msgs/msg/LaserScan" in wrong(odd)["topics"]
+
+
+def differing(path: Path, stage: Path) -> dict[str, str]:
+    found = judged(path, "--stage", str(stage))["differences"]
+    return {each["name"]: each["message"] for each in found}
+
+
+def test_a_recording_of_the_stage_does_what_its_dry_run_does(plain: Path) -> None:
+    stage = plain.parent / "Lab3_05.usda"
+    assert differing(plain, stage) == {}
+    assert "are those of the dry run" in bag(plain, "--stage", str(stage)).stdout
+
+
+def test_what_differs_from_the_dry_run_is_told_and_no_fault(plain: Path, tmp_path: Path) -> None:
+    def change(sent: Sent) -> Iterator[Sent]:
+        if sent.topic == "/camera/camera_info":
+            sent.said.header.frame_id = "lens"
+        if sent.topic == "/tf":
+            kept = [each for each in sent.said.transforms if each.child_frame_id != "Camera_1"]
+            sent.said.transforms = kept
+        if sent.topic != "/clock" or not sent.said.clock.nanosec // 20_000_000 % 2:
+            yield sent
+
+    other = rewritten(plain, tmp_path / "run", change)
+    assert set(differing(other, plain.parent / "Lab3_05.usda")) == {
+        "/camera/camera_info",
+        "/clock",
+        "Camera_1",
+    }
+
+
+def test_a_stage_that_cannot_be_read_is_one_line(plain: Path) -> None:
+    assert "--stage none.usda" in str(bag(plain, "--stage", "none.usda").exception)
+
+
+# ---- recordings that were made, or broken, to stop a reader
+
+
+def refused(path: Path) -> str:
+    done = bag(path)
+    assert done.exit_code == 2
+    assert isinstance(done.exception, SystemExit)
+    document = judged(path)
+    (reason,) = document["not_simulated"]
+    assert "\n" not in reason["reason"]
+    return str(reason["reason"])
+
+
+@pytest.mark.parametrize("storage", list(StoragePlugin))
+@pytest.mark.parametrize("part", [0.0, 0.01, 0.5, 0.999])
+def test_a_cut_recording_is_one_line(
+    plain: Path, tmp_path: Path, storage: StoragePlugin, part: float
+) -> None:
+    folder = rewritten(plain, tmp_path / "run", storage=storage)
+    (file,) = [*folder.glob("run.*")]
+    file.write_bytes(file.read_bytes()[: int(part * file.stat().st_size)])
+    assert refused(folder)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_damaged_recording_ends_in_a_verdict(plain: Path, tmp_path: Path, seed: int) -> None:
+    file = tmp_path / "run.mcap"
+    data = bytearray(next(plain.glob("*.mcap")).read_bytes())
+    for step in range(40):
+        data[(seed * 7919 + step * 104_729) % len(data)] ^= 0xFF
+    file.write_bytes(data)
+    assert bag(file).exit_code in {0, 1, 2}
+
+
+def test_what_is_not_there_is_one_line(tmp_path: Path) -> None:
+    assert refused(tmp_path / "none") == "there is no such recording"
+    assert refused(tmp_path) == "holds no .mcap and no .db3 file"
+
+
+@pytest.mark.parametrize("text", ["[", "- 1", "rosbag2_bagfile_information: 5", "a: &a [*a]"])
+def test_metadata_that_are_none_end_in_one_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "metadata.yaml").write_text(text)
+    assert refused(tmp_path)
+
+
+def test_metadata_reach_no_file_outside(plain: Path, tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information:\n  relative_file_paths: "
+        f"[{next(plain.glob('*.mcap')).resolve()}]\n"
+    )
+    assert refused(tmp_path).endswith("is missing")
+
+
+def test_very_many_topics_are_one_line(tmp_path: Path) -> None:
+    with closing(sqlite3.connect(tmp_path / "run.db3")) as base, base:
+        base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type)")
+        base.executemany("INSERT INTO topics(name) VALUES(?)", [(f"/{n}",) for n in range(5000)])
+    assert refused(tmp_path) == f"has more than {files.MOST_TOPICS} topics"
+
+
+def test_many_topics_of_mcap_are_one_line(plain: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "MOST_TOPICS", 3)
+    assert refused(plain) == "has more than 3 topics"
+
+
+def test_a_message_that_unpacks_to_too_much_is_one_line(
+    plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = rewritten(plain, tmp_path / "run", packing=CompressionMode.MESSAGE)
+    monkeypatch.setattr(packing, "LARGEST_MESSAGE", 100)
+    assert "larger than" in refused(folder)
+
+
+def test_a_file_that_unpacks_to_too_much_is_one_line(
+    plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = rewritten(plain, tmp_path / "run", packing=CompressionMode.FILE)
+    monkeypatch.setattr(packing, "LARGEST_FILE", 1000)
+    assert "unpacks to more than" in refused(folder)
+
+
+def test_a_huge_message_is_counted_and_not_read(plain: Path, tmp_path: Path) -> None:
+    huge = b"\0\1\0\0" + bytes(5_000_000)
+    odd = rewritten(
+        plain,
+        tmp_path / "run",
+        lambda sent: iter(
+            [sent, sent._replace(said=huge)] if sent.topic == "/tf" and sent.time < 2e8 else [sent]
+        ),
+    )
+    assert "on /tf are no tf2_msgs/msg/TFMessage" in wrong(odd)["messages"]
+
+
+def test_names_and_types_that_are_none_are_left_out(tmp_path: Path) -> None:
+    with Writer(tmp_path / "run", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection(
+            "no name\n", "no type", msgdef="string data", rihs01="RIHS01_0"
+        )
+        writer.write(connection, 1, b"\0\1\0\0")
+    assert judged(tmp_path / "run")["topics"] == []
+    assert "1 topics have a name or type that is none" in bag(tmp_path / "run").stdout
+
+
+def test_without_the_extra_a_line_says_what_to_install(
+    plain: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "find_spec", lambda _: None)
+    assert "pip install 'lab3-usd[sim]'" in str(bag(plain).exception)
+
+
+def test_every_check_has_its_words() -> None:
+    assert set(LOOKS_OF_A_RECORDING) == {*SHARED, *CHECKS}

@@ -1,0 +1,136 @@
+"""When a value, a target or a wire is what a spec asks for."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from breaking import the_lab
+
+from lab3_usd.check.match.conformance import (
+    same_value,
+    setting_matches,
+    setting_value,
+    target_matches,
+)
+from lab3_usd.model.stage import Node, PortState
+from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.graph import Setting, Target
+
+SAME: list[tuple[Value, Value]] = [
+    (1, 1.0),
+    (0.22, 0.2199999988079071),
+    (0.025, 0.02500000037252903),
+    (0.0, -0.0),
+    ((1, 2.0), (1.0, 2)),
+    ("a", "a"),
+    (True, True),
+]
+OTHER: list[tuple[Value | None, Value | None]] = [
+    (1, True),
+    (0, False),
+    (0.22, 0.2200005),
+    (0.0, 1e-9),
+    ((1.0,), (1.0, 1.0)),
+    ((1.0,), 1.0),
+    (1.0, (1.0,)),
+    ("a", "b"),
+    ("1", 1),
+    (None, 0),
+    (math.nan, math.nan),
+    (math.inf, 1.0),
+]
+
+
+@pytest.mark.parametrize(("one", "other"), SAME)
+def test_values_are_the_same_up_to_noise(one: Value, other: Value) -> None:
+    assert same_value(one, other)
+    assert same_value(other, one)
+
+
+@pytest.mark.parametrize(("one", "other"), OTHER)
+def test_other_values_are_not(one: Value | None, other: Value | None) -> None:
+    assert not same_value(one, other)
+    assert not same_value(other, one)
+
+
+CLOCK = "isaacsim.ros2.bridge.ROS2PublishClock"
+LIDAR = "isaacsim.ros2.bridge.ROS2RtxLidarHelper"
+
+
+def node(type_name: str, name: str = "node", **ports: PortState) -> Node:
+    states = {f"inputs:{port}": state for port, state in ports.items()}
+    return Node(f"/g/{name}", type_name, the_lab().catalog.get(type_name), 1, states)
+
+
+def state(value: Value | None = None, *sources: str) -> PortState:
+    return PortState("", "", value, sources)
+
+
+@pytest.mark.parametrize("topic", ["/clock", "clock", "//clock/", "~/clock", "_clock"])
+def test_topics_are_compared_as_ros_2_resolves_them(topic: str) -> None:
+    setting = Setting("inputs:topicName", "/clock", "B6")
+    assert setting_matches(node(CLOCK), setting, topic)
+
+
+@pytest.mark.parametrize("topic", ["/clock2", "", "/a/clock", "/Clock", None])
+def test_another_topic_is_not_met(topic: str | None) -> None:
+    assert not setting_matches(node(CLOCK), Setting("inputs:topicName", "/clock", "B6"), topic)
+
+
+@pytest.mark.parametrize("frame", ["/base_scan", "base_scan/", "Base_scan"])
+def test_frames_are_compared_letter_by_letter(frame: str) -> None:
+    assert not setting_matches(node(LIDAR), Setting("inputs:frameId", "base_scan", "D8"), frame)
+
+
+def test_targets_are_a_set() -> None:
+    target = Target("inputs:targetPrims", ("/a", "/b"), "F9")
+    asked = PortState("inputs:targetPrims", "rel", targets=("/b", "/a", "/b"))
+    assert target_matches(Node("/g/n", "", None, 1, {"inputs:targetPrims": asked}), target)
+    fewer = PortState("inputs:targetPrims", "rel", targets=("/b",))
+    assert not target_matches(Node("/g/n", "", None, 1, {"inputs:targetPrims": fewer}), target)
+
+
+TOKEN = node("omni.graph.nodes.ConstantToken", "token", value=state("laser_scan"))
+UNKNOWN = node("omni.graph.nodes.ConstantString", "unknown", value=state("/other"))
+TICK = node("omni.graph.action.OnPlaybackTick", "tick")
+TIME = node("isaacsim.core.nodes.IsaacReadSimulationTime", "time")
+NODES = {each.path: each for each in (TOKEN, UNKNOWN, TICK, TIME)}
+
+
+@pytest.mark.parametrize(
+    ("source", "value"),
+    [
+        ("/g/token.inputs:value", "laser_scan"),
+        ("/g/unknown.inputs:value", "/other"),
+        # A port that its type does not have, or a node that is gone.
+        ("/g/token.outputs:value", "own"),
+        ("/g/gone.inputs:value", "own"),
+        # A signal or a number is no text: the application drops the wire.
+        ("/g/tick.outputs:tick", "own"),
+        ("/g/time.outputs:simulationTime", "own"),
+        # An input that is no constant feeds nothing.
+        ("/g/time.inputs:resetOnStop", "own"),
+    ],
+)
+def test_a_value_is_followed_through_a_wire(source: str, value: str) -> None:
+    helper = node(LIDAR, type=state("own", source))
+    assert setting_value(NODES, helper, "inputs:type") == value
+
+
+def test_a_node_of_an_unknown_type_takes_what_a_constant_brings() -> None:
+    unknown = node("not.known", text=state("own", "/g/unknown.inputs:value"))
+    assert setting_value(NODES, unknown, "inputs:text") == "/other"
+
+
+def test_what_is_known_at_run_time_only_is_no_value() -> None:
+    wheels = "isaacsim.robot.wheeled_robots.DifferentialController"
+    controller = node(wheels, wheelRadius=state(0.025, "/g/time.outputs:simulationTime"))
+    assert setting_value(NODES, controller, "inputs:wheelRadius") is None
+    setting = Setting("inputs:wheelRadius", 0.025, "C8")
+    assert not setting_matches(controller, setting, None)
+
+
+def test_a_value_that_nobody_wrote_is_the_default_of_the_type() -> None:
+    assert setting_value({}, node(CLOCK), "inputs:queueSize") == 10
+    assert setting_value({}, node("not.known"), "inputs:queueSize") is None

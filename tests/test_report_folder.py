@@ -1,0 +1,111 @@
+"""The report of a folder: each fault once, with its stages, and what to repair first."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from msgspec.structs import replace
+
+from lab3_usd.model.finding import Finding, Report, Score, StageResult, Verdict
+from lab3_usd.report.formats.registry import Options, render
+
+RADIUS = Finding(
+    "P01",
+    "wrong-value",
+    "error",
+    "/turtlebot3_burger/ROS_Drive/differential_controller",
+    "inputs:wheelRadius is 0.033, expected 0.025",
+    property="inputs:wheelRadius",
+    handout="C8",
+)
+RESET = replace(RADIUS, rule="P09", name="stamp-reset", severity="note", message="stamps restart")
+
+
+def stage(checkpoint: str, *findings: Finding, verdict: Verdict = "fail") -> StageResult:
+    return StageResult(f"Lab3_{checkpoint}.usda", checkpoint, verdict, Score(1, 2), findings)
+
+
+def told(*results: StageResult, **options: object) -> str:
+    shown = render("text", Report(results), None, Options(**options))  # type: ignore[arg-type]
+    return " ".join(shown.split())
+
+
+def test_a_fault_that_is_carried_along_is_told_once() -> None:
+    shown = told(stage("02", RADIUS), stage("03", RADIUS), stage("04", RADIUS))
+    assert shown.count("error P01") == 1
+
+
+@pytest.mark.parametrize(
+    ("having", "where"),
+    [
+        (("02",), "in 02, repaired in 03"),
+        (("05",), "in 05"),
+        (("04", "05"), "since 04, also in 05"),
+        (("02", "03", "04", "05"), "since 02, also in 03 to 05"),
+        (("02", "04", "05"), "since 02, also in 04, 05"),
+        (("02", "03"), "since 02, also in 03, repaired in 04"),
+    ],
+)
+def test_a_fault_says_which_stages_have_it(having: tuple[str, ...], where: str) -> None:
+    stages = [stage(each, *((RADIUS,) if each in having else ())) for each in ("02", "03", "04")]
+    shown = told(*stages, stage("05", *((RADIUS,) if "05" in having else ())))
+    assert f"differential_controller.inputs:wheelRadius {where} inputs:wheelRadius is" in shown
+
+
+def test_the_order_of_the_command_line_does_not_decide_what_came_first() -> None:
+    shown = told(stage("04", RADIUS), stage("02", RADIUS), stage("03"))
+    assert "since 02, also in 04" in shown
+
+
+def test_a_stage_that_cannot_be_read_has_repaired_nothing() -> None:
+    shown = told(stage("02", RADIUS), stage("03", verdict="unreadable"), stage("04"))
+    assert "in 02, repaired in 04" in shown
+
+
+def test_stages_of_one_checkpoint_are_told_each_by_itself() -> None:
+    other = replace(stage("02", RADIUS), path="other/Lab3_02.usda")
+    assert told(stage("02", RADIUS), other).count("error P01") == 2
+
+
+def test_each_asks_for_every_file_by_itself() -> None:
+    assert told(stage("02", RADIUS), stage("03", RADIUS), each=True).count("error P01") == 2
+
+
+def test_a_note_of_every_stage_is_told_once_and_after_the_errors() -> None:
+    shown = told(stage("02", RESET, RADIUS), stage("03", RESET, RADIUS))
+    assert shown.count("stamps restart") == 1
+    assert shown.index("error P01") < shown.index("note P09")
+
+
+def fault(number: int, handout: str) -> Finding:
+    return replace(RADIUS, prim=f"/node{number}", handout=handout)
+
+
+def test_what_blocks_most_checkpoints_is_to_be_repaired_first() -> None:
+    early, late = fault(1, "B4"), fault(4, "D8")
+    alone = [fault(2, "B5"), fault(3, "B6")]
+    shown = told(stage("01", early, *alone), stage("03", late), stage("04", late))
+    first = shown[shown.index("Repair these first") : shown.index("error P01")]
+    assert first.index("/node4") < first.index("/node1")
+    assert "/node3" not in first
+
+
+def test_points_decide_between_faults_of_as_many_checkpoints() -> None:
+    faults = [fault(number, "B4") for number in range(3)]
+    shown = told(stage("01", *faults), stage("02", fault(4, "C8")), points={"01": 5, "02": 15})
+    assert "Repair these first 1. P01 /node4" in shown
+
+
+def test_few_errors_need_no_list_of_what_comes_first() -> None:
+    faults = [fault(number, "B4") for number in range(3)]
+    assert "Repair these first" not in told(stage("01", *faults), stage("02"))
+
+
+def test_equal_faults_share_an_id_in_json_wherever_they_stand() -> None:
+    moved = replace(RADIUS, layer="Lab3_03.usda", line=7)
+    other = replace(RADIUS, message="inputs:wheelRadius is 0.05, expected 0.025")
+    report = Report((stage("02", RADIUS), stage("03", moved), stage("04", other)))
+    results = json.loads(render("json", report))["results"]
+    first, second, third = (result["findings"][0]["fault"] for result in results)
+    assert first == second != third
