@@ -1,0 +1,107 @@
+"""All public node types of Isaac Sim: what they need, and what earlier releases had otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.spec.catalog import Catalog, NodeType
+
+NEWEST = "6.0"
+
+
+class Need(Struct, frozen=True, forbid_unknown_fields=True):
+    """Inputs of which a node needs one that is wired or set, or else works on zeros.
+
+    With `when` it needs it only where that input is wired or set, or switched on. `effect` says
+    what happens without, `source` names the file of Isaac Sim that shows it.
+    """
+
+    inputs: tuple[str, ...]
+    effect: str
+    source: str
+    when: str = ""
+    severity: Literal["error", "warning"] = "error"
+
+
+class TypeChanges(Struct, frozen=True, forbid_unknown_fields=True):
+    """What a node type of an earlier release has otherwise: ports by full name, and defaults."""
+
+    gone: tuple[str, ...] = ()
+    lacks: tuple[str, ...] = ()
+    defaults: Mapping[str, Any] = {}
+
+
+class Release(Struct, frozen=True, forbid_unknown_fields=True):
+    """What an earlier release has otherwise than the newest one.
+
+    `gone` are types that only the earlier one has, `added` those that only the newest one has.
+    """
+
+    gone: tuple[str, ...]
+    added: tuple[str, ...]
+    types: Mapping[str, TypeChanges]
+
+
+class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """The sensors whose render product a node reads: prims of these types, or with these schemas.
+
+    `needs` is a schema that such a prim must carry, '' where it needs none.
+    """
+
+    types: tuple[str, ...]
+    source: str
+    schemas: tuple[str, ...] = ()
+    needs: str = ""
+
+
+class IsaacTypes(Struct, frozen=True, eq=False):
+    """The catalog of all public node types, with what the linter must know beside it."""
+
+    catalog: Catalog
+    needs: Mapping[str, tuple[Need, ...]]
+    releases: Mapping[str, Release]
+    sensors: Mapping[str, SensorOf]
+    application_prims: tuple[str, ...]
+
+    def releases_with(self, node_type: str, port: str) -> list[str]:
+        """Return the earlier releases in which a type has a port that the newest one lacks."""
+        return [
+            name
+            for name, release in self.releases.items()
+            if node_type in release.types and port in release.types[node_type].gone
+        ]
+
+    def releases_of(self, node_type: str) -> list[str]:
+        """Return the earlier releases that have a type which the newest one lacks."""
+        return [name for name, release in self.releases.items() if node_type in release.gone]
+
+    def in_release(self, name: str) -> Catalog:
+        """Return the catalog as it was in a release: its types, ports and defaults."""
+        release = self.releases.get(name)
+        if release is None:
+            return self.catalog
+        types = {
+            key: _changed(kind, release.types[key]) if key in release.types else kind
+            for key, kind in self.catalog.types.items()
+            if key not in release.added
+        }
+        return replace(self.catalog, types=types)
+
+
+def _changed(kind: NodeType, changes: TypeChanges) -> NodeType:
+    """Return a node type with the ports and defaults of an earlier release."""
+    ports = {
+        name: replace(port, default=changes.defaults[name], former=None)
+        if name in changes.defaults
+        else port
+        for name, port in kind.ports.items()
+        if name not in changes.lacks
+    }
+    tf = kind.tf
+    if tf is not None and set(tf.arrays) & set(changes.lacks):
+        tf = replace(tf, arrays=())
+    return replace(kind, ports=ports, tf=tf)

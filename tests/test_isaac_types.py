@@ -1,0 +1,131 @@
+"""All public node types of Isaac Sim, held against facts that were read off its source."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lab3_usd.data import data_folder
+from lab3_usd.errors import SpecError
+from lab3_usd.spec.isaac import IsaacTypes
+from lab3_usd.spec.load.compiled import compiled_or_loaded_types
+from lab3_usd.spec.load.isaac import assemble_types
+from lab3_usd.spec.load.loader import load_isaac_types, load_lab
+
+TYPES = load_isaac_types()
+TIME = "isaacsim.core.nodes.IsaacReadSimulationTime"
+TREE = "isaacsim.ros2.bridge.ROS2PublishTransformTree"
+
+
+@pytest.fixture(scope="module")
+def facts(shared: Path) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads((shared / "isaac" / "nodes-all-6.0.1.json").read_text())
+    return data["nodes"]  # type: ignore[no-any-return]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    copy = tmp_path / "graphs"
+    shutil.copytree(data_folder("graphs"), copy, ignore=shutil.ignore_patterns("__pycache__"))
+    return copy / "isaac"
+
+
+def test_every_public_type_is_known(facts: dict[str, Any]) -> None:
+    assert set(facts) <= set(TYPES.catalog.types)
+
+
+def test_every_port_has_the_type_of_the_source(facts: dict[str, Any]) -> None:
+    wrong = [
+        f"{name} {side}:{short}"
+        for name, fact in facts.items()
+        for side in ("inputs", "outputs")
+        for short, port in fact[side].items()
+        if _declared(TYPES.catalog.types[name].ports[f"{side}:{short}"].ogn_type, port["type"])
+    ]
+    assert wrong == []
+
+
+def _declared(known: str, fact: Any) -> bool:
+    return known != ("union" if isinstance(fact, list) else fact)
+
+
+def test_every_default_is_that_of_the_source(facts: dict[str, Any]) -> None:
+    lab = load_lab().catalog.types
+    for name, fact in facts.items():
+        for short, port in fact["inputs"].items():
+            default = TYPES.catalog.types[name].ports[f"inputs:{short}"].default
+            if name not in lab and port["type"] != "target" and "default" in port:
+                assert json.loads(json.dumps(default)) == port["default"], f"{name} {short}"
+
+
+def test_the_types_of_the_lab_win() -> None:
+    lab = load_lab().catalog
+    assert {name: TYPES.catalog.types[name] for name in lab.types} == dict(lab.types)
+
+
+def test_every_need_names_its_source() -> None:
+    needs = [need for entries in TYPES.needs.values() for need in entries]
+    assert all(need.source.endswith((".cpp", ".py")) and need.effect for need in needs)
+
+
+def test_an_earlier_release_has_its_own_defaults_and_ports() -> None:
+    earlier = TYPES.in_release("5.1")
+    assert earlier.types[TIME].default("inputs:resetOnStop", 1) is False
+    assert TYPES.catalog.types[TIME].default("inputs:resetOnStop", 1) is True
+    assert "inputs:parentFrames" not in earlier.types[TREE].ports
+    assert earlier.types[TREE].tf is not None
+    assert earlier.types[TREE].tf.arrays == ()
+
+
+def test_the_newest_release_is_the_catalog_itself() -> None:
+    assert TYPES.in_release("6.0") is TYPES.catalog
+
+
+def test_a_port_that_is_gone_tells_the_release() -> None:
+    helper = "isaacsim.ros2.bridge.ROS2CameraHelper"
+    assert TYPES.releases_with(helper, "inputs:viewport") == ["5.0", "5.1"]
+    assert TYPES.releases_with(helper, "inputs:topicName") == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("IsaacReadIMU:", "IsaacReadMUI:", "is no node type"),
+        ("[imuPrim]", "[imPrim]", "has no input 'imPrim'"),
+    ],
+)
+def test_a_slip_in_the_needs_is_one_clear_line(
+    folder: Path, old: str, new: str, message: str
+) -> None:
+    needs = folder / "needs.yaml"
+    needs.write_text(needs.read_text().replace(old, new))
+    with pytest.raises(SpecError, match=message):
+        assemble_types(folder)
+
+
+def test_a_second_start_reads_no_yaml(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+
+    def refuse(folder: Path) -> IsaacTypes:
+        raise AssertionError(folder)
+
+    first = compiled_or_loaded_types(folder, assemble_types)
+    again = compiled_or_loaded_types(folder, refuse)
+    assert again.catalog == first.catalog
+    assert again.needs == first.needs
+
+
+def test_a_change_of_the_labs_types_is_read_anew(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    compiled_or_loaded_types(folder, assemble_types)
+    lab = folder.parent / "node_types.yaml"
+    lab.write_text(lab.read_text().replace('"On Playback Tick"', '"Another"'))
+    types = compiled_or_loaded_types(folder, assemble_types).catalog.types
+    assert types["omni.graph.action.OnPlaybackTick"].ui_name == "Another"
