@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 from breaking import Step, broken, correct_stage, the_lab
 from dry_runs import DRIVE, INTERFACE, driven, faults
-from executor.behaviour import CHECKS, judge
-from executor.drive import fixed_drive
-from executor.record import Odometry
-from executor.scene import read_scene
-from executor.simulation import record
 from layerings import one_text_file
 from pxr import Usd
 from second_author import Style
 
-from lab3_usd.stage.builder import build_checkpoint
+from lab3_usd.sim.behaviour.judge import CHECKS, judge
+from lab3_usd.sim.drive import fixed_drive
+from lab3_usd.sim.play import record
+from lab3_usd.sim.record import Odometry
+from lab3_usd.stage.read.scene import read_scene
+from lab3_usd.stage.write.builder import build_checkpoint
 
 WHEELS = 0.033 / 0.025  # the wheel of the model by that of the controller
 
@@ -32,11 +32,11 @@ def test_the_built_stage_behaves() -> None:
 
 def test_it_goes_as_far_as_its_wheels_say() -> None:
     evidence = driven(correct_stage("05"), the_lab().catalog)
-    _, before, poses = evidence.leg("ahead")
+    _, before, poses = next(evidence.stretches("ahead"))
     moved = (len(poses) - 1) / 60  # a command reaches the wheels in the next frame
     assert poses[-1].x - before.x == pytest.approx(0.15 * moved * WHEELS, rel=1e-6)
     assert poses[-1].y - before.y == pytest.approx(0.0, abs=1e-6)
-    _, before, poses = evidence.leg("left")
+    _, before, poses = next(evidence.stretches("left"))
     assert poses[-1].heading == pytest.approx(0.8 * (len(poses) - 1) / 60 * WHEELS, rel=1e-6)
 
 

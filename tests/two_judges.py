@@ -13,16 +13,16 @@ from tempfile import TemporaryDirectory
 import yaml
 from breaking import correct_stage, judged, the_lab
 from dry_runs import driven, faults
-from executor.differences import differences
-from executor.record import Recording
 from msgspec import Struct, convert
 from pxr import Usd
 from random_edits import edit
+from run_differences import differences
 from sabotage import Fault, graph_faults
 
-from lab3_usd.check.finding import Finding
-from lab3_usd.check.unchanged import starter_findings
-from lab3_usd.stage.starter import build_starter
+from lab3_usd.judge.starter import starter_findings
+from lab3_usd.model.finding import Finding
+from lab3_usd.sim.record import Recording
+from lab3_usd.stage.write.starter import build_starter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 

@@ -1,0 +1,87 @@
+"""`lab3 bag`: judge a recording of the running system."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lab3_usd.errors import UsageError
+
+if TYPE_CHECKING:
+    from lab3_usd.model.behaviour import Behaviour
+    from lab3_usd.spec.lab import Lab
+
+EXITS = {"ok": 0, "bad": 1, "unreadable": 2}
+
+
+def _compared(found: Behaviour, stage: Path, lab: Lab, checkpoint: str) -> Behaviour:
+    """Add where a recording differs from the dry run of its stage.
+
+    Raises:
+        UsageError: the stage cannot be read.
+    """
+    from msgspec.structs import replace  # noqa: PLC0415 - only here
+
+    from lab3_usd.sim.bag.comparing import differences  # noqa: PLC0415
+    from lab3_usd.sim.dry_run import dry_run  # noqa: PLC0415 - needs pxr
+
+    dry = dry_run(stage, lab, checkpoint).behaviour
+    if dry.verdict == "unreadable":
+        message = f"--stage {stage}: {dry.not_simulated[0].reason}"
+        raise UsageError(message)
+    return replace(found, differences=differences(found, dry))
+
+
+@click.command("bag")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--checkpoint", metavar="NN", help="Ask for what this checkpoint has.")
+@click.option(
+    "--stage",
+    type=click.Path(path_type=Path),
+    help="Compare with the dry run of this stage, topic by topic.",
+)
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json"]),
+    default="text",
+    show_default=True,
+    help="How to report.",
+)
+def command(recording: Path, checkpoint: str | None, stage: Path | None, form: str) -> None:
+    """Judge a recording of the running system by the checks of `lab3 sim`.
+
+    RECORDING is what `ros2 bag record -a` writes, MCAP or sqlite3, or one file of it. What is
+    asked for is that of the checkpoint in its name or in that of the stage, else of the last; of
+    localization and navigation only what was recorded, unless --checkpoint names one. Nothing of
+    it counts in a score. Exit status: 0 all right, 1 something is wrong, 2 unreadable or wrong
+    usage, 3 the tool itself failed.
+    """
+    # The specs are slow to import, and `lab3 --help` does not need them.
+    from lab3_usd.commands.options import checkpoint_number, wants_color, width  # noqa: PLC0415
+    from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
+    from lab3_usd.report.behaviour import json_behaviour, text  # noqa: PLC0415
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+
+    if find_spec("rosbags") is None:
+        message = "lab3 bag needs the extra lab3-usd[sim]: pip install 'lab3-usd[sim]'"
+        raise UsageError(message)
+    from lab3_usd.sim.bag.judging import judge_recording  # noqa: PLC0415 - of the extra
+
+    lab = load_lab()
+    known = [*lab.checkpoints]
+    names = [recording.name, stage.name if stage is not None else ""]
+    named = next(filter(None, (checkpoint_of(each, lab) for each in names)), known[-1])
+    asked = named if checkpoint is None else checkpoint_number(checkpoint, known)
+    found = judge_recording(recording, lab, asked, whole=checkpoint is not None)
+    if stage is not None and found.verdict != "unreadable":
+        found = _compared(found, stage, lab, asked)
+    if form == "json":
+        click.echo(json_behaviour.render(found), nl=False)
+    else:
+        click.echo(text.render(found, width(), color=wants_color()), nl=False)
+    sys.exit(EXITS[found.verdict])

@@ -1,0 +1,42 @@
+"""What `lab3 check --sim` adds: what goes wrong in a dry run of a stage, as notes, and its maps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from lab3_usd.check.registry import all_rules
+from lab3_usd.judge.stage import with_findings
+from lab3_usd.model.behaviour import Behaviour
+from lab3_usd.model.finding import Finding, StageResult
+from lab3_usd.report.behaviour.still import Still, still
+from lab3_usd.sim.dry_run import dry_run
+from lab3_usd.spec.load.loader import load_lab
+
+
+def with_dry_run(result: StageResult, shown: dict[str, Still]) -> StageResult:
+    """Return a result with a note for each check of a dry run that is bad; the score stays.
+
+    What a page shows of it is added to `shown`.
+    """
+    if result.verdict == "unreadable" or result.checkpoint is None:
+        return result
+    run = dry_run(Path(result.path), load_lab(), result.checkpoint)
+    drawn = still(run.behaviour, run.replay)
+    if drawn is not None:
+        shown[result.path] = drawn
+    return with_findings(result, (*result.findings, *_notes(run.behaviour)))
+
+
+def _notes(found: Behaviour) -> Iterator[Finding]:
+    rules = all_rules()
+    for check in found.checks:
+        if check.verdict == "bad":
+            yield Finding(
+                check.rule,
+                rules[check.rule].name,
+                "note",
+                check.prim or "/",
+                f"in a dry run ({check.name}): {check.text}",
+                hint="lab3 sim plays the stage and shows what it does",
+            )

@@ -1,0 +1,87 @@
+"""A dry run as one HTML page that needs nothing else: no network, and no script for reading."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePath
+
+from markupsafe import Markup
+
+from lab3_usd.model.behaviour import Behaviour, Frame, Replay
+from lab3_usd.report.behaviour.chart import chart_svg
+from lab3_usd.report.behaviour.graphs import graph_drawings
+from lab3_usd.report.behaviour.maps import furthest, near_svg, room_svg
+from lab3_usd.report.behaviour.words import LOOKS, WHAT_IT_IS, leg_text, rate, sum_text
+from lab3_usd.report.html.templates import content_policy, environment, palette_style, text_of
+from lab3_usd.report.picture_formats.svg_style import stylesheet
+from lab3_usd.report.tool import NAME, tool_version
+from lab3_usd.spec.lab import Lab
+
+MARKS = {"ok": "ok", "bad": "bad", "not-simulated": "not simulated"}
+
+
+def render(found: Behaviour, seen: Replay | None, lab: Lab) -> str:
+    """Return the page; without a replay it says why there is none."""
+    style = palette_style() + text_of("sim.css") + text_of("maps.css") + stylesheet()
+    script = text_of("sim.js")
+    has_moments = seen is not None and bool(seen.moments)
+    shown = furthest(seen) if seen is not None and has_moments else 0
+    computed = seen.computed if seen is not None else {}
+    graphs = graph_drawings(Path(found.stage), lab, computed)
+    return (
+        environment()
+        .get_template("sim.html.j2")
+        .render(
+            style=_own(style),
+            script=_own(script),
+            policy=content_policy(style, script),
+            found=found,
+            what=WHAT_IT_IS,
+            name=PurePath(found.stage).name,
+            looks=LOOKS,
+            marks=MARKS,
+            rate=rate,
+            leg_text=leg_text,
+            summary=sum_text(found),
+            seen=seen if has_moments else None,
+            shown=shown,
+            moments=seen.moments if seen is not None else (),
+            room=_own(room_svg(seen)) if seen is not None and has_moments else "",
+            near=_own(near_svg(seen)) if seen is not None and has_moments else "",
+            chart=_own(chart_svg(seen.moments)) if seen is not None and has_moments else "",
+            tree=list(tree_lines(found.frames)),
+            graphs=[(title, _own(drawn)) for title, drawn in graphs],
+            tool=f"{NAME} {tool_version()}",
+        )
+    )
+
+
+def _own(text: str) -> Markup:
+    """Return markup of our own; names of a stage are in it only where they were escaped."""
+    return Markup(text)  # noqa: S704 - see above
+
+
+def tree_lines(frames: Sequence[Frame]) -> Iterator[str]:
+    """Yield the TF tree line by line; a ring of frames is left where it closes."""
+    below: dict[str, list[Frame]] = {}
+    for each in frames:
+        below.setdefault(each.parent, []).append(each)
+    children = {each.child for each in frames}
+    roots = [each for each in below if each not in children] or [*below][:1]
+    for root in roots:
+        yield root
+        yield from _branches(root, below, "", {root})
+
+
+def _branches(
+    parent: str, below: dict[str, list[Frame]], lead: str, above: set[str]
+) -> Iterator[str]:
+    rows = below.get(parent, [])
+    for number, each in enumerate(rows, start=1):
+        last = number == len(rows)
+        static = " (static)" if each.static else ""
+        ring = " (again)" if each.child in above else ""
+        yield f"{lead}{'└── ' if last else '├── '}{each.child}{static}{ring}"
+        if not ring:
+            inside = lead + ("    " if last else "│   ")
+            yield from _branches(each.child, below, inside, above | {each.child})

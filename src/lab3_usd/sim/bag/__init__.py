@@ -1,0 +1,1 @@
+"""A run as a recording that ROS 2 tools open."""

@@ -1,0 +1,127 @@
+"""Judges a recording by the checks of a dry run, and by those of its own."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from lab3_usd.errors import RecordingError
+from lab3_usd.model.affine import HERE
+from lab3_usd.model.behaviour import Behaviour, Check, Topic, Unknown
+from lab3_usd.sim.bag.checks import CHECKS, Recorded
+from lab3_usd.sim.bag.driven import legs, path
+from lab3_usd.sim.bag.files import opened
+from lab3_usd.sim.bag.gathering import DETAIL, Gathered, Topics, gather
+from lab3_usd.sim.behaviour.asked import interface, map_topic, reached_topics, static_topics
+from lab3_usd.sim.behaviour.evidence import PHYSICAL, Evidence, Fault
+from lab3_usd.sim.behaviour.judge import CHECKS as SHARED
+from lab3_usd.sim.behaviour.judge import verdict
+from lab3_usd.sim.drive import Session
+from lab3_usd.sim.outcome import is_asked, path_rows, told_legs
+from lab3_usd.spec.lab import Lab
+
+_TOPIC = re.compile(r"/[A-Za-z0-9_/]+")
+_TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv|action)/[A-Za-z0-9_]+")
+_MOVED = ("rest", "follows", "limits", "way")
+
+
+def judge_recording(recording: Path, lab: Lab, checkpoint: str, *, whole: bool) -> Behaviour:
+    """Judge a recording by what the lab asks for at a checkpoint.
+
+    `whole` asks for localization and a goal although nothing of them was recorded.
+    """
+    wanted = interface(lab, lab.checkpoints[checkpoint])
+    goal = lab.ros.goal
+    topics = Topics(wanted, static_topics(lab), "" if goal is None else goal.status)
+    try:
+        with opened(recording) as bag:
+            found = gather(bag.messages(), bag.topics, topics)
+    except (RecordingError, OSError) as error:
+        reason = (Unknown("/", str(error)),)
+        return Behaviour(
+            "", checkpoint, 0.0, "unreadable", not_simulated=reason, recording=str(recording)
+        )
+    seconds = min(found.timeline.now, DETAIL)
+    found.recording.seconds = found.timeline.now
+    drive = legs(found.commands, seconds, wanted.limits)
+    found.recording.path = list(path(found.places, drive))
+    evidence = Evidence(found.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
+    asked = reached_topics(lab, checkpoint)
+    recorded = Recorded(found, topics, evidence, asked, map_topic(lab, checkpoint)[1], goal)
+    checks = tuple(_checks(recorded, _left_out(recorded, lab, checkpoint, whole=whole)))
+    return Behaviour(
+        "",
+        checkpoint,
+        found.timeline.now,
+        "bad" if any(each.verdict == "bad" for each in checks) else "ok",
+        tuple(_topics(found)),
+        tuple(found.frames),
+        checks,
+        tuple(path_rows(evidence)),
+        legs=tuple(told_legs(evidence)) if found.places else (),
+        remarks=tuple(_remarks(found)),
+        recording=str(recording),
+    )
+
+
+def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> frozenset[str]:
+    """Return the checks that nothing was recorded for, or that are not asked for."""
+    found, evidence = recorded.found, recorded.evidence
+    names = {each for each in SHARED if not is_asked(each, evidence)} | {"odometry"}
+    if not found.commands or not evidence.recording.path:
+        names |= {*_MOVED}
+    map_name, _ = map_topic(lab, checkpoint)
+    seen = {each.child for each in found.frames if each.parent == recorded.map_frame}
+    goal = lab.ros.goal
+    robot = () if goal is None else found.of_topic(goal.robot)
+    came = found.of_topic(map_name) or robot or seen
+    if not map_name or not (whole or came):
+        names.add("localization")
+    reached = goal is not None and goal.since in lab.until(checkpoint)
+    if not reached or not (whole or found.goals):
+        names.add("goal")
+    return frozenset(names)
+
+
+def _checks(recorded: Recorded, left_out: frozenset[str]) -> Iterator[Check]:
+    """Yield a verdict for each check; what both have is one."""
+    for name in dict.fromkeys([*SHARED, *CHECKS]):
+        faults: list[Fault] = []
+        looked = False
+        if name in SHARED and name not in left_out:
+            looked = True
+            faults += SHARED[name](recorded.evidence)
+        if name in CHECKS and (name == "odometry" or name not in left_out):
+            looked = True
+            faults += CHECKS[name](recorded)
+        if looked:
+            yield verdict(name, faults, recorded.evidence)
+
+
+def _topics(found: Gathered) -> Iterator[Topic]:
+    for (topic, kind), tally in sorted(found.tallies.items(), key=lambda each: each[0]):
+        if not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) or not tally.count:
+            continue
+        by_stamp, by_arrival = (round(each, 2) for each in tally.rates())
+        offered = tuple(each.text for each in tally.offered)
+        frame = next(iter(tally.frames), "")
+        yield Topic(topic, kind, by_stamp, frame, by_arrival, offered)
+
+
+def _remarks(found: Gathered) -> Iterator[str]:
+    """Say what else is to be known of the recording."""
+    timeline = found.timeline
+    if not timeline.clocked:
+        yield "no clock was recorded: rates are those of arrival"
+    else:
+        yield f"the simulation ran at {timeline.speed:.2f} of real time"
+    if found.cut:
+        yield f"the first {DETAIL:.0f} s were judged message by message, the rest in sum"
+    odd = sum(
+        not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) for topic, kind in found.tallies
+    )
+    if odd:
+        yield f"{odd} topics have a name or type that is none"
+    if not found.commands:
+        yield "no command was recorded, so that nothing is said of how the robot follows"

@@ -1,0 +1,1 @@
+"""Judges what came over ROS, whoever recorded it."""

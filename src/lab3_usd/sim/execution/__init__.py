@@ -1,0 +1,1 @@
+"""Runs graphs as they are wired: events push execution, data is pulled."""

@@ -1,0 +1,157 @@
+"""All graphs of a stage made ready to run, with the wires that Kit would keep.
+
+A node with execution inputs computes when it is reached; one without is computed when its outputs
+are read, once a frame. Push graphs compute every node in every frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from msgspec import Struct
+
+from lab3_usd.model.scene import Graph, Input, Scene
+from lab3_usd.sim.execution.registry import FRAME, STEP, event_of, function_of
+from lab3_usd.sim.execution.running import Running, initial, push
+from lab3_usd.sim.execution.types import type_of
+from lab3_usd.sim.world import World
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, Port, can_connect
+
+_STAGES = {FRAME: "pipelineStageSimulation", STEP: "pipelineStageOnDemand"}
+_PUSH = ("push", "dirty_push")
+_MODES = ("Automatic", "Standalone")
+_UNSAVED = Input("")
+
+
+class Program(Struct):
+    """All graphs of a stage that are evaluated, and what cannot be run."""
+
+    events: dict[str, list[Running]]
+    pushed: list[Running]
+    nodes: dict[str, Running]
+    not_simulated: dict[str, str]
+    idle: dict[str, str]  # graphs that are not evaluated in the frame loop, and why
+
+    def run(self, what: str, world: World) -> None:
+        """Run what an event starts; push graphs run with each frame."""
+        for each in self.events.get(what, ()):
+            push(each, world, len(self.nodes))
+        if what == FRAME:
+            for each in self.pushed:
+                if each.computed != world.frame:
+                    each.computed = world.frame
+                    each.compute(world)
+
+    def reset(self) -> None:
+        """Forget what the nodes remember, as on Stop."""
+        for each in self.nodes.values():
+            each.reset()
+
+
+def compile_graphs(scene: Scene, catalog: Catalog) -> Program:
+    """Make the graphs of a scene ready to run."""
+    program = Program({}, [], {}, {}, {})
+    for graph in scene.graphs:
+        if graph.mode not in _MODES:
+            program.not_simulated[graph.path] = f"evaluation mode {graph.mode}"
+            continue
+        nodes = dict(_running(graph, catalog, program))
+        for node in nodes.values():
+            _connect(node, nodes)
+        program.nodes.update(nodes)
+        _schedule(graph, nodes, program)
+    return program
+
+
+def _schedule(graph: Graph, nodes: dict[str, Running], program: Program) -> None:
+    """Note what runs the nodes of a graph: each frame, or an event."""
+    if graph.pipeline != _STAGES[FRAME]:
+        program.idle[graph.path] = f"its graph is of {graph.pipeline}"
+    if graph.evaluator in _PUSH and graph.pipeline == _STAGES[FRAME]:
+        program.pushed += _in_order(nodes)
+    elif graph.evaluator == "execution":
+        for node in nodes.values():
+            event = event_of(node.type)
+            if event is not None and graph.pipeline == _STAGES[event]:
+                program.events.setdefault(event, []).append(node)
+
+
+def _running(graph: Graph, catalog: Catalog, program: Program) -> Iterator[tuple[str, Running]]:
+    for node in graph.nodes:
+        known = type_of(node, catalog)
+        function = function_of(known) if known is not None else None
+        if known is None or function is None:
+            program.not_simulated[node.path] = f"node type {node.type or 'none'}"
+            continue
+        running = Running(node.path, known, function, initial(known), node)
+        running.pulled = (
+            not any(
+                port.is_execution for port in known.ports.values() if port.name.startswith(INPUT)
+            )
+            and event_of(known) is None
+        )
+        yield node.path, running
+
+
+def _connect(node: Running, nodes: dict[str, Running]) -> None:
+    """Find what reaches each input: a wire that can be, else the value, else the default."""
+    declared = {name: each for name, each in node.node.inputs.items() if node.type.port(name)}
+    for name in {*node.type.ports, *declared}:
+        port = node.type.port(name)
+        if port is None or not name.startswith(INPUT) or port.is_target:
+            continue
+        state = declared.get(name) or _UNSAVED
+        if port.is_execution:
+            _follow(node, port, state, nodes)
+        else:
+            _feed(node, port, state, nodes)
+
+
+def _follow(node: Running, port: Port, state: Input, nodes: dict[str, Running]) -> None:
+    for path, _, name in (each.rpartition(".") for each in state.sources):
+        source = nodes.get(path)
+        out = source.type.ports.get(name) if source is not None else None
+        if source is not None and out is not None and can_connect(out, port):
+            source.follows.setdefault(out.short, []).append(node)
+
+
+def _feed(node: Running, port: Port, state: Input, nodes: dict[str, Running]) -> None:
+    node.values[port.short] = value_of(port, state, node)
+    for path, _, name in (each.rpartition(".") for each in state.sources):
+        source = nodes.get(path)
+        out = source.type.port(name) if source is not None else None
+        if source is None or out is None or not can_connect(out, port):
+            continue  # Kit drops such a wire when it opens the stage
+        if name.startswith(OUTPUT):
+            node.wires[port.short] = (source, out.short)
+        else:
+            node.values[port.short] = value_of(
+                out, source.node.inputs.get(name) or _UNSAVED, source
+            )
+        return
+
+
+def value_of(port: Port, state: Input, node: Running) -> Any:  # noqa: ANN401 - of any type
+    """Return the value of an input without a wire: as saved, else the default."""
+    if port.is_union:
+        return state.literal if state.literal is not None else state.value
+    if state.value is not None and state.type in {port.usd_type, ""}:
+        return state.value
+    return node.type.default(port.name, node.node.version or None)
+
+
+def _in_order(nodes: dict[str, Running]) -> list[Running]:
+    """Return nodes after those that feed them, as far as there is no ring."""
+    before: dict[str, set[str]] = {path: set() for path in nodes}
+    for node in nodes.values():
+        before[node.path].update(source.path for source, _ in node.wires.values())
+        for followers in node.follows.values():
+            for each in followers:
+                before[each.path].add(node.path)
+    found: dict[str, Running] = {}
+    while len(found) < len(nodes):
+        ready = [each for each in nodes if each not in found and before[each] <= found.keys()]
+        for path in ready or [next(each for each in nodes if each not in found)]:
+            found[path] = nodes[path]
+    return list(found.values())

@@ -1,0 +1,132 @@
+"""A node while its graph runs: where its inputs come from, its outputs, and what it remembers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct, field
+
+from lab3_usd.model.affine import Vector
+from lab3_usd.model.scene import Node
+from lab3_usd.sim.execution.registry import Function
+from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType
+
+if TYPE_CHECKING:
+    from lab3_usd.sim.world import World
+
+NO_VECTOR = (0.0, 0.0, 0.0)
+
+
+class Failure(Struct, frozen=True):
+    """Why a node did not do its work, and the rule that such a fault falls under."""
+
+    reason: str
+    rule: str
+
+
+class Running(Struct):
+    """A node that runs. One without execution inputs is `pulled`: computed when it is read."""
+
+    path: str
+    type: NodeType
+    function: Function
+    outputs: dict[str, Any]
+    node: Node
+    values: dict[str, Any] = field(default_factory=dict)
+    wires: dict[str, tuple[Running, str]] = field(default_factory=dict)
+    follows: dict[str, list[Running]] = field(default_factory=dict)
+    memory: dict[str, Any] = field(default_factory=dict)
+    enabled: list[str] = field(default_factory=list)
+    pulled: bool = False
+    computed: int = -1  # the frame in which it was pulled last
+    busy: bool = False
+    count: int = 0  # how often it computed
+    failure: Failure | None = None  # of the last time, if it failed
+
+    def get(self, name: str, world: World) -> object:
+        """Return what reaches an input, by its name without `inputs:`."""
+        wire = self.wires.get(name)
+        if wire is None:
+            return self.values.get(name)
+        source, port = wire
+        if source.pulled and source.computed != world.frame and not source.busy:
+            source.computed = world.frame
+            source.compute(world)
+        return source.outputs.get(port)
+
+    def number(self, name: str, world: World) -> float:
+        """Return the number that reaches an input, 0 where none does."""
+        value = self.get(name, world)
+        return float(value) if isinstance(value, (int, float)) else 0.0
+
+    def text(self, name: str, world: World) -> str:
+        """Return the text that reaches an input, '' where none does."""
+        return str(self.get(name, world) or "")
+
+    def flag(self, name: str, world: World) -> bool:
+        """Return the switch that reaches an input."""
+        return bool(self.get(name, world))
+
+    def items(self, name: str, world: World) -> tuple[Any, ...]:
+        """Return the array that reaches an input, an empty one where none does."""
+        value = self.get(name, world)
+        return value if isinstance(value, tuple) else ()
+
+    def vector(self, name: str, world: World) -> Vector:
+        """Return the three numbers that reach an input, zeros where they do not."""
+        value = self.items(name, world)
+        return (value[0], value[1], value[2]) if len(value) == len(NO_VECTOR) else NO_VECTOR
+
+    def targets(self, name: str) -> tuple[str, ...]:
+        """Return the prims that an input refers to."""
+        return self.node.targets.get(INPUT + name, ())
+
+    def compute(self, world: World) -> bool:
+        """Compute once; execution outputs that are enabled stay so for the caller to follow."""
+        self.enabled.clear()
+        self.busy = True
+        self.count += 1
+        done = self.function(self, world)
+        if done:
+            self.failure = None
+        self.busy = False
+        return done
+
+    def fails(self, reason: str, rule: str) -> bool:
+        """Say why the node does not do its work."""
+        self.failure = Failure(reason, rule)
+        return False
+
+    def reset(self) -> None:
+        """Forget what is known of a play, as on Stop."""
+        self.memory.clear()
+        self.outputs.clear()
+        self.outputs.update(initial(self.type))
+        self.computed = -1
+
+
+def initial(node_type: NodeType) -> dict[str, Any]:
+    """Return the outputs of a node that never computed."""
+    return {
+        port.short: port.default
+        for port in node_type.ports.values()
+        if port.name.startswith(OUTPUT) and not port.is_execution
+    }
+
+
+def push(node: Running, world: World, most: int) -> None:
+    """Compute a node and what follows it over enabled execution outputs, depth first.
+
+    No node computes more than `most` times: execution wires may run in a ring.
+    """
+    waiting = [node]
+    seen: dict[int, int] = {}
+    while waiting:
+        each = waiting.pop()
+        again = seen.get(id(each), 0)
+        if again > most:
+            continue
+        seen[id(each)] = again + 1
+        if each.compute(world):
+            for port in reversed(each.enabled):
+                waiting.extend(reversed(each.follows.get(port, ())))

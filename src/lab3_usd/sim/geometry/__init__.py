@@ -1,0 +1,1 @@
+"""Shapes as triangles, and what a plane cuts out of them."""

@@ -1,0 +1,1 @@
+"""What a turning beam sees of the visible shapes."""

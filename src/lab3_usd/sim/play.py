@@ -1,0 +1,149 @@
+"""Plays a stage: frame by frame, physics first, then graphs, then the pictures of the sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lab3_usd.model.affine import AXES, HERE, Affine, about, heading
+from lab3_usd.model.behaviour import Segment
+from lab3_usd.model.scene import Scene
+from lab3_usd.sim.behaviour.evidence import Evidence, Interface
+from lab3_usd.sim.causes import RunCauses
+from lab3_usd.sim.drive import RATE, Leg, Session, command_frames
+from lab3_usd.sim.execution.program import Program, compile_graphs
+from lab3_usd.sim.execution.registry import FRAME, STEP
+from lab3_usd.sim.lidar.rays import Beam, sweep
+from lab3_usd.sim.record import Pose, Recording, Scan
+from lab3_usd.sim.rendering import render
+from lab3_usd.sim.robot.machine import Machine
+from lab3_usd.sim.ros import Endpoint
+from lab3_usd.sim.world import World, world_of
+from lab3_usd.spec.catalog import Catalog
+
+EYES = 0.15  # metres above the robot at which a room without a lidar is drawn
+
+
+class Player:
+    """A stage, and the graphs that run in it."""
+
+    def __init__(self, world: World, catalog: Catalog) -> None:
+        self.world = world
+        self.program: Program = compile_graphs(world.scene, catalog)
+        self.robot = driven(world)
+        self.recording = Recording()
+        self.commands = 0
+
+    def play(self, session: Session) -> None:
+        """Play a session and stop."""
+        world = self.world
+        world.network.environment = session.environment
+        told = dict(command_frames(session))
+        frame = 0
+        for leg in session.legs:
+            for _ in range(round(leg.seconds * RATE)):
+                self._command(told.get(frame))
+                self._step()
+                frame += 1
+                self.recording.path.append(self._pose(leg))
+        self.recording.seconds += world.since_play
+        self.program.reset()
+        world.stop()
+
+    def _command(self, leg: Leg | None) -> None:
+        if leg is not None and leg.command is not None:
+            ahead, left, turn = leg.command
+            self.commands += 1
+            twist = ((ahead, left, 0.0), (0.0, 0.0, turn))
+            self.world.network.command = (self.commands, twist)
+
+    def _step(self) -> None:
+        world = self.world
+        world.frame += 1
+        world.since_play += world.dt
+        world.simulated += world.dt
+        self.program.run(STEP, world)
+        world.machines.step(world.dt)
+        self.program.run(FRAME, world)
+        render(world)
+
+    def _pose(self, leg: Leg) -> Pose:
+        world, robot = self.world, self.robot
+        if robot is None:
+            return Pose(world.session, world.since_play, leg.name, 0.0, 0.0, 0.0)
+        place = robot.pose()
+        x, y, z = in_metres(place, world.scene.meters_per_unit).origin
+        turned = heading(place)
+        return Pose(
+            world.session, world.since_play, leg.name, x, y, turned, z, blocked=robot.blocked
+        )
+
+
+def driven(world: World) -> Machine | None:
+    """Return the machine with the most joints: what is driven."""
+    machines = [each for each in world.machines.machines if each.joints]
+    return max(machines, key=lambda each: len(each.joints), default=None)
+
+
+def record(
+    scene: Scene,
+    catalog: Catalog,
+    drive: Sequence[Session],
+    wanted: Interface,
+) -> Evidence:
+    """Play the sessions, and return what was sent, where the robot went, and what it stood in."""
+    world = world_of(scene, wanted.profile)
+    world.network.commands = Endpoint(wanted.domain, wanted.commands)
+    player = Player(world, catalog)
+    world.not_simulated.update(player.program.not_simulated)
+    robot, unit = player.robot, scene.meters_per_unit
+    start = in_metres(robot.pose(), unit) if robot is not None else HERE
+    for session in drive:
+        player.play(session)
+    recording = player.recording
+    recording.messages = world.network.sent
+    recording.assumed = world.assumed
+    recording.not_simulated = {**world.not_simulated, **_missing(world)}
+    recording.fired = {path: node.count for path, node in player.program.nodes.items()}
+    level = Affine(about(AXES[2], heading(start)), start.origin)
+
+    def walls(at: Affine, scan: Scan) -> tuple[float, ...]:
+        """Return what a lidar would see there."""
+        beam = Beam(
+            scan.angle_min,
+            scan.angle_increment,
+            len(scan.ranges),
+            scan.range_min / unit,
+            scan.range_max / unit,
+        )
+        seen = sweep(beam, world.surroundings.around(in_metres(at, 1.0 / unit)))
+        return tuple(each if each < 0 else each * unit for each in seen)
+
+    causes = RunCauses(player.program, recording.messages, robot, wanted.commands)
+    recording.remarks = list(causes.remarks())
+    radius = robot.radius * unit if robot is not None else 0.0
+    return Evidence(recording, drive, wanted, level, walls, causes, _room(player, start), radius)
+
+
+def _room(player: Player, start: Affine) -> tuple[Segment, ...]:
+    """Return what stands still, cut at the height of the lidar, or a little above the ground."""
+    world, unit = player.world, player.world.scene.meters_per_unit
+    scans = (each.data for each in player.recording.messages if isinstance(each.data, Scan))
+    place = next((each.place for each in scans), None)
+    height = start.origin[2] + EYES if place is None else place.origin[2]
+    cut = world.surroundings.level(height / unit)
+    return tuple((a * unit, b * unit, c * unit, d * unit) for a, b, c, d in cut)
+
+
+def _missing(world: World) -> dict[str, str]:
+    """Return what stands on assets that cannot be found, but for lidars, which are assumed."""
+    return {
+        prim: f"{asset} cannot be found"
+        for prim, asset in world.scene.missing.items()
+        if prim not in world.assumed
+    }
+
+
+def in_metres(place: Affine, unit: float) -> Affine:
+    """Return a place with its origin in another unit."""
+    x, y, z = place.origin
+    return Affine(place.rows, (x * unit, y * unit, z * unit))

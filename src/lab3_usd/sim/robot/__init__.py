@@ -1,0 +1,1 @@
+"""Bodies, joints and wheels: exact kinematics, no forces."""

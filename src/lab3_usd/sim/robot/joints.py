@@ -1,0 +1,58 @@
+"""Joints and wheels: what moves between two bodies, and how fast."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from lab3_usd.model.affine import Affine, Vector
+
+HINGE, SLIDER = "PhysicsRevoluteJoint", "PhysicsPrismaticJoint"
+FIXED = "PhysicsFixedJoint"
+JOINTS = (HINGE, SLIDER, FIXED, "PhysicsSphericalJoint", "PhysicsJoint")
+DRIVE = {HINGE: "drive:angular:physics:", SLIDER: "drive:linear:physics:"}
+
+
+class Joint(Struct, eq=False):
+    """A joint between two bodies ('' is the world), and where its motion has come to."""
+
+    name: str
+    kind: str
+    bodies: tuple[str, str]
+    frames: tuple[Affine, Affine]  # in the bodies, their scale included
+    axis: Vector
+    stiffness: float
+    damping: float
+    target_velocity: float  # rad/s
+    target_position: float = 0.0
+    target_effort: float = 0.0
+    position: float = 0.0
+    locked: bool = False  # by another joint between its bodies
+    authored: tuple[float, float] = (0.0, 0.0)  # the targets that the stage gives
+
+    @property
+    def holds(self) -> bool:
+        """Whether the drive says how fast the joint turns; else it turns freely."""
+        return self.locked or self.stiffness > 0 or self.damping > 0
+
+    def reset(self) -> None:
+        """Turn back, with the targets of the stage."""
+        self.target_velocity, self.target_position = self.authored
+        self.target_effort = self.position = 0.0
+
+    def speed(self, dt: float) -> float:
+        """Return the speed that the drive settles at, implicitly over a step."""
+        if self.locked or not self.damping:
+            return 0.0
+        pull = self.stiffness / self.damping
+        wanted = self.target_velocity + pull * (self.target_position - self.position)
+        return wanted / (1.0 + pull * dt)
+
+
+class Wheel(Struct, frozen=True):
+    """A wheel that touches the ground: its joint, radius, and axle in the frame of the base."""
+
+    joint: Joint
+    sign: float
+    radius: float
+    along: tuple[float, float]  # where its contact goes when the joint turns forward
+    contact: tuple[float, float]

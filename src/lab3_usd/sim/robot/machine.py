@@ -1,0 +1,122 @@
+"""Bodies that hang together by joints, and how they roll.
+
+Links stand where their joints put them, not where they are authored. A wheel is a link with a
+free hinge that touches the ground; it rolls without slipping in its plane.
+"""
+
+from __future__ import annotations
+
+import math
+
+from msgspec import Struct, field
+
+from lab3_usd.model.affine import AXES, Affine, about
+from lab3_usd.sim.geometry.cuts import distance
+from lab3_usd.sim.geometry.shapes import Segment
+from lab3_usd.sim.robot.joints import Joint, Wheel
+
+GRAVITY = 9.81
+
+
+class Machine(Struct):
+    """Bodies that hang together: `rest` is where each stands in the base's frame."""
+
+    base: str
+    start: Affine
+    rest: dict[str, Affine]
+    parents: dict[str, Joint]
+    joints: dict[str, Joint]  # those that move, by name, in the order of the articulation
+    held: bool
+    wheels: list[Wheel] = field(default_factory=list)
+    solve: list[tuple[float, float, float]] = field(default_factory=list)
+    middle: tuple[float, float] = (0.0, 0.0)
+    radius: float = 0.0
+    grounded: bool = True
+    home: float = 0.0  # how far it drops when playing starts
+    x: float = 0.0
+    y: float = 0.0
+    drop: float = 0.0
+    yaw: float = 0.0
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the base, in its own frame
+    fall: float = 0.0
+    blocked: bool = False
+    clearance: float = 0.0
+    walls: list[Segment] = field(default_factory=list)
+
+    def reset(self) -> None:
+        """Go back to where playing starts."""
+        self.x = self.y = self.yaw = self.fall = self.clearance = 0.0
+        self.drop, self.velocity, self.blocked = self.home, (0.0, 0.0, 0.0), False
+        for joint in self.joints.values():
+            joint.reset()
+
+    def pose(self) -> Affine:
+        """Return where the base is now."""
+        spin = about(AXES[2], self.yaw)
+        x, y, z = self.start.origin
+        turned = Affine(spin).then(Affine(self.start.rows)).rows
+        return Affine(turned, (x + self.x, y + self.y, z + self.drop))
+
+    def offset(self, body: str) -> Affine:
+        """Return where a body is in the base's frame, its joints turned as they are."""
+        joint = self.parents.get(body)
+        if joint is None or not joint.position:
+            return self.rest[body]
+        inner = 1 if joint.bodies[1] == body else 0
+        sign = 1.0 if inner else -1.0
+        turn = Affine(about(joint.axis, sign * joint.position))
+        frame = joint.frames[inner]
+        return self.rest[body].then(frame).then(turn).then(frame.inverse())
+
+    def step(self, dt: float) -> None:
+        """Move on by a step."""
+        if not self.grounded:
+            if not self.held:
+                self.fall += GRAVITY * dt
+                self.drop -= self.fall * dt
+            return
+        speeds = {each: joint.speed(dt) for each, joint in self.joints.items()}
+        vx = vy = w = 0.0
+        for wheel, (a, b, c) in zip(self.wheels, self.solve, strict=True):
+            rolled = wheel.sign * speeds[wheel.joint.name] * wheel.radius
+            vx, vy, w = vx + a * rolled, vy + b * rolled, w + c * rolled
+        if self.held:
+            vx = vy = w = 0.0
+        self.velocity = self._move(vx, vy, w, dt)
+        self._turn_joints(speeds, dt)
+
+    def _move(self, vx: float, vy: float, w: float, dt: float) -> tuple[float, float, float]:
+        """Go along the exact arc, unless a wall is in the way."""
+        middle = self.yaw + w * dt / 2
+        half = w * dt / 2
+        chord = math.sin(half) / half if half else 1.0
+        c, s = math.cos(middle) * chord * dt, math.sin(middle) * chord * dt
+        dx, dy = vx * c - vy * s, vx * s + vy * c
+        if self._meets(dx, dy):
+            self.blocked = True
+            return (0.0, 0.0, 0.0)
+        self.x, self.y, self.yaw = self.x + dx, self.y + dy, self.yaw + w * dt
+        return (vx, vy, w)
+
+    def _meets(self, dx: float, dy: float) -> bool:
+        self.clearance -= math.hypot(dx, dy)
+        if self.clearance > 0 or not self.walls:
+            return False
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        u, v = self.middle
+        x = self.start.origin[0] + self.x + c * u - s * v
+        y = self.start.origin[1] + self.y + s * u + c * v
+        gap = distance(self.walls, x + dx, y + dy) - self.radius
+        self.clearance = gap
+        return gap < 0 and gap + self.radius < distance(self.walls, x, y)
+
+    def _turn_joints(self, speeds: dict[str, float], dt: float) -> None:
+        vx, vy, w = self.velocity
+        free = {}
+        for wheel in self.wheels:
+            if not wheel.joint.holds and wheel.radius:
+                (x, y), (u, v) = wheel.contact, wheel.along
+                free[wheel.joint.name] = wheel.sign * ((vx - w * y) * u + (vy + w * x) * v)
+                free[wheel.joint.name] /= wheel.radius
+        for name, joint in self.joints.items():
+            joint.position += free.get(name, speeds[name]) * dt

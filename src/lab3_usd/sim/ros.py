@@ -1,0 +1,126 @@
+"""The ROS 2 side of a run: contexts, names, who hears whom, and what was sent."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
+
+from lab3_usd.model.affine import Vector
+from lab3_usd.sim.record import Message
+
+if TYPE_CHECKING:
+    from lab3_usd.sim.execution.running import Running
+    from lab3_usd.sim.world import World
+
+_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_PROFILE = (
+    "history", "depth", "reliability", "durability",
+    "deadline", "lifespan", "liveliness", "leaseDuration",
+)  # fmt: skip
+DEFAULT_CONTEXT = 0
+Twist = tuple[Vector, Vector]  # linear and angular velocity
+
+
+class Endpoint(Struct, frozen=True):
+    """A publisher or subscriber: its domain and the full name of its topic."""
+
+    domain: int
+    topic: str
+    reliable: bool = True
+
+
+class Network(Struct):
+    """What runs over DDS: commands come in, messages go out."""
+
+    environment: str  # ROS_DOMAIN_ID of the process
+    contexts: dict[int, int] = field(default_factory=dict)  # domain by handle
+    sent: list[Message] = field(default_factory=list)
+    command: tuple[int, Twist | None] = (0, None)  # the number of the last Twist, and the Twist
+    commands: Endpoint = Endpoint(0, "")  # where commands come from
+
+    def domain(self, handle: int) -> int | None:
+        """Return the domain of a context; None where the handle means nothing."""
+        if handle == DEFAULT_CONTEXT:
+            return numeric(self.environment) or 0
+        return self.contexts.get(handle)
+
+
+def numeric(text: str) -> int | None:
+    """Return a domain that is written as a number."""
+    return int(text) if text.isdecimal() else None
+
+
+def trimmed(name: str) -> str:
+    """Strip what is neither letter nor digit from both ends (Ros2Node.h:304-325)."""
+    return re.sub(r"^[^A-Za-z0-9]+|[^A-Za-z0-9]+$", "", name)
+
+
+def namespace_of(node: Running, world: World, start: str = "") -> str:
+    """Return the namespace of a node (Ros2Node.h:227-275); TF publishers take the outermost.
+
+    Sensor helpers begin at their sensor instead of at themselves.
+    """
+    given = node.text("nodeNamespace", world)
+    if given:
+        return given
+    names = [] if start else [node.node.namespace]
+    above = world.scene.above(start or node.path)
+    names += [str(each.values.get("isaac:namespace") or "") for each in above]
+    names = [each for each in reversed(names) if each]
+    outermost = "TransformTree" in node.type.type
+    return names[0] if outermost and names else "/".join(names)
+
+
+def open_endpoint(node: Running, world: World, start: str = "") -> Endpoint | None:
+    """Open a publisher or subscriber as its inputs say now, or return None where it fails."""
+    domain = world.network.domain(int(node.number("context", world)))
+    space = namespace_of(node, world, start)
+    name = node.text("topicName", world)
+    topic = f"{'/' + space if space else ''}/{trimmed(name)}" if name else ""
+    reliable = reliability(node.text("qosProfile", world))
+    if domain is None:
+        node.fails("its context is none", "W02")
+    elif reliable is None:
+        node.fails("its QoS profile is none", "P04")
+    elif _NAME.fullmatch(topic) is None:
+        node.fails(f"{topic or 'an empty name'} is no topic", "P01")
+    else:
+        return Endpoint(domain, topic, reliable)
+    return None
+
+
+def reliability(profile: str) -> bool | None:
+    """Whether a QoS profile is reliable; None where it is none (Ros2QoS.h)."""
+    if not profile:
+        return True
+    try:
+        qos = json.loads(profile)
+    except ValueError:
+        return None
+    if not isinstance(qos, dict) or not set(_PROFILE) <= qos.keys():
+        return None
+    return bool(qos["reliability"] != "bestEffort")
+
+
+def opened(node: Running, world: World) -> tuple[Endpoint | None, bool]:
+    """Return the endpoint of a publisher, and whether it was there before this compute.
+
+    The first compute only opens it (OgnROS2PublishClock.cpp:40-90).
+    """
+    endpoint: Endpoint | None = node.memory.get("endpoint")
+    if endpoint is not None:
+        return endpoint, True
+    node.memory["endpoint"] = endpoint = open_endpoint(node, world)
+    return endpoint, False
+
+
+def send(node: Running, world: World, endpoint: Endpoint, message: Message) -> None:
+    """Hand a message to the network."""
+    if endpoint.domain != world.network.commands.domain:
+        message.away = endpoint.domain
+    message.topic, message.node = endpoint.topic, node.path
+    message.session, message.at = world.session, world.since_play
+    world.network.sent.append(message)

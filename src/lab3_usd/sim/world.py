@@ -1,0 +1,60 @@
+"""What nodes see while a stage plays: the scene, the robot, the network, the sensors, the time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from msgspec import Struct, field
+
+from lab3_usd.model.scene import Scene
+from lab3_usd.sim.drive import RATE
+from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.lidar.surroundings import Surroundings
+from lab3_usd.sim.robot.machines import Machines
+from lab3_usd.sim.ros import Network
+from lab3_usd.sim.sensors import Product, Writer
+
+LATE = 1.0e9  # seconds: what system time counts from
+
+
+class World(Struct):
+    """A stage that plays."""
+
+    scene: Scene
+    machines: Machines
+    surroundings: Surroundings
+    network: Network
+    not_simulated: dict[str, str]
+    profile: dict[str, Any]  # of a lidar whose own is not there
+    assumed: dict[str, str] = field(default_factory=dict)
+    products: dict[str, Product] = field(default_factory=dict)
+    writers: list[Writer] = field(default_factory=list)
+    dt: float = 1.0 / RATE
+    frame: int = 0
+    session: int = 0
+    since_play: float = 0.0
+    simulated: float = 0.0
+
+    @property
+    def wall(self) -> float:
+        """System time."""
+        return LATE + self.simulated
+
+    def detach(self, node: Running) -> None:
+        """Take the writers of a node off their products."""
+        self.writers[:] = [each for each in self.writers if each.node is not node]
+
+    def stop(self) -> None:
+        """Put everything back, as on Stop; what counts on does so."""
+        self.writers.clear()
+        self.machines.reset()
+        self.since_play = 0.0
+        self.session += 1
+        self.network.contexts.clear()
+
+
+def world_of(scene: Scene, profile: dict[str, Any] | None = None) -> World:
+    """Return a scene as it is before it plays."""
+    machines = Machines(scene)
+    surroundings = Surroundings.of(scene, machines)
+    return World(scene, machines, surroundings, Network(""), {}, profile or {})

@@ -1,0 +1,139 @@
+"""A dry run as a bag, read back by a reader that is not the writer's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from breaking import correct_stage
+from click.testing import CliRunner
+
+from lab3_usd.commands import sim
+from lab3_usd.commands.sim import command
+
+pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
+reader = pytest.importorskip("mcap.reader", reason="mcap-ros2-support is not installed")
+decoder = pytest.importorskip("mcap_ros2.decoder", reason="mcap-ros2-support is not installed")
+
+WHEELS = 0.033 / 0.025
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bag")
+    stage = folder / "Lab3_05.usda"
+    correct_stage("05").GetRootLayer().Export(str(stage))
+    done = CliRunner().invoke(command, [str(stage), "--bag", str(folder / "run")])
+    assert done.exit_code == 0
+    return folder / "run"
+
+
+@pytest.fixture(scope="module")
+def heard(bag: Path) -> dict[str, list[tuple[float, Any]]]:
+    """The messages by topic, each with its time in seconds."""
+    found: dict[str, list[tuple[float, Any]]] = {}
+    (file,) = bag.glob("*.mcap")
+    with file.open("rb") as stream:
+        made = reader.make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
+        for _, channel, message, said in made.iter_decoded_messages():
+            found.setdefault(channel.topic, []).append((message.log_time / 1e9, said))
+    return found
+
+
+def seconds(stamp: Any) -> float:
+    return float(stamp.sec + stamp.nanosec / 1e9)
+
+
+def test_the_metadata_are_those_of_humble(bag: Path, heard: dict[str, Any]) -> None:
+    said = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert (said["version"], said["storage_identifier"]) == (5, "mcap")
+    assert not {"custom_data", "ros_distro"} & said.keys()
+    counts = {
+        each["topic_metadata"]["name"]: each["message_count"]
+        for each in said["topics_with_message_count"]
+    }
+    assert counts == {topic: len(messages) for topic, messages in heard.items()}
+    assert sum(counts.values()) == said["message_count"]
+    for each in said["topics_with_message_count"]:
+        assert "type_description_hash" not in each["topic_metadata"]
+        (profile,) = yaml.safe_load(each["topic_metadata"]["offered_qos_profiles"])
+        assert (profile["reliability"], profile["durability"]) == (1, 2)
+    assert said["relative_file_paths"] == [each.name for each in bag.glob("*.mcap")]
+
+
+def test_every_topic_but_the_pictures_is_there(heard: dict[str, Any]) -> None:
+    assert set(heard) == {"/clock", "/cmd_vel", "/odom", "/tf", "/scan", "/camera/camera_info"}
+
+
+def test_times_go_on_over_stop_and_play(heard: dict[str, Any]) -> None:
+    times = [time for time, _ in heard["/clock"]]
+    assert times == sorted(times)
+    assert times[-1] == pytest.approx(10.7, abs=0.1)
+    stamps = [seconds(said.clock) for _, said in heard["/clock"]]
+    assert stamps == pytest.approx(times, abs=1e-6)
+
+
+def test_odometry_has_the_motion(heard: dict[str, Any]) -> None:
+    ahead = [said for time, said in heard["/odom"] if time < 2.6][-1]
+    assert ahead.header.frame_id == "odom"
+    assert ahead.child_frame_id == "base_footprint"
+    assert ahead.pose.pose.position.x == pytest.approx(0.3 * WHEELS, abs=0.01)
+    assert ahead.pose.pose.orientation.w == pytest.approx(1.0)
+    speeds = [said.twist.twist.linear.x for time, said in heard["/odom"] if 1.0 < time < 2.0]
+    assert speeds == pytest.approx([0.15 * WHEELS] * len(speeds))
+
+
+def test_transforms_are_those_of_odometry(heard: dict[str, Any]) -> None:
+    moved = {
+        each.child_frame_id: each
+        for time, said in heard["/tf"]
+        if time < 2.6
+        for each in said.transforms
+    }
+    assert set(moved) == {
+        "base_footprint", "base_link", "base_scan", "caster_back_link",
+        "wheel_left_link", "wheel_right_link", "Camera_1",
+    }  # fmt: skip
+    assert moved["base_footprint"].transform.translation.x == pytest.approx(0.3 * WHEELS, abs=0.01)
+    scan = moved["base_scan"]
+    assert scan.header.frame_id == "base_footprint"
+    offset = scan.transform.translation
+    assert (offset.x, offset.y, offset.z) == pytest.approx((-0.032, 0.0, 0.182), abs=1e-6)
+
+
+def test_a_scan_shows_the_wall_ahead(heard: dict[str, Any]) -> None:
+    said = heard["/scan"][0][1]
+    assert said.header.frame_id == "base_scan"
+    assert len(said.ranges) == 360
+    ahead = round(-said.angle_min / said.angle_increment)
+    assert said.ranges[ahead] == pytest.approx(2.35 - 1.768, abs=1e-3)
+    assert said.angle_max == pytest.approx(said.angle_min + 359 * said.angle_increment, abs=1e-5)
+
+
+def test_camera_info_is_of_the_lens(heard: dict[str, Any]) -> None:
+    said = heard["/camera/camera_info"][0][1]
+    assert (said.width, said.height) == (640, 480)
+    assert said.k[0] == pytest.approx(640 * 18.0 / 20.955, rel=1e-6)
+    assert list(said.p[:3]) == pytest.approx([said.k[0], 0.0, said.k[2]])
+
+
+def test_commands_are_as_they_were_sent(heard: dict[str, Any]) -> None:
+    told = [(said.linear.x, said.angular.z) for time, said in heard["/cmd_vel"] if time < 2.5]
+    assert told == [(0.15, 0.0)] * 20
+
+
+def test_nothing_is_written_over(bag: Path) -> None:
+    stage = bag.parent / "Lab3_05.usda"
+    done = CliRunner().invoke(command, [str(stage), "--bag", str(bag)])
+    assert "is there already" in str(done.exception)
+
+
+def test_without_the_extra_a_line_says_what_to_install(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sim, "find_spec", lambda _: None)
+    stage = bag.parent / "Lab3_05.usda"
+    done = CliRunner().invoke(command, [str(stage), "--bag", str(bag.parent / "other")])
+    assert "pip install 'lab3-usd[sim]'" in str(done.exception)

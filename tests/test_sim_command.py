@@ -1,0 +1,361 @@
+"""`lab3 sim`: what people and programs see of a dry run."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from breaking import Step, broken, correct_stage, the_lab
+from click.testing import CliRunner, Result
+from dry_runs import INTERFACE
+from jsonschema import Draft202012Validator
+from msgspec.structs import replace
+from pxr import Sdf, Usd
+from report_schema import assert_valid
+
+from lab3_usd.check.registry import all_rules
+from lab3_usd.commands.check import command as check_command
+from lab3_usd.commands.sim import command
+from lab3_usd.data import data_folder
+from lab3_usd.report.behaviour.words import LOOKS
+from lab3_usd.sim.behaviour.asked import interface
+from lab3_usd.sim.behaviour.judge import CHECKS
+
+DRIVE, CLOCK = "/turtlebot3_burger/ROS_Drive", "/World/ROS_Clock"
+
+
+def saved(stage: Usd.Stage, folder: Path, name: str = "Lab3_05_odometry_tf.usda") -> Path:
+    path = folder / name
+    stage.GetRootLayer().Export(str(path))
+    return path
+
+
+def sim(path: Path, *arguments: str) -> Result:
+    return CliRunner().invoke(command, [str(path), *arguments], catch_exceptions=False)
+
+
+def behaviour(path: Path, *arguments: str) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(sim(path, "--format", "json", *arguments).stdout)
+    schema = json.loads((data_folder("schema") / "sim-1.json").read_text(encoding="utf-8"))
+    assert [each.message for each in Draft202012Validator(schema).iter_errors(document)] == []
+    return document
+
+
+def bad(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {each["name"]: each for each in document["checks"] if each["verdict"] == "bad"}
+
+
+def test_a_right_stage_is_all_right(tmp_path: Path) -> None:
+    path = saved(correct_stage("05"), tmp_path)
+    done = sim(path)
+    assert done.exit_code == 0
+    assert "not Isaac Sim" in done.stdout.splitlines()[0]
+    assert "13 checks: 13 ok, 0 bad" in done.stdout
+    found = behaviour(path)
+    assert found["verdict"] == "ok"
+    assert {each["name"]: each["type"] for each in found["topics"]} == INTERFACE.types
+    rates = {each["name"]: each["hz"] for each in found["topics"]}
+    assert (rates["/scan"], rates["/clock"]) == pytest.approx((10.0, 60.0), rel=0.02)
+    assert {(each["parent"], each["child"]) for each in found["frames"]} == {
+        ("odom", "base_footprint"),
+        *(edge for edge in the_lab().frames.edges if edge[0] == "base_footprint"),
+    }
+    assert found["path"][0][1:] == pytest.approx([1.8, 0.0, 0.0])
+
+
+def test_what_is_asked_for_is_what_the_handout_asks_for() -> None:
+    lab = the_lab()
+    asked = interface(lab, lab.checkpoints["05"])
+    assert asked.profile
+    assert replace(asked, profile={}, types=dict(sorted(asked.types.items()))) == replace(
+        INTERFACE, types=dict(sorted(INTERFACE.types.items()))
+    )
+
+
+@pytest.mark.parametrize(
+    ("checkpoint", "checks"),
+    [
+        ("00", []),
+        ("01", ["topics", "clock", "stamps"]),
+        ("02", ["topics", "rest", "follows", "limits", "clock", "stamps", "again"]),
+    ],
+)
+def test_an_early_stage_is_asked_for_what_it_has(
+    tmp_path: Path, checkpoint: str, checks: list[str]
+) -> None:
+    path = saved(correct_stage(checkpoint), tmp_path, f"Lab3_{checkpoint}.usda")
+    found = behaviour(path)
+    assert [each["name"] for each in found["checks"]] == checks
+    assert found["verdict"] == "ok"
+
+
+def test_a_stage_may_be_asked_for_more_than_its_name_says(tmp_path: Path) -> None:
+    path = saved(correct_stage("01"), tmp_path, "Lab3_01.usda")
+    assert "/scan" in bad(behaviour(path, "--checkpoint", "3"))["topics"]["message"]
+    renamed = path.rename(tmp_path / "mine.usda")
+    assert "/odom" in bad(behaviour(renamed))["topics"]["message"]
+
+
+CASES: list[tuple[Step, str, str, str]] = [
+    (
+        {"disconnect": "ROS_Clock/ros2_publish_clock.inputs:execIn"},
+        "topics",
+        f"{CLOCK}/ros2_publish_clock",
+        "W01",
+    ),
+    (
+        {"set": ["ROS_Clock/ros2_publish_clock.inputs:topicName", "/time"]},
+        "topics",
+        f"{CLOCK}/ros2_publish_clock",
+        "P01",
+    ),
+    (
+        {"set": ["ROS_Clock/ros2_context.inputs:useDomainIDEnvVar", True]},
+        "topics",
+        f"{CLOCK}/ros2_publish_clock",
+        "P02",
+    ),
+    ({"set": ["ROS_Clock.pipelineStage", "pipelineStageOnDemand"]}, "topics", CLOCK, "G03"),
+    (
+        {"set": ["ROS_Lidar2D/isaac_create_render_product.inputs:enabled", False]},
+        "topics",
+        "isaac_create_render_product",
+        "P01",
+    ),
+    (
+        {"disconnect": "ROS_Drive/break_linear_velocity.inputs:tuple"},
+        "follows",
+        f"{DRIVE}/break_linear_velocity",
+        "W01",
+    ),
+    (
+        {"set": ["ROS_Drive/ros2_subscribe_twist.inputs:topicName", "/cmd"]},
+        "follows",
+        f"{DRIVE}/ros2_subscribe_twist",
+        "P01",
+    ),
+    (
+        {"targets": ["ROS_Drive/articulation_controller.inputs:targetPrim", "/World"]},
+        "follows",
+        f"{DRIVE}/articulation_controller",
+        "R02",
+    ),
+    (
+        {"set": ["ROS_Drive/differential_controller.inputs:maxAcceleration", 1.0]},
+        "follows",
+        f"{DRIVE}/differential_controller",
+        "P11",
+    ),
+    (
+        {"set": ["ROS_Drive/differential_controller.inputs:wheelRadius", 0.0]},
+        "follows",
+        f"{DRIVE}/differential_controller",
+        "P02",
+    ),
+    (
+        {"set": ["ROS_Drive/differential_controller.inputs:wheelRadius", 0.1]},
+        "follows",
+        f"{DRIVE}/differential_controller",
+        "P01",
+    ),
+    ({"deactivate": "/Environment/GroundPlane/CollisionPlane"}, "follows", "base_footprint", "S13"),
+    ({"deactivate": "/turtlebot3_burger/joints/wheel_left_joint"}, "follows", "", "P01"),
+]
+
+
+@pytest.mark.parametrize(
+    ("step", "check", "prim", "rule"), CASES, ids=[f"{each[0]}" for each in CASES]
+)
+def test_a_fault_names_the_node_behind_it(
+    tmp_path: Path, step: Step, check: str, prim: str, rule: str
+) -> None:
+    path = saved(broken("05", [step]), tmp_path)
+    found = bad(behaviour(path))[check]
+    assert prim in found["prim"]
+    assert found["rule"] == rule
+    assert sim(path).exit_code == 1
+
+
+def test_every_rule_that_is_named_exists() -> None:
+    sources = Path(command.callback.__code__.co_filename).parents[1] / "sim"
+    named = {
+        word.strip('"')
+        for path in sources.rglob("*.py")
+        for word in path.read_text(encoding="utf-8").replace("(", " ").replace(")", " ").split()
+        if word.strip(",").startswith('"') and word.strip('",').isalnum() and len(word) <= 6
+    }
+    rules = {each.strip('",') for each in named if each[1:3].isdigit() and each[0].isupper()}
+    assert {"W01", "S10"} <= rules
+    assert rules <= set(all_rules())
+
+
+def test_every_check_is_put_into_words() -> None:
+    assert list(LOOKS) == list(CHECKS)
+
+
+def test_a_drive_of_ones_own(tmp_path: Path) -> None:
+    path = saved(correct_stage("02"), tmp_path, "Lab3_02.usda")
+    found = behaviour(path, "--drive", "0.1,0,1 0,0.5,2 0,0,1")
+    assert found["seconds"] == pytest.approx(4.5)
+    _, x, y, heading = found["path"][-1]
+    assert (x, y) == pytest.approx((1.8 + 0.1 * 0.033 / 0.025, 0.0), abs=0.01)
+    assert heading == pytest.approx(1.0 * 0.033 / 0.025, abs=0.05)
+    file = tmp_path / "drive.txt"
+    file.write_text("0.1 0 1  # ahead\n\n0 0.5 2\n0 0 1\n")
+    assert behaviour(path, "--drive", str(file))["path"] == found["path"]
+
+
+def test_an_arc_is_as_long_and_turns_as_far_as_told(tmp_path: Path) -> None:
+    path = saved(correct_stage("02"), tmp_path, "Lab3_02.usda")
+    assert behaviour(path, "--drive", "-0.1,0.5,2")["verdict"] == "ok"
+    swapped: Step = {
+        "swap": ["ROS_Drive/make_array.inputs:input0", "ROS_Drive/make_array.inputs:input1"]
+    }
+    path = saved(broken("02", [swapped]), tmp_path, "Lab3_02.usda")
+    said = bad(behaviour(path, "--drive", "0.1,0.5,2"))["follows"]["message"]
+    assert f"turn {math.degrees(1.0):.0f} degrees" in said
+
+
+@pytest.mark.parametrize("drive", ["fast", "1,2", "1,2,0", "nan,0,1", "0,0,9999", "#"])
+def test_what_is_no_drive_is_wrong_use(tmp_path: Path, drive: str) -> None:
+    path = saved(correct_stage("02"), tmp_path, "Lab3_02.usda")
+    done = CliRunner().invoke(command, [str(path), "--drive", drive])
+    assert "--drive" in str(done.exception)
+
+
+def test_a_stage_that_cannot_be_read_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_05.usda"
+    path.write_text("no stage")
+    assert sim(path).exit_code == 2
+    found = behaviour(path)
+    assert found["verdict"] == "unreadable"
+    assert found["not_simulated"][0]["reason"]
+
+
+def test_a_node_that_is_not_known_hides_no_fault_and_makes_none(tmp_path: Path) -> None:
+    stage = broken("05", [{"disconnect": "ROS_Clock/ros2_publish_clock.inputs:execIn"}])
+    node = stage.DefinePrim(f"{CLOCK}/mine", "OmniGraphNode")
+    node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set("my.Node")
+    path = saved(stage, tmp_path)
+    found = behaviour(path)
+    assert found["not_simulated"] == [{"prim": f"{CLOCK}/mine", "reason": "node type my.Node"}]
+    assert {each["verdict"] for each in found["checks"]} == {"ok", "not-simulated"}
+    done = sim(path)
+    assert done.exit_code == 0
+    assert "not simulated: /World/ROS_Clock/mine" in done.stdout
+
+
+def test_a_lidar_whose_asset_is_missing_is_assumed_and_said(tmp_path: Path) -> None:
+    stage = correct_stage("05")
+    lidar = stage.GetPrimAtPath("/turtlebot3_burger/base_scan/Lidar2D")
+    for name in [*lidar.GetAuthoredPropertyNames()]:
+        if name.startswith("omni:"):
+            lidar.RemoveProperty(name)
+    lidar.ClearMetadata("apiSchemas")
+    lidar.GetReferences().AddReference("https://nowhere.invalid/Rotary_2D.usda")
+    found = behaviour(saved(stage, tmp_path))
+    assert found["verdict"] == "ok"
+    assert "is assumed" in found["not_simulated"][0]["reason"]
+    assert "/scan" in {each["name"] for each in found["topics"]}
+
+
+def test_a_wall_in_the_way_is_no_fault_of_the_graphs(tmp_path: Path) -> None:
+    stage = correct_stage("02")
+    robot = stage.GetPrimAtPath("/turtlebot3_burger")
+    robot.GetAttribute("xformOp:translate").Set((2.1, 0.0, 0.0))
+    path = saved(stage, tmp_path, "Lab3_02.usda")
+    found = {each["name"]: each for each in behaviour(path)["checks"]}
+    assert found["follows"]["verdict"] == "not-simulated"
+    assert "a wall stops it" in found["follows"]["message"]
+    assert "a wall stops the robot" in sim(path).stdout
+
+
+def test_a_check_with_a_dry_run_notes_what_goes_wrong(tmp_path: Path) -> None:
+    step: Step = {"disconnect": "ROS_Clock/ros2_publish_clock.inputs:execIn"}
+    path = saved(broken("01", [step]), tmp_path, "Lab3_01.usda")
+    documents = []
+    for more in ([], ["--sim"]):
+        done = CliRunner().invoke(check_command, [str(path), "--format", "json", *more])
+        assert done.exit_code == 1
+        documents.append(assert_valid(done.stdout)["results"][0])
+    before, after = documents
+    (note,) = [each for each in after["findings"] if each not in before["findings"]]
+    assert (note["rule"], note["severity"]) == ("W01", "note")
+    assert note["prim"] == f"{CLOCK}/ros2_publish_clock"
+    assert "nothing on /clock" in note["message"]
+    assert (after["verdict"], after["score"]) == (before["verdict"], before["score"])
+    right = saved(correct_stage("01"), tmp_path, "Lab3_01.usda")
+    done = CliRunner().invoke(check_command, [str(right), "--format", "json", "--sim"])
+    assert json.loads(done.stdout)["results"][0]["findings"] == []
+    (tmp_path / "Lab3_02.usda").write_text("no stage")
+    done = CliRunner().invoke(check_command, [str(tmp_path / "Lab3_02.usda"), "--sim"])
+    assert done.exit_code == 1
+
+
+def test_a_check_does_not_even_load_what_plays_stages(tmp_path: Path) -> None:
+    path = saved(correct_stage("01"), tmp_path, "Lab3_01.usda")
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "lab3_usd", "check", str(path)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert "lab3_usd.check.checker" in done.stderr
+    assert "lab3_usd.sim" not in done.stderr
+
+
+ODD: list[list[Step]] = [
+    [{"set": ["/Environment/Furniture/PillarB.height", math.inf]}],
+    [{"set": ["/Environment/Furniture/PillarB.xformOp:translate", (0.0, 0.0, -math.inf)]}],
+    [{"set": ["/turtlebot3_burger/joints/scan_joint.physics:localPos0", (1e30, math.nan, 0.0)]}],
+    [
+        {
+            "set": [
+                "/turtlebot3_burger/base_scan/Lidar2D.omni:sensor:Core:patternFiringRateHz",
+                2**32 - 1,
+            ]
+        }
+    ],
+    [{"set": ["ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:frameSkipCount", 4000000]}],
+    [{"set": ["ROS_Drive/make_array.inputs:arraySize", 2**31 - 1]}],
+    [{"set": ["ROS_Drive/differential_controller.inputs:maxLinearSpeed", math.nan]}],
+    [{"set": ["/turtlebot3_burger/base_footprint/Camera_1.focalLength", math.nan]}],
+    [{"set": ["/turtlebot3_burger/base_footprint/Camera_1.horizontalAperture", 0.0]}],
+]
+
+
+@pytest.mark.parametrize("steps", ODD, ids=[f"{each[0]}" for each in ODD])
+def test_odd_values_end_in_a_verdict(tmp_path: Path, steps: list[Step]) -> None:
+    path = saved(broken("05", steps), tmp_path)
+    done = sim(path, "--page", str(tmp_path / "sim.html"))
+    assert done.exit_code in {0, 1}
+    assert (tmp_path / "sim.html").stat().st_size < 1_000_000
+
+
+@pytest.mark.parametrize("unit", [0.0, -1.0, math.nan, 1e-12])
+def test_a_unit_that_is_none_is_a_metre(tmp_path: Path, unit: float) -> None:
+    stage = correct_stage("02")
+    stage.SetMetadata("metersPerUnit", unit)
+    assert behaviour(saved(stage, tmp_path, "Lab3_02.usda"))["verdict"] == "ok"
+
+
+def test_the_benchmark_of_dry_runs_prints_both_figures(repository: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "benchmarks/bench_sim.py", "--runs", "1", "--slow", "1"],
+        cwd=repository,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert re.findall(r"^(\w+ scan): [\d.]+ s played", done.stdout, flags=re.MULTILINE) == [
+        "with scan",
+        "without scan",
+    ]

@@ -1,0 +1,210 @@
+"""Rolling, falling, walls and rays, against cases worked out by hand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from breaking import correct_stage
+from pxr import Gf, Usd, UsdGeom
+from scene_changes import FLOOR, JOINTS, ROBOT, Change, deactivate, put, remove, several, weld
+
+from lab3_usd.model.affine import AXES, Affine, about, rotation
+from lab3_usd.model.scene import Prim
+from lab3_usd.sim.geometry.cuts import cut, distance, height_at, joined
+from lab3_usd.sim.geometry.shapes import triangles
+from lab3_usd.sim.lidar.rays import Beam, sweep
+from lab3_usd.sim.robot.machine import Machine
+from lab3_usd.sim.robot.machines import Machines
+from lab3_usd.stage.read.scene import read_scene
+
+DT = 1.0 / 60.0
+
+
+def machine(*changes: Change) -> tuple[Machines, Machine]:
+    stage = correct_stage("05")
+    several(*changes)(stage)
+    machines = Machines(read_scene(stage))
+    return machines, machines.member[f"{ROBOT}/base_footprint"]
+
+
+def turned(machines: Machines, robot: Machine, left: float, right: float, frames: int) -> Machine:
+    for name, speed in zip(("left", "right"), (left, right), strict=True):
+        robot.joints[f"wheel_{name}_joint"].target_velocity = speed
+    for _ in range(frames):
+        machines.step(DT)
+    return robot
+
+
+def test_wheels_that_turn_alike_roll_straight() -> None:
+    robot = turned(*machine(), left=2.0, right=2.0, frames=30)
+    assert robot.x == pytest.approx(2.0 * 0.033 * 0.5)
+    assert (robot.y, robot.yaw) == pytest.approx((0.0, 0.0))
+
+
+def test_wheels_that_turn_otherwise_go_on_a_circle() -> None:
+    robot = turned(*machine(), left=1.0, right=3.0, frames=60)
+    angle = 2.0 * 0.033 / 0.16
+    radius = 2.0 * 0.033 / angle
+    assert robot.yaw == pytest.approx(angle)
+    assert robot.x == pytest.approx(radius * math.sin(angle))
+    assert robot.y == pytest.approx(radius * (1 - math.cos(angle)))
+
+
+def test_a_wheel_further_out_turns_the_robot_less() -> None:
+    wide = put(f"{JOINTS}/wheel_left_joint", "physics:localPos0", Gf.Vec3f(0, 0.1, 0.023))
+    robot = turned(*machine(wide), left=-1.0, right=1.0, frames=60)
+    assert robot.yaw == pytest.approx(2.0 * 0.033 / 0.18)
+
+
+def test_a_spring_holds_a_wheel_back() -> None:
+    """Stiffness 10 and damping 0.2: it settles 0.02 s x speed ahead of where it began."""
+    stiff = put(f"{JOINTS}/wheel_left_joint", "drive:angular:physics:stiffness", 10.0)
+    machines, robot = machine(stiff)
+    turned(machines, robot, left=1.0, right=0.0, frames=120)
+    assert robot.joints["wheel_left_joint"].position == pytest.approx(0.02, rel=1e-3)
+
+
+def test_what_a_stage_says_of_a_drive_is_a_command() -> None:
+    """90 degrees a second on both wheels."""
+    name = "drive:angular:physics:targetVelocity"
+    both = [put(f"{JOINTS}/wheel_{each}_joint", name, 90.0) for each in ("left", "right")]
+    machines, robot = machine(*both)
+    machines.step(DT)
+    assert robot.velocity[0] == pytest.approx(math.pi / 2 * 0.033)
+
+
+def test_a_robot_that_hangs_on_the_world_stays() -> None:
+    hold = weld(f"{JOINTS}/hold", body1=f"{ROBOT}/base_footprint")
+    robot = turned(*machine(hold), left=2.0, right=2.0, frames=30)
+    assert (robot.x, robot.yaw) == (0.0, 0.0)
+
+
+def test_a_second_joint_locks_a_wheel_and_what_is_fixed_on_it_does_not() -> None:
+    lock = weld(f"{JOINTS}/lock", body0=f"{ROBOT}/base_link", body1=f"{ROBOT}/wheel_left_link")
+    assert machine(lock)[1].joints["wheel_left_joint"].locked
+
+    def hub(stage: Usd.Stage) -> None:
+        stage.DefinePrim(f"{ROBOT}/hub", "Xform").AddAppliedSchema("PhysicsRigidBodyAPI")
+        weld(f"{JOINTS}/hub", body0=f"{ROBOT}/wheel_left_link", body1=f"{ROBOT}/hub")(stage)
+
+    robot = machine(hub)[1]
+    assert f"{ROBOT}/hub" in robot.rest
+    assert not robot.joints["wheel_left_joint"].locked
+
+
+def test_a_lifted_robot_falls_on_its_wheels_and_without_ground_it_falls_on() -> None:
+    _, robot = machine(put(ROBOT, "xformOp:translate", Gf.Vec3d(1.8, 0, 0.2)))
+    assert robot.home == pytest.approx(-0.2, abs=1e-6)
+    machines, robot = machine(deactivate(FLOOR))
+    assert not robot.grounded
+    turned(machines, robot, left=2.0, right=2.0, frames=60)
+    assert robot.drop < -4.0
+    assert robot.x == 0.0
+
+
+def test_a_wall_stops_it() -> None:
+    """The wall stands at x = 2.35, and the robot reaches about 0.08 m ahead of its origin."""
+    robot = turned(*machine(), left=8.0, right=8.0, frames=300)
+    assert robot.blocked
+    assert 2.35 - 0.15 < 1.8 + robot.x < 2.35 - 0.05
+
+
+def test_loose_bodies_stay_behind() -> None:
+    machines, robot = machine(remove(f"{JOINTS}/scan_joint"))
+    before = machines.place(f"{ROBOT}/base_scan").origin
+    turned(machines, robot, left=2.0, right=2.0, frames=60)
+    assert machines.place(f"{ROBOT}/base_scan").origin == before
+
+
+def prim(kind: str, **values: object) -> Prim:
+    return Prim("/shape", kind, frozenset(), Affine(), values, {}, seen=True)
+
+
+def test_a_cube_is_cut_into_a_square() -> None:
+    square = joined(cut(triangles(prim("Cube", size=2.0)), 0.5))
+    assert len(square) == 4
+    assert distance(square, 0.0, 0.0) == pytest.approx(1.0)
+    assert cut(triangles(prim("Cube", size=2.0)), 1.5) == []
+
+
+@pytest.mark.parametrize(
+    ("shape", "radius"),
+    [
+        (prim("Cylinder", radius=0.5, height=1.0, axis="Z"), 0.5),
+        (prim("Sphere", radius=0.5), 0.4),
+        (prim("Capsule", radius=0.5, height=0.6, axis="Z"), 0.5),
+        (prim("Cone", radius=0.5, height=1.0, axis="Z"), 0.1),
+    ],
+    ids=lambda each: getattr(each, "type", ""),
+)
+def test_round_shapes_are_cut_into_circles(shape: Prim, radius: float) -> None:
+    found = cut(triangles(shape), 0.3)
+    assert max(math.hypot(x, y) for x, y, _, _ in found) == pytest.approx(radius, rel=0.01)
+
+
+def test_a_mesh_is_what_its_faces_say() -> None:
+    points = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 2.0), (0.0, 1.0, 2.0))
+    mesh = prim("Mesh", points=points, faceVertexCounts=(4,), faceVertexIndices=(0, 1, 2, 3))
+    assert height_at(triangles(mesh), 0.5, 0.5, 9.0) == pytest.approx(1.0)
+    assert height_at(triangles(mesh), 0.5, 0.5, 0.9) is None
+    assert height_at(triangles(mesh), 1.5, 0.5, 9.0) is None
+
+
+ROOM = [
+    (-1.0, -1.0, 1.0, -1.0),
+    (1.0, -1.0, 1.0, 1.0),
+    (1.0, 1.0, -1.0, 1.0),
+    (-1.0, 1.0, -1.0, -1.0),
+]
+
+
+def test_rays_in_a_square_room() -> None:
+    beam = Beam(-math.pi, math.pi / 4, 8, 0.1, 10.0)
+    assert sweep(beam, ROOM) == pytest.approx([1, math.sqrt(2)] * 4)
+
+
+def test_rays_begin_at_the_near_range_and_end_at_the_far() -> None:
+    near = [(0.5, -0.2, 0.5, 0.2)]
+    quarter = math.pi / 2
+    assert sweep(Beam(-math.pi, quarter, 4, 0.1, 10.0), [*ROOM, *near])[2] == pytest.approx(0.5)
+    assert sweep(Beam(-math.pi, quarter, 4, 0.6, 10.0), [*ROOM, *near])[2] == pytest.approx(1.0)
+    assert sweep(Beam(-math.pi, quarter, 4, 0.1, 0.9), ROOM) == (-1.0,) * 4
+
+
+@pytest.mark.parametrize(
+    "axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.6, 0.8), (0.6, 0.0, -0.8)]
+)
+@pytest.mark.parametrize("degrees", [0, 30, 90, 179, 180])
+def test_a_rotation_comes_back_as_its_quaternion(
+    axis: tuple[float, float, float], degrees: int
+) -> None:
+    place = Affine(about(axis, math.radians(degrees)))
+    again = rotation(place.quaternion())
+    for one, other in zip(again, place.rows, strict=True):
+        assert one == pytest.approx(other, abs=1e-7)
+    for one, other in zip(place.then(place.inverse()).rows, AXES, strict=True):
+        assert one == pytest.approx(other, abs=1e-12)
+
+
+def test_a_lidar_stands_where_usd_says_though_usd_does_not_know_its_type() -> None:
+    stage = correct_stage("05")
+    lidar = stage.GetPrimAtPath(f"{ROBOT}/base_scan/Lidar2D")
+    lidar.GetAttribute("xformOp:translate").Set(Gf.Vec3d(0, 0, 0.1))
+    assert read_scene(stage).prims[str(lidar.GetPath())].world.origin == pytest.approx(
+        (1.768, 0.0, 0.282)
+    )
+
+
+def test_samples_at_the_start_are_what_plays() -> None:
+    stage = correct_stage("05")
+    publisher = stage.GetPrimAtPath("/World/ROS_Clock/ros2_publish_clock")
+    port = publisher.GetAttribute("inputs:topicName")
+    port.Set("/late", 0.0)
+    wall = UsdGeom.Xformable(stage.GetPrimAtPath("/Environment/Walls/East"))
+    wall.GetPrim().GetAttribute("xformOp:translate").Set(Gf.Vec3d(9, 0, 0), 0.0)
+    scene = read_scene(stage)
+    clock = next(each for each in scene.graphs if each.path == "/World/ROS_Clock")
+    node = next(each for each in clock.nodes if each.path == str(port.GetPrim().GetPath()))
+    assert node.inputs["inputs:topicName"].value == "/late"
+    assert scene.prims["/Environment/Walls/East"].world.origin[0] == 9.0

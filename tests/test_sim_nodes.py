@@ -1,0 +1,520 @@
+"""What each node computes, against cases worked out by hand from the source named there."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from breaking import correct_stage, the_lab
+
+from lab3_usd.model.scene import Graph, Input, Node, Scene
+from lab3_usd.sim.execution.program import compile_graphs
+from lab3_usd.sim.execution.registry import function_of, functions
+from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.execution.types import type_of
+from lab3_usd.sim.record import Odometry, Scan, Transform, View
+from lab3_usd.sim.rendering import render
+from lab3_usd.sim.robot.machines import Machines
+from lab3_usd.sim.ros import Endpoint, Network, reliability, trimmed
+from lab3_usd.sim.world import World, world_of
+from lab3_usd.stage.read.scene import read_scene
+
+ISAAC, ROS = "isaacsim.core.nodes.", "isaacsim.ros2.bridge."
+ROBOT = "/turtlebot3_burger"
+HALF = math.sqrt(0.5)
+
+
+def node(name: str, values: dict[str, Any] | None = None, **targets: str) -> Running:
+    """A node of a type, with values at its inputs and no wires; the others have their defaults."""
+    node_type = type_of(Node("", name, 1, {}, {}), the_lab().catalog)
+    assert node_type is not None
+    bare = Node(
+        "/Graph/node",
+        name,
+        node_type.version,
+        {},
+        {f"inputs:{port}": (path,) for port, path in targets.items()},
+    )
+    defaults = {port.short: port.default for port in node_type.ports.values()}
+    function = function_of(node_type)
+    assert function is not None
+    return Running(bare.path, node_type, function, {}, bare, {**defaults, **(values or {})})
+
+
+def world(**known: Any) -> Any:
+    """What the functions ask of the world, with an empty stage."""
+    given = {
+        "scene": Scene(1.0, "Z", (), {}, {}),
+        "network": Network("", commands=Endpoint(0, "/cmd_vel")),
+        "frame": 1,
+        "dt": 0.5,
+        "since_play": 2.0,
+        "simulated": 7.0,
+        "wall": 100.0,
+        "session": 0,
+        "products": {},
+        "writers": [],
+        "not_simulated": {},
+    }
+    return SimpleNamespace(**{**given, **known})
+
+
+@pytest.fixture
+def stage() -> World:
+    """The stage of 05 before it plays."""
+    return world_of(read_scene(correct_stage("05")))
+
+
+@pytest.mark.parametrize("name", ["omni.graph.action.OnPlaybackTick", "omni.graph.action.OnTick"])
+def test_a_tick_is_an_execution_and_the_time_of_a_frame(name: str) -> None:
+    tick = node(name)
+    assert tick.compute(world())
+    assert tick.enabled == ["tick"]
+    assert tick.outputs["deltaSeconds"] == 0.5
+
+
+def test_a_physics_step_is_an_execution() -> None:
+    step = node(f"{ISAAC}OnPhysicsStep")
+    assert step.compute(world())
+    assert step.enabled == ["step"]
+    assert step.outputs["deltaSimulationTime"] == 0.5
+
+
+def test_system_time_is_that_of_the_wall() -> None:
+    read = node(f"{ISAAC}IsaacReadSystemTime")
+    assert read.compute(world())
+    assert read.outputs["systemTime"] == 100.0
+
+
+def test_simulation_time_starts_anew_only_if_told_to() -> None:
+    for reset, time in ((True, 2.0), (False, 7.0)):
+        read = node(f"{ISAAC}IsaacReadSimulationTime", {"resetOnStop": reset})
+        assert read.compute(world())
+        assert read.outputs["simulationTime"] == time
+
+
+@pytest.mark.parametrize(
+    ("use", "environment", "domain"),
+    [(False, "7", 3), (True, "7", 7), (True, "", 3), (True, "seven", 3)],
+)
+def test_a_context_takes_the_environment_only_if_it_is_a_number(
+    use: object, environment: str, domain: int
+) -> None:
+    here = world(network=Network(environment))
+    context = node(f"{ROS}ROS2Context", {"domain_id": 3, "useDomainIDEnvVar": use})
+    assert context.compute(here)
+    assert here.network.domain(context.outputs["context"]) == domain
+    assert here.network.domain(99) is None
+    assert here.network.domain(0) == (7 if environment == "7" else 0)
+
+
+def test_a_twist_is_held_and_told_once() -> None:
+    here = world()
+    subscriber = node(f"{ROS}ROS2SubscribeTwist")
+    assert subscriber.compute(here)  # opens
+    here.network.command = (1, ((0.2, 0.0, 0.0), (0.0, 0.0, 0.5)))
+    assert subscriber.compute(here)
+    assert subscriber.enabled == ["execOut"]
+    assert subscriber.outputs["angularVelocity"] == (0.0, 0.0, 0.5)
+    assert not subscriber.compute(here)
+    assert subscriber.enabled == []
+    assert subscriber.outputs["linearVelocity"] == (0.2, 0.0, 0.0)
+    elsewhere = node(f"{ROS}ROS2SubscribeTwist", {"topicName": "cmd"})
+    elsewhere.compute(here)
+    here.network.command = (2, here.network.command[1])
+    assert not elsewhere.compute(here)
+
+
+@pytest.mark.parametrize(
+    ("conversion", "result"),
+    [("Convert to stage units", (20.0, 0.0, -10.0)), ("Convert to meters", (0.002, 0.0, -0.001))],
+)
+def test_scale_by_the_unit_of_the_stage(conversion: str, result: tuple[float, ...]) -> None:
+    centimetres = world(scene=Scene(0.01, "Z", (), {}, {}))
+    values = {"conversion": conversion, "value": (0.2, 0.0, -0.1)}
+    scale = node(f"{ISAAC}OgnIsaacScaleToFromStageUnit", values)
+    assert scale.compute(centimetres)
+    assert scale.outputs["result"] == pytest.approx(result)
+    scale.values["conversion"] = "to feet"
+    assert not scale.compute(centimetres)
+
+
+def test_break_a_vector() -> None:
+    broken = node("omni.graph.nodes.BreakVector3", {"tuple": (1.0, 2.0, 3.0)})
+    assert broken.compute(world())
+    assert [broken.outputs[each] for each in "xyz"] == [1.0, 2.0, 3.0]
+    assert not node("omni.graph.nodes.BreakVector3", {"tuple": 1.0}).compute(world())
+
+
+def test_a_constant_computes_nothing() -> None:
+    assert node("omni.graph.nodes.ConstantToken", {"value": "a"}).compute(world())
+
+
+@pytest.mark.parametrize(
+    ("values", "array"),
+    [
+        ({"arraySize": 2, "arrayType": "token[]", "input0": "a", "input1": "b"}, ("a", "b")),
+        ({"arraySize": 1, "arrayType": "token[]", "input0": "a", "input1": "b"}, ("a",)),
+        ({"arraySize": 2, "arrayType": "auto", "input0": "a"}, ("a", "")),
+        ({"arraySize": 1, "arrayType": "double[]", "input0": "a"}, ()),
+        ({"arraySize": 0, "arrayType": "token[]"}, ()),
+    ],
+)
+def test_make_array(values: dict[str, Any], array: tuple[str, ...]) -> None:
+    make = node("omni.graph.nodes.ConstructArray", values)
+    make.compute(world())
+    assert make.outputs["array"] == array
+
+
+DIFFERENTIAL = "isaacsim.robot.wheeled_robots.DifferentialController"
+SIZES = {"wheelRadius": 0.025, "wheelDistance": 0.16}
+
+
+@pytest.mark.parametrize(
+    ("values", "wheels"),
+    [
+        ({"linearVelocity": 0.1}, (4.0, 4.0)),
+        ({"angularVelocity": 1.0}, (-3.2, 3.2)),
+        ({"linearVelocity": 0.1, "angularVelocity": 1.0}, (0.8, 7.2)),
+        ({"linearVelocity": 9.0, "maxLinearSpeed": 0.22}, (8.8, 8.8)),
+        ({"angularVelocity": -9.0, "maxAngularSpeed": 1.0}, (3.2, -3.2)),
+        ({"linearVelocity": 0.1, "maxWheelSpeed": 3.0}, (3.0, 3.0)),
+        # half a second at 0.1 m/s2 from rest is 0.05 m/s; one limit alone is none
+        (
+            {"linearVelocity": 0.1, "maxAcceleration": 0.1, "maxDeceleration": 1.0, "dt": 0.5},
+            (2.0, 2.0),
+        ),
+        ({"linearVelocity": 0.1, "maxAcceleration": 0.1, "dt": 0.5}, (4.0, 4.0)),
+        ({"angularVelocity": 1.0, "maxAngularAcceleration": 1.0, "dt": 0.5}, (-1.6, 1.6)),
+    ],
+)
+def test_wheel_speeds(values: dict[str, float], wheels: tuple[float, float]) -> None:
+    drive = node(DIFFERENTIAL, {**SIZES, **values})
+    assert drive.compute(world())
+    assert drive.outputs["velocityCommand"] == pytest.approx(wheels)
+
+
+def test_no_wheel_speeds_without_sizes_or_with_limits_and_no_time() -> None:
+    assert not node(DIFFERENTIAL, {"wheelRadius": 0.025}).compute(world())
+    assert not node(DIFFERENTIAL, {**SIZES, "maxAngularAcceleration": 1.0}).compute(world())
+
+
+CONTROLLER = f"{ISAAC}IsaacArticulationController"
+BOTH = ("wheel_left_joint", "wheel_right_joint")
+
+
+@pytest.mark.parametrize(
+    ("target", "values", "speeds"),
+    [
+        ("", {"jointNames": BOTH}, (1.0, 2.0)),
+        ("", {"jointNames": BOTH[::-1]}, (2.0, 1.0)),
+        ("", {}, (1.0, 2.0)),  # all joints, in the order of the articulation
+        ("", {"jointNames": (BOTH[0], "wheel")}, (0.0, 0.0)),
+        ("", {"jointNames": BOTH[:1]}, (0.0, 0.0)),  # one joint, two speeds
+        ("", {"jointIndices": (1, 0)}, (2.0, 1.0)),
+        ("/base_footprint", {}, (1.0, 2.0)),
+        ("/base_link", {}, (0.0, 0.0)),
+        ("/joints", {}, (0.0, 0.0)),
+        ("/base_link", {"robotPath": ROBOT}, (1.0, 2.0)),
+        ("", {"robotPath": "/World"}, (0.0, 0.0)),
+    ],
+)
+def test_commands_reach_the_joints_that_are_named(
+    stage: World, target: str, values: dict[str, Any], speeds: tuple[float, float]
+) -> None:
+    command = {"velocityCommand": (1.0, 2.0), **values}
+    controller = node(CONTROLLER, command, targetPrim=ROBOT + target)
+    assert controller.compute(stage) == (speeds != (0.0, 0.0))
+    machine = stage.machines.articulation(ROBOT)
+    assert machine is not None
+    assert tuple(machine.joints[each].target_velocity for each in BOTH) == speeds
+
+
+def test_one_frame_is_one_step() -> None:
+    once = node(f"{ISAAC}OgnIsaacRunOneSimulationFrame")
+    once.compute(world())
+    assert once.enabled == ["step"]
+    once.compute(world())
+    assert once.enabled == []
+    once.reset()
+    once.compute(world())
+    assert once.enabled == ["step"]
+
+
+PRODUCT = f"{ISAAC}IsaacCreateRenderProduct"
+LIDAR, CAMERA = f"{ROBOT}/base_scan/Lidar2D", f"{ROBOT}/base_footprint/Camera_1"
+
+
+def product(stage: World, camera: str, **values: Any) -> Running:
+    made = node(
+        PRODUCT, {"enabled": True, "width": 640, "height": 480, **values}, cameraPrim=camera
+    )
+    made.compute(stage)
+    return made
+
+
+def test_render_products_are_shared_by_sensor_and_size(stage: World) -> None:
+    one, other = product(stage, LIDAR), product(stage, LIDAR)
+    assert one.enabled == ["execOut"]
+    assert one.outputs["renderProductPath"] == other.outputs["renderProductPath"]
+    larger = product(stage, LIDAR, width=1280)
+    assert larger.outputs["renderProductPath"] != one.outputs["renderProductPath"]
+    assert product(stage, LIDAR, enabled=False).enabled == []
+    assert product(stage, "/nowhere").enabled == []
+
+
+def published(stage: World, frames: int = 1) -> list[Any]:
+    for _ in range(frames):
+        stage.since_play += stage.dt
+        render(stage)
+    return stage.network.sent
+
+
+def test_a_lidar_publishes_what_stands_around_it(stage: World) -> None:
+    path = product(stage, LIDAR).outputs["renderProductPath"]
+    values = {"type": "laser_scan", "frameId": "f", "topicName": "~/s", "renderProductPath": path}
+    helper = node(f"{ROS}ROS2RtxLidarHelper", values)
+    assert helper.compute(stage)
+    sent = published(stage, 60)
+    assert len(sent) == 10
+    assert (sent[0].topic, sent[0].frame) == ("/s", "f")
+    scan = sent[0].data
+    assert isinstance(scan, Scan)
+    assert len(scan.ranges) == 360
+    # ahead: the wall from x = 2.35, seen from x = 1.8 - 0.032
+    assert scan.ranges[180] == pytest.approx(2.35 - 1.768, abs=1e-4)
+    # to the left: the wall from y = 4.45, but the slanted corner from (1.35, 4.45) to (2.35, 3.65)
+    assert scan.ranges[270] == pytest.approx(4.45 - 0.8 * (1.768 - 1.35), abs=1e-3)
+
+
+def test_a_lidar_helper_wants_a_lidar(stage: World) -> None:
+    for sensor, kind in ((CAMERA, "laser_scan"), (LIDAR, "none")):
+        path = product(stage, sensor).outputs["renderProductPath"]
+        helper = node(f"{ROS}ROS2RtxLidarHelper", {"type": kind, "renderProductPath": path})
+        assert not helper.compute(stage)
+    assert not node(f"{ROS}ROS2RtxLidarHelper").compute(stage)
+    assert published(stage) == []
+
+
+def test_a_camera_publishes_at_its_rate(stage: World) -> None:
+    path = product(stage, CAMERA).outputs["renderProductPath"]
+    values = {"topicName": "/i", "frameId": "c", "renderProductPath": path, "frameSkipCount": 1}
+    assert node(f"{ROS}ROS2CameraHelper", values).compute(stage)
+    sent = published(stage, 60)
+    assert [each.type for each in sent] == ["sensor_msgs/msg/Image"] * 5
+    values = {"type": "thermal", "renderProductPath": path}
+    assert not node(f"{ROS}ROS2CameraHelper", values).compute(stage)
+
+
+def test_camera_info_is_of_the_lens(stage: World) -> None:
+    path = product(stage, CAMERA).outputs["renderProductPath"]
+    values = {"topicName": "/i", "renderProductPath": path}
+    assert node(f"{ROS}ROS2CameraInfoHelper", values).compute(stage)
+    view = published(stage)[0].data
+    assert isinstance(view, View)
+    focal = 640 * 18.0 / 20.955
+    assert view.matrix == pytest.approx((focal, 0, 320, 0, focal, 240, 0, 0, 1))
+
+
+def test_nothing_of_a_helper_that_is_off(stage: World) -> None:
+    path = product(stage, CAMERA).outputs["renderProductPath"]
+    helper = node(f"{ROS}ROS2CameraHelper", {"renderProductPath": path})
+    helper.compute(stage)
+    helper.values["enabled"] = False
+    helper.compute(stage)
+    assert published(stage, 10) == []
+
+
+def test_a_clock_opens_first_and_then_publishes() -> None:
+    here = world()
+    clock = node(f"{ROS}ROS2PublishClock", {"timeStamp": 3.5})
+    clock.compute(here)
+    assert here.network.sent == []
+    clock.compute(here)
+    assert [(each.topic, each.stamp) for each in here.network.sent] == [("/clock", 3.5)]
+
+
+@pytest.mark.parametrize(
+    "values", [{"topicName": ""}, {"topicName": "a b"}, {"context": 5}, {"qosProfile": "fast"}]
+)
+def test_a_publisher_that_cannot_open_stays_silent(values: dict[str, Any]) -> None:
+    here = world()
+    clock = node(f"{ROS}ROS2PublishClock", values)
+    for _ in range(3):
+        assert not clock.compute(here)
+    assert here.network.sent == []
+
+
+def test_odometry_is_the_way_since_play_in_the_frame_of_the_start(stage: World) -> None:
+    machine = stage.machines.articulation(ROBOT)
+    assert machine is not None
+    machine.yaw = math.pi / 2  # it starts looking along y
+    odometry = node(f"{ISAAC}IsaacComputeOdometry", chassisPrim=f"{ROBOT}/base_footprint")
+    stage.machines.step(0.0)
+    assert odometry.compute(stage)
+    assert odometry.enabled == ["execOut"]
+    machine.y, machine.yaw, machine.velocity = 2.0, math.pi, (0.3, 0.0, 0.5)
+    stage.machines._now.clear()
+    odometry.compute(stage)
+    assert odometry.outputs["position"] == pytest.approx((2.0, 0.0, 0.0))
+    assert odometry.outputs["orientation"] == pytest.approx((0.0, 0.0, HALF, HALF))
+    assert odometry.outputs["linearVelocity"] == pytest.approx((0.3, 0.0, 0.0))
+    assert odometry.outputs["globalLinearVelocity"] == pytest.approx((-0.3, 0.0, 0.0))
+    assert odometry.outputs["angularVelocity"] == pytest.approx((0.0, 0.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("chassis", "works"), [("", True), ("/joints", False), ("/base_link", True)]
+)
+def test_odometry_wants_a_body(stage: World, chassis: str, works: object) -> None:
+    odometry = node(f"{ISAAC}IsaacComputeOdometry", chassisPrim=ROBOT + chassis)
+    assert odometry.compute(stage) == works
+
+
+def test_odometry_is_told_along_the_robot() -> None:
+    here = world()
+    values = {
+        "linearVelocity": (1.0, 2.0, 3.0),
+        "angularVelocity": (4.0, 5.0, 6.0),
+        "position": (7.0, 8.0, 9.0),
+        "robotFront": (0.0, 2.0, 1.0),
+        "timeStamp": 1.5,
+    }
+    publish = node(f"{ROS}ROS2PublishOdometry", values)
+    publish.compute(here)
+    publish.compute(here)
+    message = here.network.sent[0]
+    assert (message.frame, message.stamp) == ("odom", 1.5)
+    # the front is +y, so the side is -x
+    assert message.data == Odometry(
+        "base_link", (7.0, 8.0, 9.0), (1.0, 0.0, 0.0, 0.0), (2.0, -1.0, 3.0), (0.0, 0.0, 6.0)
+    )
+    publish.values["publishRawVelocities"] = True
+    publish.compute(here)
+    assert here.network.sent[1].data.linear == (1.0, 2.0, 3.0)
+
+
+def test_a_raw_transform_is_as_given_and_once_if_static() -> None:
+    for static, count in ((False, 3), (True, 1)):
+        here = world()
+        values = {"translation": (1.0, 2.0, 0.0), "staticPublisher": static}
+        publish = node(f"{ROS}ROS2PublishRawTransformTree", values)
+        publish.wires["rotation"] = (node("omni.graph.nodes.ConstantToken"), "q")
+        publish.wires["rotation"][0].outputs["q"] = (0.0, 0.0, HALF, HALF)
+        for _ in range(4):
+            publish.compute(here)
+        assert len(here.network.sent) == count
+        said = Transform("odom", "base_link", (1.0, 2.0, 0.0), (HALF, 0.0, 0.0, HALF))
+        assert here.network.sent[0].data == (said,)
+
+
+TREE = f"{ISAAC}IsaacComputeTransformTree"
+
+
+def tree(stage: World, parent: str, *targets: str) -> dict[str, Any]:
+    made = node(TREE, parentPrim=ROBOT + parent)
+    made.node.targets["inputs:targetPrims"] = tuple(ROBOT + each for each in targets)
+    made.compute(stage)
+    return made.outputs
+
+
+def edges(outputs: dict[str, Any]) -> list[tuple[str, str]]:
+    return list(zip(outputs["parentFrames"], outputs["childFrames"], strict=True))
+
+
+def test_frames_of_single_prims(stage: World) -> None:
+    outputs = tree(stage, "/base_footprint", "/base_scan", "/base_footprint/Camera_1", "/gone")
+    assert edges(outputs) == [("base_footprint", "base_scan"), ("base_footprint", "Camera_1")]
+    assert outputs["translations"][0] == pytest.approx((-0.032, 0.0, 0.182))
+    # the optical frame: 180 degrees about X behind the camera's own rotation
+    assert outputs["orientations"][1] == pytest.approx((-0.5, 0.5, -0.5, 0.5))
+
+
+def test_frames_of_a_robot_hang_as_its_joints_do(stage: World) -> None:
+    assert sorted(edges(tree(stage, "/base_footprint", ""))) == [
+        ("base_footprint", "base_link"),
+        ("base_link", "base_scan"),
+        ("base_link", "caster_back_link"),
+        ("base_link", "wheel_left_link"),
+        ("base_link", "wheel_right_link"),
+    ]
+
+
+def test_an_articulation_root_gives_the_bodies_below_it(stage: World) -> None:
+    outputs = tree(stage, "/base_footprint", "/base_footprint")
+    assert edges(outputs) == [("base_footprint", "base_footprint")]
+
+
+def test_a_transform_publisher_decides_once_where_from() -> None:
+    here = world()
+    publish = node(f"{ROS}ROS2PublishTransformTree")
+    publish.compute(here)  # no arrays, no targets: no publisher
+    arrays = {
+        "parentFrames": ("a",),
+        "childFrames": ("b",),
+        "translations": ((1.0, 0.0, 0.0),),
+        "orientations": ((0.0, 0.0, HALF, HALF),),
+    }
+    publish.values.update(arrays)
+    publish.compute(here)
+    publish.compute(here)
+    assert here.network.sent[0].data == (
+        Transform("a", "b", (1.0, 0.0, 0.0), (HALF, 0.0, 0.0, HALF)),
+    )
+    publish.values["childFrames"] = ("b", "c")
+    publish.compute(here)
+    assert len(here.network.sent) == 1
+
+
+def test_a_transform_publisher_with_targets_of_its_own(stage: World) -> None:
+    publish = node(f"{ROS}ROS2PublishTransformTree", targetPrims=f"{ROBOT}/base_scan")
+    publish.compute(stage)
+    publish.compute(stage)
+    said = stage.network.sent[0].data[0]
+    assert (said.parent, said.child) == ("world", "base_scan")
+    assert said.translation == pytest.approx((1.768, 0.0, 0.182))
+
+
+@pytest.mark.parametrize(
+    ("name", "known"), [("/scan", "scan"), ("//scan/", "scan"), ("~/a/b_", "a/b"), ("_", "")]
+)
+def test_names_lose_what_is_no_letter_at_their_ends(name: str, known: str) -> None:
+    assert trimmed(name) == known
+
+
+def test_a_profile_is_whole_or_nothing() -> None:
+    whole = {
+        "history": "keepLast", "depth": 1, "reliability": "bestEffort", "durability": "volatile",
+        "deadline": 0, "lifespan": 0, "liveliness": "automatic", "leaseDuration": 0,
+    }  # fmt: skip
+    assert reliability("") is True
+    assert reliability(str(whole).replace("'", '"')) is False
+    assert reliability('{"depth": 1}') is None
+    assert reliability("1") is None
+
+
+@pytest.mark.parametrize(("version", "looks"), [(1, False), (2, True)])
+def test_an_older_context_does_not_look_at_the_environment(version: int, looks: object) -> None:
+    saved = {"inputs:useDomainIDEnvVar": Input("bool")}
+    context = Node("/Graph/context", f"{ROS}ROS2Context", version, saved, {})
+    graph = Graph("/Graph", "execution", "pipelineStageSimulation", "Automatic", (context,))
+    program = compile_graphs(Scene(1.0, "Z", (graph,), {}, {}), the_lab().catalog)
+    assert program.nodes["/Graph/context"].values["useDomainIDEnvVar"] is looks
+
+
+def test_links_stand_where_their_joints_put_them() -> None:
+    scene = read_scene(correct_stage("05"))
+    machines = Machines(scene)
+    left = machines.place(f"{ROBOT}/wheel_left_link").origin
+    assert left == pytest.approx((1.8, 0.08, 0.033), abs=1e-6)
+    assert machines.articulation(f"{ROBOT}/base_link") is None
+
+
+def test_every_function_has_a_test() -> None:
+    """Each type stands in a call of `node`, with its whole name or with its last part."""
+    text = Path(__file__).read_text(encoding="utf-8")
+    assert [each for each in functions() if re.search(rf'{each}(Token)?"', text) is None] == []
