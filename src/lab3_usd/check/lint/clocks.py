@@ -1,0 +1,72 @@
+"""By which clock each message is stamped, and whether that restarts on Stop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from msgspec import Struct
+
+from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.ros.running import effective_value, live_sources
+from lab3_usd.check.ros.topics import Endpoint, endpoints
+from lab3_usd.model.stage import Node
+
+STAMP = "inputs:timeStamp"
+_SYSTEM, _RESET = "inputs:useSystemTime", "inputs:resetSimulationTimeOnStop"
+_READER_RESET = "inputs:resetOnStop"
+_CLOCK = "rosgraph_msgs/msg/Clock"
+
+
+class Stamp(Struct, frozen=True, eq=False):
+    """The clock of one topic; `port` is the input that chooses it.
+
+    `restarts` is None where it is not known.
+    """
+
+    node: Node
+    topic: str
+    port: str
+    clock: Literal["simulation", "system", "unknown"]
+    restarts: bool | None
+    is_clock: bool
+
+
+def stamps(subject: LintSubject) -> Iterator[Stamp]:
+    """Yield the clock of each topic that is published."""
+    for endpoint in endpoints(subject.stage, subject.lab):
+        if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic:
+            stamp = _helper(endpoint, subject) or _publisher(endpoint, subject)
+            if stamp is not None:
+                yield stamp
+
+
+def _helper(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
+    """Return the clock of a node that reads the time by itself."""
+    node, live = endpoint.node, subject.live
+    if node.type is None or _SYSTEM not in node.type.ports:
+        return None
+    topic = str(endpoint.topic)
+    if effective_value(node, _SYSTEM, live) is True:
+        return Stamp(node, topic, _SYSTEM, "system", None, is_clock=False)
+    restarts = effective_value(node, _RESET, live)
+    known = restarts if isinstance(restarts, bool) else None
+    return Stamp(node, topic, _RESET, "simulation", known, is_clock=False)
+
+
+def _publisher(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
+    """Return the clock of a node whose time comes by a wire."""
+    node = endpoint.node
+    sources = list(live_sources(node, STAMP, subject.live))
+    if not sources:
+        return None
+    source, _ = sources[0]
+    is_clock, topic = endpoint.type == _CLOCK, str(endpoint.topic)
+    restarts = effective_value(source, _READER_RESET, subject.live)
+    if source.type is None:
+        return Stamp(node, topic, STAMP, "unknown", None, is_clock)
+    if any("systemTime" in port for port in source.type.ports):
+        return Stamp(node, topic, STAMP, "system", None, is_clock)
+    if isinstance(restarts, bool):
+        return Stamp(node, topic, STAMP, "simulation", restarts, is_clock)
+    return Stamp(node, topic, STAMP, "unknown", None, is_clock)

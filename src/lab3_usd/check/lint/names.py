@@ -1,0 +1,33 @@
+"""Names that were likely meant where another one was written."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from difflib import get_close_matches
+
+_ALIKE = 0.8
+
+
+def meant(written: str, known: Collection[str]) -> str | None:
+    """Return the known name that a name was likely meant to be, None where none is near."""
+    same = [name for name in known if name.lower() == written.lower()]
+    near = same or get_close_matches(written, known, 1, _ALIKE)
+    return near[0] if near else None
+
+
+def meant_type(written: str, known: Collection[str]) -> str | None:
+    """Return the node type that was likely meant: of the same last name, or of one alike."""
+    last = written.rpartition(".")[2].removeprefix("Ogn")
+    same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
+    if len(same) == 1 and last:
+        return same[0]
+    near = get_close_matches(written, known, 1, _NEAR_TYPE)
+    return near[0] if near else None
+
+
+def or_meant(name: str | None) -> str:
+    """Return the end of a sentence that offers a name, nothing without one."""
+    return f"; did you mean {name}?" if name else ""
+
+
+_NEAR_TYPE = 0.92

@@ -1,0 +1,107 @@
+"""The robots that nodes command: their articulations, joints, drives and wheels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.ros.running import effective_value, live_sources
+from lab3_usd.check.scene.wheel_commands import joint_names
+from lab3_usd.model.absent_prims import is_subtree_unresolved
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.physics import is_articulated, is_joint_type
+from lab3_usd.model.stage import Node, Prim, StageModel
+from lab3_usd.spec.catalog import DrivePorts
+
+FIXED = "PhysicsFixedJoint"
+
+
+class Command(Struct, frozen=True, eq=False):
+    """A node that moves joints: its robot, and the joints that it names, None where unknown.
+
+    `robot` is '' where the stage does not tell; `is_open` where an asset could hold the robot.
+    """
+
+    node: Node
+    ports: DrivePorts
+    port: str
+    robot: str
+    roots: tuple[str, ...]
+    names: tuple[str, ...] | None
+    is_open: bool
+
+
+def commands(subject: LintSubject) -> Iterator[Command]:
+    """Yield every live node that moves joints, in the order of the stage."""
+    for node in subject.live.values():
+        ports = None if node.type is None else node.type.drives
+        if ports is None:
+            continue
+        path = effective_value(node, ports.path, subject.live)
+        is_by_path = path is None or bool(path)
+        aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
+        yield Command(
+            node=node,
+            ports=ports,
+            port=ports.path if is_by_path else ports.target,
+            robot=aim,
+            roots=tuple(articulations(aim, subject.stage)) if aim else (),
+            names=_names(node, ports, subject),
+            is_open=not aim or is_subtree_unresolved(subject.stage, aim),
+        )
+
+
+def _names(node: Node, ports: DrivePorts, subject: LintSubject) -> tuple[str, ...] | None:
+    """Return the names of the joints, None where they are unknown or given by number."""
+    numbers = node.state(ports.joints.replace("Names", "Indices"))
+    if numbers is not None and (numbers.sources or numbers.value):
+        return None
+    return joint_names(node, ports.joints, subject.live)
+
+
+def articulations(top: str, stage: StageModel) -> Iterator[str]:
+    """Yield the roots of articulations at and below a prim."""
+    for prim in stage.below(top):
+        if is_articulated(prim):
+            yield prim.path
+
+
+def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
+    """Return the joints of a robot that can move, by name.
+
+    Joints may stand anywhere: those count that tie a body of the robot's own subtree, or stand in
+    it. The subtree is that of the prim right above the articulation root, and of the target.
+    """
+    tops = {command.robot, *(root.rpartition("/")[0] or root for root in command.roots)}
+    found: dict[str, Prim] = {}
+    for prim in stage.of_type(is_joint_type):
+        ends = [path for each in ("physics:body0", "physics:body1") for path in _ends(prim, each)]
+        near = any(is_at_or_below(path, top) for path in (prim.path, *ends) for top in tops)
+        if prim.present and prim.type != FIXED and near:
+            found.setdefault(prim.name, prim)
+    return found
+
+
+def _ends(joint: Prim, name: str) -> tuple[str, ...]:
+    return joint.relationships.get(name, ())
+
+
+def wired_commands(command: Command) -> list[str]:
+    """Return the kinds of commands that a node gives: the names of its inputs."""
+    given = []
+    for port in command.ports.commands:
+        state = command.node.state(port)
+        if state is not None and (state.sources or state.value):
+            given.append(port)
+    return given
+
+
+def controller_of(command: Command, subject: LintSubject) -> Node | None:
+    """Return the node that computes the wheel speeds of a command, None for several or none."""
+    for port in command.ports.commands:
+        for source, _ in live_sources(command.node, port, subject.live):
+            if source.type is not None and source.type.step_limits:
+                return source
+    return None

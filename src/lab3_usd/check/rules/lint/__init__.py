@@ -1,0 +1,1 @@
+"""Rules that need no spec: what is wrong with any stage of Isaac Sim."""

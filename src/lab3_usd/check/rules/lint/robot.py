@@ -1,0 +1,116 @@
+"""Rules about robots: articulations, joints and drives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.lint.names import meant, or_meant
+from lab3_usd.check.lint.robots import Command, commands, joints_of, wired_commands
+from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.physics import number
+from lab3_usd.model.stage import Prim
+
+_VELOCITY = "velocityCommand"
+
+
+@rule("K60", "no-articulation", scope="lint")
+def no_articulation(subject: LintSubject) -> Iterator[Problem]:
+    """The robot that a controller should move has no articulation at or below its prim.
+
+    Why: the controller looks for the articulation root at its target and below, never above. Where
+    none is found, it logs an error and nothing moves.
+
+    Fix: choose the prim that carries the articulation root, or one above it.
+
+    Example: `inputs:targetPrim` names `/World/robot/base_link`, the root is on `/World/robot`.
+    """
+    for command in commands(subject):
+        if command.is_open or command.roots or subject.stage.prim(command.robot) is None:
+            continue
+        yield Problem(
+            command.node.path,
+            f"{command.port} is {command.robot}, and no articulation root is there or below",
+            property=command.port,
+            expected="a prim with an articulation root",
+            actual=command.robot,
+        )
+
+
+@rule("K61", "unknown-joint", scope="lint")
+def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
+    """A controller names a joint that the robot does not have.
+
+    Why: the controller logs an error for each frame, and moves none of its joints.
+
+    Fix: write the name of the joint's prim, as the Stage panel shows it.
+
+    Example: `left_wheel` instead of `left_wheel_joint`.
+    """
+    for command in commands(subject):
+        known = joints_of(command, subject.stage) if command.roots else {}
+        if command.is_open or not known:
+            continue
+        for name in command.names or ():
+            if name and name not in known and not _is_renamed(name, known):
+                yield Problem(
+                    command.node.path,
+                    f"the robot has no joint '{name}'{or_meant(meant(name, known))}",
+                    property=command.ports.joints,
+                    expected=meant(name, known) or ", ".join(sorted(known)),
+                    actual=name,
+                    related=(command.robot,),
+                )
+
+
+def _is_renamed(name: str, known: dict[str, Prim]) -> bool:
+    """Whether a joint goes by another name than that of its prim."""
+    return any(joint.attributes.get("isaac:nameOverride") == name for joint in known.values())
+
+
+@rule("K62", "drive-ignores-velocity", scope="lint")
+def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
+    """A joint is told a velocity, and its drive does not follow.
+
+    Why: a drive without damping exerts no force towards a velocity. One with stiffness pulls back
+    to a position: the wheel trembles, or stands still.
+
+    Fix: set stiffness to 0 and damping above 0 in the joint's drive.
+
+    Example: an importer left `stiffness = 10000` on the wheel joints.
+    """
+    told: set[str] = set()
+    for command in commands(subject):
+        kinds = [port.rpartition(":")[2] for port in wired_commands(command)]
+        if command.is_open or kinds != [_VELOCITY] or not command.roots:
+            continue
+        for name, joint in joints_of(command, subject.stage).items():
+            if name in (command.names or ()) and joint.path not in told:
+                told.add(joint.path)
+                yield from _drive_problems(command, joint)
+
+
+def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
+    kind = next((api for api in joint.apis if api.startswith("PhysicsDriveAPI:")), "")
+    axis = kind.partition(":")[2]
+    stiffness = number(joint.attributes.get(f"drive:{axis}:physics:stiffness")) or 0.0
+    damping = number(joint.attributes.get(f"drive:{axis}:physics:damping")) or 0.0
+    if not kind or damping <= 0.0:
+        what = "has no drive" if not kind else "has a drive without damping"
+        yield Problem(
+            joint.path,
+            f"{what}, and {command.node.path} tells it a velocity",
+            property=f"drive:{axis}:physics:damping" if kind else None,
+            expected="damping above 0",
+            related=(command.node.path,),
+        )
+    elif stiffness > 0.0:
+        yield Problem(
+            joint.path,
+            f"has a drive of stiffness {stiffness:g}, and {command.node.path} tells it a velocity",
+            property=f"drive:{axis}:physics:stiffness",
+            expected="0",
+            actual=f"{stiffness:g}",
+            related=(command.node.path,),
+        )

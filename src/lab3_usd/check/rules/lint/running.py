@@ -1,0 +1,224 @@
+"""Rules about what never computes: nodes that no event reaches, graphs that are not evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.lint.reach import Stop, feeds, has_job, stops
+from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.running import ENABLED, effective_value, event_of, is_graph_evaluated
+from lab3_usd.model.absent_prims import is_unresolved, nodes_outside_graphs
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.stage import DEACTIVATED, OVER, GraphModel, Node
+
+_REASONS = {
+    "unwired": "nothing is wired into {port}",
+    "once": "its only signal comes from {cause}, a single time, which opens its topic and no more",
+    "off": "{cause}, which signals it, is switched off",
+}
+
+
+@rule("K01", "never-computes", scope="lint")
+def never_computes(subject: LintSubject) -> Iterator[Problem]:
+    """No running event reaches a node that has something to do.
+
+    Why: a node with an execution input computes only when a signal arrives there. Without one it
+    publishes nothing, receives nothing and moves nothing. A publisher or subscriber that gets a
+    single signal only opens its topic. Nodes that wait for the one named here are listed with it.
+
+    Fix: in the graph editor drag a wire from an event, as Tick of On Playback Tick, or from Exec
+    Out of the node before it, to Exec In of this node.
+
+    Example: a ROS2 Publish Odometry whose `execIn` is not wired.
+    """
+    for graph in subject.graphs():
+        if graph.active and is_graph_evaluated(graph, subject.stage, subject.lab):
+            for stop in stops(graph, subject):
+                if stop.reason != "broken" and _matters(stop, subject):
+                    yield _stopped(stop, subject)
+
+
+def _matters(stop: Stop, subject: LintSubject) -> bool:
+    """Whether a node with a job waits, or a node that runs takes data from one that does."""
+    if subject.is_open(stop.node.path):
+        return False
+    nodes = (stop.node, *stop.waiting)
+    if any(has_job(node) for node in nodes):
+        return True
+    return any(subject.runs(other.path) for node in nodes for other in feeds(node, subject))
+
+
+def _stopped(stop: Stop, subject: LintSubject) -> Problem:
+    reason = _REASONS[stop.reason].format(port=stop.port, cause=stop.cause)
+    waiting = ", ".join(node.name for node in stop.waiting)
+    told = f"; with it wait {waiting}" if waiting else ""
+    switch = stop.reason == "off"
+    return Problem(
+        stop.node.path,
+        f"{subject.title(stop.node)} never computes: {reason}{told}",
+        property=stop.port,
+        expected="a wire from an event",
+        related=tuple(node.path for node in stop.waiting),
+        hint=f"switch {stop.cause} on again" if switch else None,
+        severity="note" if switch else None,
+    )
+
+
+@rule("K02", "graph-not-in-scene", scope="lint", severity="note")
+def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
+    """A graph is deactivated, or is only an override of something that is not there.
+
+    Why: Isaac Sim evaluates no graph that is not in the scene. A graph that is deactivated while
+    the timeline plays may go on publishing until the stage is opened again. An `over` on an asset
+    brings a graph only where the asset holds one.
+
+    Fix: activate the graph in the Stage panel, or delete it; define a graph in the file itself,
+    with `def`, where it is only an `over`.
+
+    Example: `ActionGraph` with `active = false` still holds the only publisher of `/scan`.
+    """
+    for graph in subject.graphs():
+        if graph.active:
+            continue
+        prim = subject.stage.prims.get(graph.path)
+        is_over = prim is None or (prim.active and not prim.defined)
+        if is_over and is_unresolved(subject.stage, graph.path):
+            continue
+        what = "is only an over without a def" if is_over else "is deactivated"
+        nodes = len(graph.nodes) + len(graph.absent)
+        yield Problem(
+            graph.path,
+            f"graph {what}: none of its {nodes} nodes computes",
+            severity="error" if is_over else None,
+        )
+
+
+@rule("K03", "graph-not-evaluated", scope="lint")
+def graph_not_evaluated(subject: LintSubject) -> Iterator[Problem]:
+    """A graph is saved so that Isaac Sim never evaluates it.
+
+    Why: an on-demand graph waits for an event of its own kind, as On Physics Step, and is left out
+    by the updates of the application. An instanced graph is evaluated only where a prim refers to
+    it.
+
+    Fix: make a new Action Graph and move the nodes there, or set pipeline stage and evaluation mode
+    of this one as a new Action Graph has them.
+
+    Example: On Playback Tick in a graph with `pipelineStage = "pipelineStageOnDemand"`.
+    """
+    form = subject.catalog.graph.evaluation
+    for graph in subject.graphs():
+        if not graph.active or not graph.nodes or subject.is_open(graph.path):
+            continue
+        if not is_graph_evaluated(graph, subject.stage, subject.lab):
+            mode = graph.attributes.get(form.mode)
+            name = form.mode if mode in form.by_reference else form.stage
+            yield Problem(
+                graph.path,
+                f"graph is never evaluated: {name} is '{graph.attributes.get(name)}', "
+                f"expected '{subject.catalog.graph.value(name)}'",
+                property=name,
+                expected=str(subject.catalog.graph.value(name)),
+                actual=str(graph.attributes.get(name)),
+            )
+
+
+@rule("K04", "event-never-fires", scope="lint")
+def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
+    """An event stands in a graph in which it never fires.
+
+    Why: On Physics Step fires only in an on-demand graph, On Playback Tick and On Tick only in a
+    graph of the simulation pipeline. Elsewhere nothing behind them computes.
+
+    Fix: use the event of the graph's own kind: On Playback Tick in an ordinary Action Graph, On
+    Physics Step in one whose pipeline stage is on demand.
+
+    Example: On Physics Step triggers the controllers of an ordinary Action Graph.
+    """
+    form = subject.catalog.graph.evaluation
+    for graph in subject.graphs():
+        if not graph.active or not is_graph_evaluated(graph, subject.stage, subject.lab):
+            continue
+        if graph.attributes.get(form.evaluator) in form.all_nodes:
+            continue
+        for node in graph.nodes:
+            needed = event_of(node, subject.lab)
+            if needed and not subject.runs(node.path) and node.path in subject.live:
+                waiting = _triggered(node, graph)
+                if waiting:
+                    yield Problem(
+                        node.path,
+                        f"{subject.title(node)} never fires in a graph of "
+                        f"{graph.attributes.get(form.stage, 'no pipeline stage')}, so that "
+                        f"{', '.join(other.name for other in waiting)} never compute",
+                        expected=needed,
+                        actual=str(graph.attributes.get(form.stage)),
+                        related=tuple(other.path for other in waiting),
+                    )
+
+
+def _triggered(event: Node, graph: GraphModel) -> list[Node]:
+    prefix = f"{event.path}."
+    return [
+        node
+        for node in graph.nodes
+        if any(source.startswith(prefix) for s in node.ports.values() for source in s.sources)
+    ]
+
+
+@rule("K05", "stray-node", scope="lint", severity="warning")
+def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
+    """A node stands outside every graph, or a prim in a graph is no node.
+
+    Why: Isaac Sim evaluates nodes only as children of a graph. What stands elsewhere, or has
+    another type than a node's, never computes.
+
+    Fix: drag the node into its graph in the Stage panel, or delete it.
+
+    Example: `/to_string`, left at the root when its graph was renamed.
+    """
+    for node in nodes_outside_graphs(subject.stage):
+        if subject.catalog.graph.ignores(node.path):
+            continue
+        yield Problem(
+            node.path,
+            f"{subject.title(node)} stands outside every graph and never computes",
+            severity="error" if has_job(node) else None,
+        )
+    for graph in subject.graphs():
+        for there in graph.absent if graph.active else ():
+            if there.reason not in (DEACTIVATED, OVER) and there.type_name:
+                yield Problem(there.path, f"is no node but {there.reason}, and never computes")
+
+
+@rule("K06", "switched-off", scope="lint", severity="note")
+def switched_off(subject: LintSubject) -> Iterator[Problem]:
+    """A node that talks to ROS is switched off.
+
+    Why: with Enabled off a helper publishes nothing, and a render product is not made, so that the
+    helpers behind it publish nothing either.
+
+    Fix: switch Enabled on in the Property panel, if that was not on purpose.
+
+    Example: `inputs:enabled = 0` on a ROS2 Camera Helper.
+    """
+    for node in subject.live.values():
+        if has_job(node) and effective_value(node, ENABLED, subject.live) is False:
+            yield Problem(node.path, f"{subject.title(node)} is switched off", property=ENABLED)
+
+
+@rule("K07", "instanced-graph", scope="lint", severity="warning")
+def graph_in_instance(subject: LintSubject) -> Iterator[Problem]:
+    """A graph belongs to an instanceable prim.
+
+    Why: Isaac Sim loads no graph of an instance: the graph is shared by all copies and belongs to
+    none.
+
+    Fix: switch Instanceable off on the prim above the graph.
+
+    Example: a robot that is referenced with `instanceable = true` and carries its Action Graphs.
+    """
+    for graph in subject.graphs():
+        if graph.active and graph.instanced:
+            yield Problem(graph.path, "graph is part of an instance, of which no graph is loaded")

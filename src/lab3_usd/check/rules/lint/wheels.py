@@ -1,0 +1,161 @@
+"""Rules about wheels: limits, sizes, who commands them, and in which order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from lab3_usd.check.lint.robots import (
+    Command,
+    commands,
+    controller_of,
+    joints_of,
+    wired_commands,
+)
+from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.lint.wheels import anchor, wheel_distance, wheel_radius
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.running import effective_value
+from lab3_usd.check.rules.graphs.limits import stopping_limits
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.physics import number
+from lab3_usd.model.stage import Node, Prim
+
+_RADIUS, _DISTANCE = "inputs:wheelRadius", "inputs:wheelDistance"
+_CLOSE = 0.05  # of the geometry, which a builder rounds
+_PAIR = 2
+
+
+@rule("K63", "limit-needs-time-step", scope="lint")
+def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
+    """An acceleration limit is set, and the time step that it needs is 0.
+
+    Why: the controller refuses to compute a step without a time step: the robot never moves.
+
+    Fix: wire Delta Seconds of On Playback Tick to Dt, or set the limits to 0.
+
+    Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not wired.
+    """
+    live = subject.live
+    for node in live.values():
+        limits = [port for port, _ in stopping_limits(live, node)]
+        if limits and node.type is not None:
+            step = node.type.time_step[0]
+            yield Problem(
+                node.path,
+                f"{', '.join(limits)} needs a time step, and {step} is 0",
+                property=step,
+                expected="a wire from the delta of the tick",
+                actual="0",
+            )
+
+
+@rule("K64", "wheels-of-another-size", scope="lint", severity="warning")
+def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
+    """Wheel radius or wheel distance in the controller differ from the robot's wheels.
+
+    Why: the robot drives faster or slower, or turns more or less, than it is told; odometry that is
+    computed from the commands is wrong by the same factor.
+
+    Fix: measure the wheels and set the values, in metres; in stage units where the velocity is
+    scaled to them.
+
+    Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
+    """
+    for _, controller, pair in _driven_pairs(subject):
+        radii = [wheel_radius(joint, subject.stage) for joint in pair]
+        found = {_RADIUS: None if radii[0] != radii[1] else radii[0]}
+        found[_DISTANCE] = wheel_distance(*pair, subject.stage)
+        for port, measured in found.items():
+            value = number(effective_value(controller, port, subject.live))
+            if value and measured and not _fits(value, measured, subject):
+                yield Problem(
+                    controller.path,
+                    f"{port} is {value:g}, the wheels have {measured:.4g} m",
+                    property=port,
+                    expected=f"{measured:.4g}",
+                    actual=f"{value:g}",
+                    related=tuple(joint.path for joint in pair),
+                )
+
+
+def _fits(value: float, measured: float, subject: LintSubject) -> bool:
+    """Whether a value is what was measured, in metres or in units of the stage."""
+    units = (1.0, subject.stage.meters_per_unit)
+    return any(math.isclose(value * unit, measured, rel_tol=_CLOSE) for unit in units)
+
+
+def _driven_pairs(subject: LintSubject) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
+    """Yield the commands of two wheels, with what computes them and the joints in its order."""
+    for command in commands(subject):
+        controller = controller_of(command, subject)
+        if controller is None or command.is_open or len(command.names or ()) != _PAIR:
+            continue
+        known = joints_of(command, subject.stage) if command.roots else {}
+        pair = [known[name] for name in command.names or () if name in known]
+        if len(pair) == _PAIR:
+            yield command, controller, (pair[0], pair[1])
+
+
+@rule("K65", "joint-of-two-controllers", scope="lint")
+def joint_of_two_controllers(subject: LintSubject) -> Iterator[Problem]:
+    """Two nodes command the same joint.
+
+    Why: each overwrites at every update what the other has told the joint. A controller without
+    joint names commands all of them.
+
+    Fix: delete one of the controllers, or name in each the joints that are its own.
+
+    Example: the menu's Differential Controller graph beside one's own on the same robot.
+    """
+    running = [each for each in commands(subject) if subject.runs(each.node.path)]
+    for index, command in enumerate(running):
+        for other in running[:index]:
+            shared = _shared(command, other, subject)
+            if shared:
+                yield Problem(
+                    command.node.path,
+                    f"commands {', '.join(shared)}, which {other.node.path} commands as well",
+                    property=command.ports.joints,
+                    related=(other.node.path,),
+                )
+                break
+
+
+def _shared(one: Command, other: Command, subject: LintSubject) -> list[str]:
+    """Return the joints that both command by the same kind of command."""
+    kinds = set(wired_commands(one)) & set(wired_commands(other))
+    if not kinds or not set(one.roots) & set(other.roots) or None in (one.names, other.names):
+        return []
+    every = list(joints_of(one, subject.stage))
+    first, second = (list(each.names or every) for each in (one, other))
+    return [name for name in first if name in second]
+
+
+@rule("K66", "left-and-right", scope="lint", severity="warning")
+def left_and_right(subject: LintSubject) -> Iterator[Problem]:
+    """The names of the wheel joints stand in the order right, left.
+
+    Why: the controller gives the speeds in the order left, right. With the names exchanged, the
+    robot turns to the wrong side.
+
+    Fix: exchange the two names.
+
+    Example: `jointNames = ["wheel_right_joint", "wheel_left_joint"]`.
+    """
+    for command, controller, (first, second) in _driven_pairs(subject):
+        says_so = "right" in first.name.lower() and "left" in second.name.lower()
+        places = [anchor(joint, subject.stage) for joint in (first, second)]
+        is_so = True
+        if places[0] is not None and places[1] is not None and subject.stage.up_axis == "Z":
+            is_so = places[0][1] <= places[1][1]
+        if says_so and is_so:
+            yield Problem(
+                command.node.path,
+                f"the speeds of {controller.name} are those of the left and the right wheel, the "
+                f"names are {first.name}, {second.name}",
+                property=command.ports.joints,
+                expected=f"{second.name}, {first.name}",
+                actual=f"{first.name}, {second.name}",
+                related=(controller.path,),
+            )

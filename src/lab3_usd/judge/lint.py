@@ -1,0 +1,127 @@
+"""Reads any stage, has it judged without a spec, and places what was found in its files."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from msgspec.structs import replace
+
+from lab3_usd.check.lint.linter import lint
+from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.rule_runs import RuleResults
+from lab3_usd.errors import StageError, UsageError
+from lab3_usd.judge.entries import STAGE_ENDINGS
+from lab3_usd.judge.stage import UNREADABLE, located, unreadable, verdict_of
+from lab3_usd.model.finding import Crash, Score, StageResult
+from lab3_usd.model.order import ordered
+from lab3_usd.spec.isaac import NEWEST
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_isaac_types, load_lab
+
+
+class LintSettings(NamedTuple):
+    """How to judge: by which release of Isaac Sim, and whether notes in the stage count."""
+
+    release: str = NEWEST
+    heeds_ignores: bool = False
+
+
+@lru_cache(maxsize=4)
+def lint_lab(release: str) -> Lab:
+    """Return the lab with every public node type of a release in its catalog.
+
+    Raises:
+        UsageError: the release is not known.
+    """
+    types = load_isaac_types()
+    known = (*types.releases, NEWEST)
+    if release not in known:
+        message = f"there is no Isaac Sim '{release}' here; known are {', '.join(known)}"
+        raise UsageError(message)
+    return replace(load_lab(), catalog=types.in_release(release))
+
+
+def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageResult:
+    """Judge the stage at `path` by what its nodes do, whatever it is for.
+
+    Raises:
+        UsageError: the release is not known.
+    """
+    release = (settings or LintSettings()).release
+    lab = lint_lab(release)
+    from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+
+    try:
+        with quiet():
+            stage = open_stage(Path(path))
+            model = read_model(stage, lab, str(path))
+            found = lint(LintSubject(lab, load_isaac_types(), model, release))
+    except StageError as error:
+        return unreadable(str(path), None, str(error))
+    findings = ordered(located(found.findings, path, stage))
+    verdict = verdict_of(findings, found.crashes)
+    result = StageResult(str(path), None, verdict, Score(0.0, 0.0), findings, crashes=found.crashes)
+    if not (settings and settings.heeds_ignores):
+        return result
+    from lab3_usd.judge.ignoring import without_ignored  # noqa: PLC0415 - only for lab3 lint
+
+    return without_ignored(result)
+
+
+def lint_open_stage(stage: Any, release: str = NEWEST) -> RuleResults:  # noqa: ANN401 - pxr has no types
+    """Judge a stage that somebody else has open, which is left as it is.
+
+    Raises:
+        StageError: a file of the stage is damaged.
+    """
+    from lab3_usd.stage.read.opening import reopened  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+
+    lab = lint_lab(release)
+    model = read_model(reopened(stage), lab, stage.GetRootLayer().identifier)
+    found = lint(LintSubject(lab, load_isaac_types(), model, release))
+    return RuleResults(ordered(found.findings), found.crashes)
+
+
+def find_stages(path: str) -> Iterator[str]:
+    """Yield what a path names: a stage, or the stages of a folder.
+
+    Raises:
+        UsageError: the folder holds no stage.
+    """
+    if not Path(path).is_dir():
+        yield path
+        return
+    files = sorted(each for each in Path(path).iterdir() if each.suffix.lower() in STAGE_ENDINGS)
+    if not files:
+        message = f"{path}: holds no stage"
+        raise UsageError(message)
+    yield from map(str, files)
+
+
+def lint_stages(
+    paths: Sequence[str], settings: LintSettings, jobs: int = 1
+) -> Generator[StageResult]:
+    """Yield the result of each stage, in order, judged in as many processes as asked for."""
+    if min(jobs, len(paths)) <= 1:
+        from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, only when needed
+
+        with kept_open():
+            yield from (lint_stage(path, settings) for path in paths)
+        return
+    from lab3_usd.judge.processes import in_processes  # noqa: PLC0415 - only with --jobs
+
+    yield from in_processes(partial(_lint, settings), _crashed, paths, min(jobs, len(paths)))
+
+
+def _lint(settings: LintSettings, path: str) -> StageResult:
+    return lint_stage(path, settings)
+
+
+def _crashed(path: str, how: str) -> StageResult:
+    reason = f"the process that read it ended ({how})"
+    return replace(unreadable(path, None, reason), crashes=(Crash(UNREADABLE, reason),))

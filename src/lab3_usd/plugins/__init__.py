@@ -1,0 +1,1 @@
+"""Adapters that make other validators run the linter."""

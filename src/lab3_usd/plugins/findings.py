@@ -1,0 +1,35 @@
+"""What the linter says of a stage that somebody else has open; it never raises."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lab3_usd.judge.lint import lint_open_stage
+from lab3_usd.model.finding import Finding
+
+CRASH = "the linter itself failed"
+
+
+def findings_of(stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
+    """Return the findings of an open stage, in order; a crash of a rule is a finding as well.
+
+    An exception that leaves a validator ends the whole run of the program around it.
+    """
+    try:
+        results = lint_open_stage(stage)
+    except Exception as error:  # noqa: BLE001 - see above
+        return (_crash(f"{type(error).__name__}: {error}"),)
+    crashes = (_crash(f"{each.rule}: {each.error}") for each in results.crashes)
+    return (*results.findings, *crashes)
+
+
+def _crash(text: str) -> Finding:
+    return Finding("F01", "crash", "error", "/", f"{CRASH}: {text}")
+
+
+def text_of(finding: Finding) -> str:
+    """Return a finding as one line: rule, message and repair."""
+    is_named = finding.property is None or finding.property in finding.message
+    place = "" if is_named else f"{finding.property}: "
+    hint = f" ({' '.join(finding.hint.split())})" if finding.hint else ""
+    return f"{finding.rule} {finding.name}: {place}{finding.message}{hint}"

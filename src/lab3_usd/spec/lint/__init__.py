@@ -1,0 +1,1 @@
+"""What contradicts itself in the description of a lab."""

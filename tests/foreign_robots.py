@@ -1,0 +1,489 @@
+"""Robots that are not the lab's, each with the graphs that make it drive and sense in ROS 2.
+
+Written with pxr alone, as their makers would: in other units, with another up axis, in namespaces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+
+from lab3_usd.spec.load.loader import load_isaac_types
+
+Ports = Mapping[str, Any]
+Nodes = Mapping[str, tuple[str, Ports]]
+_ROS, _CORE = "isaacsim.ros2.bridge.", "isaacsim.core.nodes."
+_SENSORS, _WHEELED = "isaacsim.sensors.physics.", "isaacsim.robot.wheeled_robots."
+_PREFIXES = {"ros.": _ROS, "core.": _CORE, "sensors.": _SENSORS, "wheeled.": _WHEELED}
+_PREFIXES |= {"action.": "omni.graph.action.", "nodes.": "omni.graph.nodes."}
+_SIGNAL = {"isExecution": True}
+
+
+def full_type(short: str) -> str:
+    """Return the whole name of a node type: `ros.ROS2Context` is one of the bridge's."""
+    prefix = next((each for each in _PREFIXES if short.startswith(each)), "")
+    return _PREFIXES.get(prefix, "") + short[len(prefix) :]
+
+
+def write_graph(
+    stage: Usd.Stage, path: str, nodes: Nodes, wires: Sequence[str], **attributes: Any
+) -> None:
+    """Write an Action Graph: values and targets of its nodes, and wires `a.x -> b.y`."""
+    prim = stage.DefinePrim(path, "OmniGraph")
+    said = {
+        "evaluationMode": "Automatic",
+        "evaluator:type": "execution",
+        "pipelineStage": "pipelineStageSimulation",
+        **attributes,
+    }
+    for name, value in said.items():
+        prim.CreateAttribute(name, Sdf.ValueTypeNames.Token, custom=False).Set(value)
+    for name, (kind, ports) in nodes.items():
+        write_node(stage, f"{path}/{name}", kind, ports)
+    for wire in wires:
+        source, target = wire.split(" -> ")
+        connect(stage, path, source, target)
+
+
+def write_node(stage: Usd.Stage, path: str, kind: str, ports: Ports) -> Usd.Prim:
+    known = load_isaac_types().catalog.types.get(full_type(kind))
+    node = stage.DefinePrim(path, "OmniGraphNode")
+    node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token, custom=False).Set(full_type(kind))
+    version = 1 if known is None else known.version
+    node.CreateAttribute("node:typeVersion", Sdf.ValueTypeNames.Int, custom=False).Set(version)
+    for short, value in ports.items():
+        port = None if known is None else known.input(short)
+        name = f"inputs:{short}"
+        if port is not None and port.is_target:
+            node.CreateRelationship(name, custom=True).SetTargets(
+                [Sdf.Path(each) for each in ([value] if isinstance(value, str) else value)]
+            )
+        else:
+            usd_type = "token" if port is None else port.usd_type
+            node.CreateAttribute(name, Sdf.ValueTypeNames.Find(usd_type), custom=True).Set(
+                _as_usd(value, usd_type)
+            )
+    return node
+
+
+def _as_usd(value: Any, usd_type: str) -> Any:
+    if usd_type == "token[]":
+        return Vt.TokenArray(value)
+    return Gf.Vec3d(*value) if usd_type in {"vector3d", "double3"} else value
+
+
+def connect(stage: Usd.Stage, graph: str, source: str, target: str) -> None:
+    """Wire one port to another, each declared as the application declares it."""
+    source_path = _declared(stage, graph, source, is_output=True)
+    target_path = _declared(stage, graph, target, is_output=False)
+    target_attribute = stage.GetAttributeAtPath(target_path)
+    target_attribute.AddConnection(source_path)
+
+
+def _declared(stage: Usd.Stage, graph: str, ref: str, *, is_output: bool) -> Sdf.Path:
+    name, _, short = ref.partition(".")
+    node = stage.GetPrimAtPath(f"{graph}/{name}")
+    kind = load_isaac_types().catalog.get(str(node.GetAttribute("node:type").Get()))
+    port = None if kind is None else (kind.source(short) if is_output else kind.input(short))
+    full = port.name if port is not None else f"{'outputs' if is_output else 'inputs'}:{short}"
+    if not node.HasAttribute(full):
+        usd_type = "token" if port is None else port.usd_type
+        attribute = node.CreateAttribute(full, Sdf.ValueTypeNames.Find(usd_type), custom=True)
+        if port is not None and port.is_execution:
+            for key, value in _SIGNAL.items():
+                attribute.SetCustomDataByKey(key, value)
+    return Sdf.Path(f"{graph}/{name}.{full}")
+
+
+def empty_stage(up: str, meters_per_unit: float) -> Usd.Stage:
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, up)
+    UsdGeom.SetStageMetersPerUnit(stage, meters_per_unit)
+    stage.DefinePrim("/World", "Xform")
+    UsdPhysics.Scene.Define(stage, "/World/physicsScene")
+    return stage
+
+
+def add_api(prim: Usd.Prim, *names: str) -> Usd.Prim:
+    """Apply schemas that usd-core may not know."""
+    for name in names:
+        prim.AddAppliedSchema(name)
+    return prim
+
+
+def body(stage: Usd.Stage, path: str, at: Sequence[float]) -> Usd.Prim:
+    xform = UsdGeom.Xform.Define(stage, path)
+    xform.AddTranslateOp().Set(Gf.Vec3d(*at))
+    return add_api(xform.GetPrim(), "PhysicsRigidBodyAPI")
+
+
+def wheel(
+    stage: Usd.Stage, path: str, at: Sequence[float], radius: float, axis: str = "Y"
+) -> Usd.Prim:
+    made = body(stage, path, at)
+    shape = UsdGeom.Cylinder.Define(stage, f"{path}/collision")
+    shape.CreateRadiusAttr(radius)
+    shape.CreateHeightAttr(radius / 2)
+    shape.CreateAxisAttr(axis)
+    add_api(shape.GetPrim(), "PhysicsCollisionAPI")
+    return made
+
+
+def revolute(  # noqa: PLR0913, PLR0917 - one of each
+    stage: Usd.Stage, path: str, base: str, moved: str, at: Sequence[float], axis: str
+) -> Usd.Prim:
+    """A joint with a velocity drive, as an importer writes it."""
+    joint = UsdPhysics.RevoluteJoint.Define(stage, path)
+    joint.CreateBody0Rel().SetTargets([base])
+    joint.CreateBody1Rel().SetTargets([moved])
+    joint.CreateAxisAttr(axis)
+    joint.CreateLocalPos0Attr(Gf.Vec3f(*at))
+    drive = UsdPhysics.DriveAPI.Apply(joint.GetPrim(), "angular")
+    drive.CreateStiffnessAttr(0.0)
+    drive.CreateDampingAttr(1000.0)
+    return joint.GetPrim()
+
+
+TICK = ("action.OnPlaybackTick", {})
+CONTEXT = ("ros.ROS2Context", {})
+TIME = ("core.IsaacReadSimulationTime", {"resetOnStop": True})
+
+
+def rover() -> Usd.Stage:
+    """A differential robot in centimetres: clock, drive, odometry, TF, lidar, camera, joints."""
+    stage = rover_scene()
+    _rover_graphs(stage, "/World/Rover")
+    return stage
+
+
+def rover_scene() -> Usd.Stage:
+    """The same robot without a graph."""
+    stage = empty_stage("Z", 0.01)
+    robot = "/World/Rover"
+    add_api(UsdGeom.Xform.Define(stage, robot).GetPrim(), "IsaacRobotAPI")
+    base = body(stage, f"{robot}/chassis", (0, 0, 10))
+    add_api(base, "PhysicsArticulationRootAPI", "IsaacLinkAPI")
+    for side, y in (("left", 20), ("right", -20)):
+        add_api(wheel(stage, f"{robot}/{side}_wheel", (0, y, 10), 10.0), "IsaacLinkAPI")
+        revolute(
+            stage,
+            f"{robot}/{side}_wheel_joint",
+            f"{robot}/chassis",
+            f"{robot}/{side}_wheel",
+            (0, y, 0),
+            "Y",
+        )
+    _rover_sensors(stage, f"{robot}/chassis")
+    return stage
+
+
+def _rover_sensors(stage: Usd.Stage, base: str) -> None:
+    lidar = add_api(stage.DefinePrim(f"{base}/laser", "OmniLidar"), "OmniSensorGenericLidarCoreAPI")
+    for name, usd_type, value in (
+        ("omni:sensor:tickRate", "float", 20.0),
+        ("omni:sensor:Core:scanRateBaseHz", "uint", 20),
+        ("omni:sensor:Core:patternFiringRateHz", "uint", 7200),
+        ("omni:sensor:Core:nearRangeM", "float", 0.2),
+        ("omni:sensor:Core:farRangeM", "float", 30.0),
+    ):
+        lidar.CreateAttribute(name, Sdf.ValueTypeNames.Find(usd_type), custom=False).Set(value)
+    UsdGeom.Camera.Define(stage, f"{base}/eye")
+
+
+def _rover_graphs(stage: Usd.Stage, robot: str) -> None:
+    write_graph(
+        stage,
+        "/World/Clock",
+        {"tick": TICK, "context": CONTEXT, "time": TIME, "clock": ("ros.ROS2PublishClock", {})},
+        [
+            "tick.tick -> clock.execIn",
+            "context.context -> clock.context",
+            "time.simulationTime -> clock.timeStamp",
+        ],
+    )
+    write_graph(
+        stage,
+        "/World/Drive",
+        {
+            "tick": TICK,
+            "context": CONTEXT,
+            "twist": ("ros.ROS2SubscribeTwist", {"topicName": "cmd_vel"}),
+            "metres": ("core.OgnIsaacScaleToFromStageUnit", {}),
+            "linear": ("nodes.BreakVector3", {}),
+            "angular": ("nodes.BreakVector3", {}),
+            "drive": (
+                "wheeled.DifferentialController",
+                {"wheelRadius": 10.0, "wheelDistance": 40.0, "maxLinearSpeed": 150.0},
+            ),
+            "left": ("nodes.ConstantToken", {"value": "left_wheel_joint"}),
+            "right": ("nodes.ConstantToken", {"value": "right_wheel_joint"}),
+            "names": ("nodes.ConstructArray", {"arraySize": 2, "arrayType": "token[]"}),
+            "move": ("core.IsaacArticulationController", {"targetPrim": robot}),
+        },
+        [
+            "tick.tick -> twist.execIn",
+            "tick.tick -> drive.execIn",
+            "tick.tick -> move.execIn",
+            "context.context -> twist.context",
+            "twist.linearVelocity -> metres.value",
+            "metres.result -> linear.tuple",
+            "twist.angularVelocity -> angular.tuple",
+            "linear.x -> drive.linearVelocity",
+            "angular.z -> drive.angularVelocity",
+            "tick.deltaSeconds -> drive.dt",
+            "left.value -> names.input0",
+            "right.value -> names.input1",
+            "names.array -> move.jointNames",
+            "drive.velocityCommand -> move.velocityCommand",
+        ],
+    )
+    base = f"{robot}/chassis"
+    write_graph(
+        stage,
+        "/World/Odometry",
+        {
+            "tick": TICK,
+            "context": CONTEXT,
+            "time": TIME,
+            "compute": ("core.IsaacComputeOdometry", {"chassisPrim": base}),
+            "odometry": ("ros.ROS2PublishOdometry", {"chassisFrameId": "chassis"}),
+            "transform": ("ros.ROS2PublishRawTransformTree", {"childFrameId": "chassis"}),
+            "frames": (
+                "core.IsaacComputeTransformTree",
+                {
+                    "parentPrim": base,
+                    "targetPrims": [
+                        f"{robot}/left_wheel",
+                        f"{robot}/right_wheel",
+                        f"{base}/laser",
+                        f"{base}/eye",
+                    ],
+                },
+            ),
+            "tree": ("ros.ROS2PublishTransformTree", {}),
+            "joints": ("ros.ROS2PublishJointState", {"targetPrim": robot}),
+        },
+        [
+            "tick.tick -> compute.execIn",
+            "compute.execOut -> odometry.execIn",
+            "tick.tick -> transform.execIn",
+            "tick.tick -> frames.execIn",
+            "frames.execOut -> tree.execIn",
+            "tick.tick -> joints.execIn",
+            *(f"context.context -> {each}.context" for each in PUBLISHERS),
+            *(f"time.simulationTime -> {each}.timeStamp" for each in PUBLISHERS),
+            "compute.position -> odometry.position",
+            "compute.orientation -> odometry.orientation",
+            "compute.linearVelocity -> odometry.linearVelocity",
+            "compute.angularVelocity -> odometry.angularVelocity",
+            "compute.position -> transform.translation",
+            "compute.orientation -> transform.rotation",
+            *(f"frames.{each} -> tree.{each}" for each in ARRAYS),
+        ],
+    )
+    sensor_graph(stage, "/World/Lidar", f"{base}/laser", "ros.ROS2RtxLidarHelper", "laser", "scan")
+    sensor_graph(stage, "/World/Camera", f"{base}/eye", "ros.ROS2CameraHelper", "eye", "rgb")
+
+
+PUBLISHERS = ("odometry", "transform", "tree", "joints")
+ARRAYS = ("parentFrames", "childFrames", "translations", "orientations")
+
+
+def sensor_graph(  # noqa: PLR0913, PLR0917 - one of each
+    stage: Usd.Stage, path: str, sensor: str, helper: str, frame: str, topic: str
+) -> None:
+    """Write the graph of one sensor, as the menus of Isaac Sim do."""
+    write_graph(
+        stage,
+        path,
+        {
+            "tick": TICK,
+            "context": CONTEXT,
+            "once": ("core.OgnIsaacRunOneSimulationFrame", {}),
+            "product": ("core.IsaacCreateRenderProduct", {"cameraPrim": sensor}),
+            "helper": (helper, {"frameId": frame, "topicName": topic}),
+        },
+        [
+            "tick.tick -> once.execIn",
+            "once.step -> product.execIn",
+            "product.execOut -> helper.execIn",
+            "product.renderProductPath -> helper.renderProductPath",
+            "context.context -> helper.context",
+        ],
+    )
+
+
+def truck() -> Usd.Stage:
+    """A car of four wheels with Y up, in a namespace: steering by position, driving by velocity."""
+    stage = empty_stage("Y", 1.0)
+    robot = "/Fleet/Truck"
+    add_api(UsdGeom.Xform.Define(stage, robot).GetPrim(), "IsaacRobotAPI")
+    base = add_api(body(stage, f"{robot}/frame", (0, 0.5, 0)), "PhysicsArticulationRootAPI")
+    base.CreateAttribute("isaac:namespace", Sdf.ValueTypeNames.String).Set("truck_1")
+    for name, x, z in (("front_left", 1, -0.6), ("front_right", 1, 0.6), ("rear", -1, 0)):
+        wheel(stage, f"{robot}/{name}", (x, 0.5, z), 0.5, "Z")
+        joint = revolute(
+            stage, f"{robot}/joints/{name}", f"{robot}/frame", f"{robot}/{name}", (x, 0, z), "Z"
+        )
+        if name != "rear":
+            UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(5000.0)
+    UsdGeom.Camera.Define(stage, f"{robot}/frame/front_camera")
+    camera = f"{robot}/frame/front_camera"
+    write_graph(
+        stage,
+        f"{robot}/Steering",
+        {
+            "tick": TICK,
+            "context": ("ros.ROS2Context", {"domain_id": 7, "useDomainIDEnvVar": False}),
+            "command": ("ros.ROS2SubscribeAckermannDrive", {"topicName": "drive"}),
+            "ackermann": (
+                "wheeled.AckermannController",
+                {
+                    "wheelBase": 2.0,
+                    "trackWidth": 1.2,
+                    "frontWheelRadius": 0.5,
+                    "backWheelRadius": 0.5,
+                },
+            ),
+            "steer": (
+                "core.IsaacArticulationController",
+                {"targetPrim": f"{robot}/frame", "jointNames": ["front_left", "front_right"]},
+            ),
+            "push": (
+                "core.IsaacArticulationController",
+                {"targetPrim": f"{robot}/frame", "jointNames": ["rear"]},
+            ),
+        },
+        [
+            "tick.tick -> command.execIn",
+            "tick.tick -> ackermann.execIn",
+            "tick.tick -> steer.execIn",
+            "tick.tick -> push.execIn",
+            "tick.deltaSeconds -> ackermann.dt",
+            "context.context -> command.context",
+            "command.speed -> ackermann.speed",
+            "command.steeringAngle -> ackermann.steeringAngle",
+            "ackermann.wheelAngles -> steer.positionCommand",
+            "ackermann.wheelRotationVelocity -> push.velocityCommand",
+        ],
+    )
+    write_graph(
+        stage,
+        f"{robot}/State",
+        {
+            "tick": TICK,
+            "context": ("ros.ROS2Context", {"domain_id": 7, "useDomainIDEnvVar": False}),
+            "time": ("core.IsaacReadSimulationTime", {}),
+            "clock": ("ros.ROS2PublishClock", {}),
+            "compute": ("core.IsaacComputeOdometry", {"chassisPrim": f"{robot}/frame"}),
+            "odometry": (
+                "ros.ROS2PublishOdometry",
+                {"chassisFrameId": "frame", "topicName": "state/odom"},
+            ),
+            "transform": ("ros.ROS2PublishRawTransformTree", {"childFrameId": "frame"}),
+            "tree": (
+                "ros.ROS2PublishTransformTree",
+                {"parentPrim": f"{robot}/frame", "targetPrims": [camera]},
+            ),
+        },
+        [
+            "tick.tick -> clock.execIn",
+            "tick.tick -> compute.execIn",
+            "compute.execOut -> odometry.execIn",
+            "compute.execOut -> transform.execIn",
+            "tick.tick -> tree.execIn",
+            *(f"context.context -> {each}.context" for each in _TOLD),
+            *(f"time.simulationTime -> {each}.timeStamp" for each in _TOLD),
+            *(f"compute.{each} -> odometry.{each}" for each in _POSE),
+            "compute.position -> transform.translation",
+            "compute.orientation -> transform.rotation",
+        ],
+    )
+    sensor_graph(
+        stage, f"{robot}/Eye", camera, "ros.ROS2CameraInfoHelper", "front_camera", "camera_info"
+    )
+    context = stage.GetPrimAtPath(f"{robot}/Eye/context")
+    context.CreateAttribute("inputs:domain_id", Sdf.ValueTypeNames.UChar, custom=True).Set(7)
+    context.CreateAttribute("inputs:useDomainIDEnvVar", Sdf.ValueTypeNames.Bool, custom=True).Set(
+        False  # noqa: FBT003 - pxr takes it so
+    )
+    return stage
+
+
+_TOLD = ("clock", "odometry", "transform", "tree")
+_POSE = ("position", "orientation", "linearVelocity", "angularVelocity")
+
+
+def arm() -> Usd.Stage:
+    """An arm that is told joint states and tells its own, with an inertial sensor, at the root."""
+    stage = empty_stage("Z", 1.0)
+    root = "/arm"
+    add_api(UsdGeom.Xform.Define(stage, root).GetPrim(), "PhysicsArticulationRootAPI")
+    links = ("base", "shoulder", "elbow", "tool")
+    for number, name in enumerate(links):
+        body(stage, f"{root}/{name}", (0, 0, 0.3 * number))
+    for number, name in enumerate(links[1:]):
+        joint = revolute(
+            stage,
+            f"{root}/{name}_joint",
+            f"{root}/{links[number]}",
+            f"{root}/{name}",
+            (0,) * 3,
+            "Z",
+        )
+        UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(800.0)
+    stage.DefinePrim(f"{root}/tool/imu", "IsaacImuSensor")
+    write_graph(
+        stage,
+        "/ActionGraph",
+        {
+            "on_tick": TICK,
+            "ros2_context": CONTEXT,
+            "read_time": ("core.IsaacReadSimulationTime", {}),
+            "clock": ("ros.ROS2PublishClock", {}),
+            "read_joints": ("sensors.IsaacReadJointState", {"prim": root}),
+            "joint_states": ("ros.ROS2PublishJointState", {}),
+            "command": ("ros.ROS2SubscribeJointState", {}),
+            "controller": ("core.IsaacArticulationController", {"targetPrim": root}),
+            "imu": ("sensors.IsaacReadIMU", {"imuPrim": f"{root}/tool/imu"}),
+            "publish_imu": ("ros.ROS2PublishImu", {"frameId": "tool"}),
+            "frames": (
+                "core.IsaacComputeTransformTree",
+                {"parentPrim": f"{root}/base", "targetPrims": [f"{root}/{n}" for n in links[1:]]},
+            ),
+            "tf": ("ros.ROS2PublishTransformTree", {}),
+        },
+        [
+            *(f"on_tick.tick -> {each}.execIn" for each in _TICKED),
+            "read_joints.execOut -> joint_states.execIn",
+            "imu.execOut -> publish_imu.execIn",
+            "frames.execOut -> tf.execIn",
+            *(f"ros2_context.context -> {each}.context" for each in _IN_CONTEXT),
+            *(f"read_time.simulationTime -> {each}.timeStamp" for each in _STAMPED),
+            *(f"read_joints.{each} -> joint_states.{each}" for each in _JOINTS),
+            *(f"command.{each} -> controller.{each}" for each in _COMMANDS),
+            "imu.linAcc -> publish_imu.linearAcceleration",
+            "imu.angVel -> publish_imu.angularVelocity",
+            "imu.orientation -> publish_imu.orientation",
+            *(f"frames.{each} -> tf.{each}" for each in ARRAYS),
+        ],
+    )
+    return stage
+
+
+_TICKED = ("clock", "read_joints", "command", "controller", "imu", "frames")
+_STAMPED = ("clock", "joint_states", "publish_imu", "tf")
+_IN_CONTEXT = (*_STAMPED, "command")
+_COMMANDS = ("positionCommand", "velocityCommand", "effortCommand", "jointNames")
+_JOINTS = (
+    "jointNames",
+    "jointPositions",
+    "jointVelocities",
+    "jointEfforts",
+    "jointDofTypes",
+    "stageMetersPerUnit",
+)
+
+ROBOTS: dict[str, Callable[[], Usd.Stage]] = {"rover": rover, "truck": truck, "arm": arm}

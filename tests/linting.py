@@ -1,0 +1,42 @@
+"""Lints stages in memory, and says what was found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from breaking import STEPS
+from foreign_robots import ROBOTS
+from pxr import Usd
+
+from lab3_usd.check.lint.linter import lint
+from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.rule_runs import RuleResults
+from lab3_usd.judge.lint import lint_lab
+from lab3_usd.spec.load.loader import load_isaac_types
+from lab3_usd.stage.read.reader import read_model
+
+
+def linted(stage: Usd.Stage, release: str = "6.0") -> RuleResults:
+    lab = lint_lab(release)
+    model = read_model(stage, lab, "stage.usda")
+    return lint(LintSubject(lab, load_isaac_types(), model, release))
+
+
+def said_by(stage: Usd.Stage, *severities: str, release: str = "6.0") -> list[str]:
+    """Return what is found as `RULE PRIM PROPERTY`, sorted; of all severities where none is."""
+    results = linted(stage, release)
+    assert not results.crashes
+    return sorted(
+        f"{each.rule} {each.prim} {each.property or ''}".strip()
+        for each in results.findings
+        if not severities or each.severity in severities
+    )
+
+
+def broken_robot(name: str, steps: list[dict[str, Any]]) -> Usd.Stage:
+    """Return a robot after these steps."""
+    stage = ROBOTS[name]()
+    for step in steps:
+        for verb, arguments in step.items():
+            STEPS[verb](stage, *(arguments if isinstance(arguments, list) else [arguments]))
+    return stage

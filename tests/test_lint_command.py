@@ -1,0 +1,122 @@
+"""`lab3 lint` as a person and a script meet it: paths, exit codes, formats, lines."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from breaking import correct_stage
+from foreign_robots import rover
+from pxr import Usd
+from report_schema import assert_valid
+
+from lab3_usd.judge.lint import lint_stage
+from lab3_usd.report.formats.registry import FORMATS
+
+STAMP = "/World/Clock/clock.inputs:timeStamp"
+
+
+def lint(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lab3_usd", "lint", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def saved(stage: Usd.Stage, path: Path) -> Path:
+    stage.GetRootLayer().Export(str(path))
+    return path
+
+
+@pytest.fixture
+def broken(tmp_path: Path) -> Path:
+    stage = rover()
+    stage.GetAttributeAtPath(STAMP).ClearConnections()
+    return saved(stage, tmp_path / "robot.usda")
+
+
+def test_a_robot_that_works_exits_0(tmp_path: Path) -> None:
+    done = lint(saved(rover(), tmp_path / "robot.usda"))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "robot.usda: pass" in done.stdout
+
+
+def test_a_fault_exits_1_and_names_its_line(broken: Path) -> None:
+    done = lint(broken)
+    assert done.returncode == 1
+    assert "error K10 works-on-zeros /World/Clock/clock.inputs:timeStamp" in done.stdout
+    (finding,) = lint_stage(broken).findings
+    assert finding.line is not None
+    assert "inputs:timeStamp" in broken.read_text().splitlines()[finding.line - 1]
+    assert finding.layer == str(broken)
+
+
+def test_the_checkpoint_is_null_in_json(broken: Path) -> None:
+    report = assert_valid(lint(broken, "--format", "json").stdout)
+    assert [each["checkpoint"] for each in report["results"]] == [None]
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_every_format_can_tell_it(form: str, broken: Path) -> None:
+    done = lint(broken, "--format", form)
+    assert (done.returncode, done.stderr) == (1, "")
+    assert "None" not in done.stdout
+
+
+def test_rules_are_chosen_and_left_out(broken: Path) -> None:
+    assert lint(broken, "--ignore", "K10").returncode == 0
+    assert lint(broken, "--select", "K20").returncode == 0
+    assert lint(broken, "--select", "K").returncode == 1
+
+
+def test_a_folder_means_its_stages(broken: Path) -> None:
+    saved(rover(), broken.with_name("whole.usda"))
+    report = json.loads(lint(broken.parent, "--format", "json").stdout)
+    assert [each["verdict"] for each in report["results"]] == ["fail", "pass"]
+
+
+def test_several_processes_find_the_same(broken: Path) -> None:
+    saved(rover(), broken.with_name("whole.usda"))
+    assert lint(broken.parent, "-j", "2").stdout == lint(broken.parent).stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["no.usda"], "there is no such file or folder"),
+        (["{stage}", "--isaac", "4.0"], "known are 5.0, 5.1, 6.0"),
+        (["{stage}", "--select", "Y99"], "there is no rule or family"),
+        (["{stage}", "-o", "{stage}"], "write the report elsewhere"),
+        (["{folder}/empty"], "holds no stage"),
+    ],
+)
+def test_wrong_usage_exits_2(arguments: list[str], message: str, broken: Path) -> None:
+    (broken.parent / "empty").mkdir()
+    told = [each.format(stage=broken, folder=broken.parent) for each in arguments]
+    done = lint(*told)
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
+def test_a_file_that_is_no_stage_is_unreadable(tmp_path: Path) -> None:
+    path = tmp_path / "robot.usda"
+    path.write_text("not a stage")
+    result = lint_stage(path)
+    assert (result.verdict, result.checkpoint) == ("unreadable", None)
+    assert lint(path).returncode == 1
+
+
+def test_a_missing_sublayer_leaves_the_verdict_open(tmp_path: Path) -> None:
+    path = tmp_path / "robot.usda"
+    path.write_text("#usda 1.0\n(\n    subLayers = [@./gone.usda@]\n)\n")
+    assert [(each.rule, each.severity) for each in lint_stage(path).findings] == [("F03", "note")]
+
+
+@pytest.mark.parametrize("checkpoint", ["00", "01", "02", "03", "04", "05", "06", "07", "08"])
+def test_the_stages_of_the_lab_are_without_fault(checkpoint: str, tmp_path: Path) -> None:
+    result = lint_stage(saved(correct_stage(checkpoint), tmp_path / "stage.usda"))
+    assert result.verdict == "pass"
+    # The handout's wheel radius is not that of the model's wheels, and stays so.
+    warnings = {each.rule for each in result.findings if each.severity == "warning"}
+    assert warnings <= {"K64"}

@@ -1,0 +1,142 @@
+"""The same findings through every door: the command, OpenUSD's framework, NVIDIA's validator."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from menu_graphs import MENUS, with_menus
+from pxr import Sdf, Usd
+
+from lab3_usd.judge.lint import lint_open_stage, lint_stage
+from lab3_usd.plugins import findings as adapter
+from lab3_usd.plugins import nvidia
+
+EXAMPLE = Path(__file__).resolve().parents[1] / "docs" / "examples" / "carter.usda"
+PLUGIN = Path(nvidia.__file__).with_name("openusd")
+Told = list[tuple[str, str]]
+
+
+def by_command(path: Path) -> Told:
+    return sorted((each.rule, each.prim) for each in lint_stage(path).findings)
+
+
+OPENUSD = """
+import json, sys
+from pxr import Usd, UsdValidation
+registry = UsdValidation.ValidationRegistry()
+names = [each.name for each in registry.GetValidatorMetadataForKeyword("Lab3")]
+context = UsdValidation.ValidationContext(registry.GetOrLoadValidatorsByName(names))
+told = []
+stage = Usd.Stage.Open(sys.argv[1])
+for error in context.Validate(stage):
+    (site,) = error.GetSites()
+    prim = site.GetPrim() if site.IsPrim() else site.GetProperty().GetPrim()
+    told.append((error.GetName(), str(prim.GetPath())))
+print(json.dumps(told))
+"""
+NVIDIA = """
+import json, sys
+import usd_validation_nvidia as module
+from lab3_usd.plugins.nvidia import rule_class
+engine = module.ValidationEngine(init_rules=False, variants=False)
+engine.enable_rule(rule_class(module))
+issues = engine.validate(sys.argv[1]).issues()
+print(json.dumps([(each.message.split()[0], str(each.at.path)) for each in issues]))
+"""
+
+
+def by_openusd(path: Path) -> Told:
+    validation = pytest.importorskip("pxr.UsdValidation")
+    if not hasattr(validation.ValidationRegistry, "RegisterPluginStageValidator"):
+        pytest.skip("this usd-core takes no validators of Python")
+    return told_in(OPENUSD, path, PXR_PLUGINPATH_NAME=str(PLUGIN))
+
+
+def by_nvidia(path: Path) -> Told:
+    if find_spec("usd_validation_nvidia") is None:
+        pytest.skip("the extra 'nvidia' is not installed")
+    return told_in(NVIDIA, path)
+
+
+def told_in(code: str, path: Path, **environment: str) -> Told:
+    """Return what another validator tells in a process of its own."""
+    command = [sys.executable, "-c", code, str(path)]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=True, env={**os.environ, **environment}
+    )
+    return sorted((rule, prim) for rule, prim in json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.fixture(params=["vendor", "menus"])
+def stage(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    if request.param == "vendor":
+        return EXAMPLE
+    path = tmp_path / "menus.usda"
+    menus = with_menus(*MENUS)
+    menus.GetRootLayer().Export(str(path))
+    return path
+
+
+@pytest.mark.parametrize("door", [by_openusd, by_nvidia])
+def test_every_door_shows_the_same(door: Any, stage: Path) -> None:
+    told = by_command(stage)
+    assert len(told) > 3
+    assert door(stage) == told
+
+
+def test_a_stage_that_is_open_elsewhere_stays_as_it_is() -> None:
+    stage = Usd.Stage.Open(str(EXAMPLE))
+    stage.GetPrimAtPath("/World").CreateAttribute("size", Sdf.ValueTypeNames.Double).Set(1.0, 5.0)
+    before = stage.GetSessionLayer().ExportToString()
+    lint_open_stage(stage)
+    assert stage.GetSessionLayer().ExportToString() == before
+
+
+def test_a_crash_is_a_finding_and_ends_no_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_: Any) -> None:
+        message = "no stage"
+        raise KeyError(message)
+
+    monkeypatch.setattr(adapter, "lint_open_stage", broken)
+    (found,) = adapter.findings_of(None)
+    assert (found.severity, found.prim) == ("error", "/")
+    assert "KeyError" in adapter.text_of(found)
+
+
+@pytest.mark.parametrize("decorator", ["register_rule", "registerRule"])
+def test_both_names_of_the_decorator_are_known(
+    decorator: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    registered: list[tuple[str, type]] = []
+
+    def register(category: str) -> Any:
+        return lambda rule: registered.append((category, rule))
+
+    module = SimpleNamespace(BaseRuleChecker=object, **{decorator: register})
+    monkeypatch.setitem(sys.modules, "usd_validation_nvidia", module)  # type: ignore[arg-type]
+    nvidia.plugin.on_startup()
+    nvidia.plugin.on_shutdown()
+    assert [(category, rule.__name__) for category, rule in registered] == [
+        ("Lab3", "IsaacGraphChecker")
+    ]
+
+
+def test_without_a_validator_the_plugin_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("usd_validation_nvidia", "omni.asset_validator", "omni.asset_validator.core"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(ImportError, match="no validator"):
+        nvidia.plugin.on_startup()
+
+
+def test_the_program_imports_no_validator() -> None:
+    code = "import sys, lab3_usd.judge.lint; print([m for m in sys.modules if 'plugins' in m])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "lab3_usd.plugins" not in done.stdout

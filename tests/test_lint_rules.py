@@ -1,0 +1,46 @@
+"""Each rule that needs no spec against its case file: what triggers it, and what does not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from foreign_robots import ROBOTS
+from linting import broken_robot, said_by
+
+from lab3_usd.check.registry import all_rules
+
+FOLDER = Path(__file__).resolve().parent / "lint_cases"
+CASES = {path.stem: yaml.safe_load(path.read_text()) for path in sorted(FOLDER.glob("*.yaml"))}
+TRIGGERS = [
+    pytest.param(rule, {"robot": case.get("robot", "rover"), **entry}, id=f"{rule} {name}".strip())
+    for rule, case in CASES.items()
+    for name, entry in {"": case, **case.get("more", {})}.items()
+]
+RULES = [rule.id for rule in all_rules().values() if rule.scope == "lint"]
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_nothing_is_said_of_a_robot_that_works(robot: str) -> None:
+    assert said_by(ROBOTS[robot]()) == []
+
+
+@pytest.mark.parametrize(("rule", "case"), TRIGGERS)
+def test_a_fault_is_said_once_at_its_place(rule: str, case: dict[str, Any]) -> None:
+    stage = broken_robot(case["robot"], case["break"])
+    assert said_by(stage, "error", "warning") == sorted(case["expect"])
+    notes = said_by(stage, "note")
+    assert [each for each in case.get("notes", []) if each not in notes] == []
+    assert rule in {each.split()[0] for each in (*case["expect"], *case.get("notes", []))}
+
+
+@pytest.mark.parametrize("rule", CASES)
+def test_what_is_only_alike_does_not_trigger_the_rule(rule: str) -> None:
+    stage = broken_robot(CASES[rule].get("robot", "rover"), CASES[rule]["clear"])
+    assert rule not in {each.split()[0] for each in said_by(stage)}
+
+
+def test_every_rule_has_a_case() -> None:
+    assert list(CASES) == RULES
