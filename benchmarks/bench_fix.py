@@ -1,0 +1,94 @@
+"""Repairs every single fault of the second author's stage, and prints how many pass afterwards.
+
+Usage: python benchmarks/bench_fix.py [CHECKPOINT] [--every N] [--verbose]
+       python benchmarks/bench_fix.py --fuzz [--count N] [--first SEED]
+
+Each stage is text with comments. `median` and `most` count the lines of the diff, taken out and put
+in; `elsewhere` the repairs that changed the text of a prim which no edit names; `lost` the comments
+that went away. With --fuzz, random edits of random text layers: each result must open, say what
+the edits ask for, and leave all other statements and comments alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from fixing import Outcome, repaired, second_faults
+from fuzzed_edits import fault_of
+
+from lab3_usd.spec.load.loader import load_lab
+
+
+def outcomes(checkpoint: str, every: int = 1) -> list[Outcome]:
+    """Repair every `every`-th fault of a checkpoint."""
+    lab = load_lab()
+    with tempfile.TemporaryDirectory() as folder:
+        found = (
+            repaired(checkpoint, each, Path(folder), lab)
+            for each in second_faults(checkpoint)[::every]
+        )
+        return [each for each in found if each is not None]
+
+
+def table(found: Sequence[Outcome]) -> str:
+    """Return the figures by kind of fault."""
+    columns = ("faults", "pass", "share", "median", "most", "elsewhere", "lost")
+    lines = [f"{'kind':<10}" + "".join(f"{each:>10}" for each in columns)]
+    for kind in [*dict.fromkeys(each.fault.kind for each in found), "all"]:
+        some = [each for each in found if kind in {each.fault.kind, "all"}]
+        passed = [each for each in some if each.passes]
+        counts = [each.lines for each in passed] or [0]
+        lines.append(
+            f"{kind:<10}{len(some):>10}{len(passed):>10}{len(passed) / len(some):>10.1%}"
+            f"{statistics.median(counts):>10.0f}{max(counts):>10}"
+            f"{sum(bool(each.elsewhere) for each in some):>10}"
+            f"{sum(len(each.lost_comments) for each in some):>10}"
+        )
+    return "\n".join(lines)
+
+
+def fuzz(first: int, count: int) -> int:
+    """Edit random layers, print what went wrong, and return how often something did."""
+    faults = 0
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(first, first + count):
+            found = fault_of(seed, Path(folder))
+            if found is not None:
+                faults += 1
+                print(f"seed {seed}: {found}", flush=True)
+    print(f"{count} layers edited, {faults} wrong")
+    return faults
+
+
+def main() -> None:
+    """Print the table of one checkpoint, or of all, or what random edits give."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("checkpoint", nargs="?")
+    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("--fuzz", action="store_true")
+    parser.add_argument("--count", type=int, default=10_000)
+    parser.add_argument("--first", type=int, default=0)
+    options = parser.parse_args()
+    if options.fuzz:
+        sys.exit(bool(fuzz(options.first, options.count)))
+    chosen = [options.checkpoint] if options.checkpoint else list(load_lab().checkpoints)
+    for checkpoint in chosen:
+        found = outcomes(checkpoint, options.every)
+        print(f"checkpoint {checkpoint}\n{table(found)}\n", flush=True)
+        for each in found if options.verbose else ():
+            if not each.passes or each.elsewhere or each.lost_comments:
+                print(each.fault.name, each.elsewhere, each.lost_comments)
+                for left in each.fixed.left:
+                    print(f"    {left.rule} {left.prim} {left.property}: {left.message}")
+
+
+if __name__ == "__main__":
+    main()

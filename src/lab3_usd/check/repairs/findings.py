@@ -1,0 +1,159 @@
+"""Gives findings their repairs: what has to be edited so that a rule no longer finds them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+
+from msgspec.structs import replace
+
+from lab3_usd.check.repairs.nodes import property_edits
+from lab3_usd.check.subject import GraphSubject, StageSubject
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.repair import (
+    Activate,
+    AddGraph,
+    AddNode,
+    ApplySchema,
+    ClearValue,
+    Edit,
+    MovePrim,
+    RemovePrim,
+    RemoveSchema,
+    Repair,
+    Restore,
+    SetValue,
+)
+from lab3_usd.model.stage import DEACTIVATED, OVER
+
+_SCHEMA = re.compile(r"[A-Z]\w+API(:\w+)?")
+_GRAPH_PLACE = "G02"
+_GRAPH_KIND = "G03"
+_MISSING_GRAPH = "G01"
+_MISSING_NODE = "N01"
+_UNWANTED = ("N02", "N07", "N08", "N09", "N12", "S21", "S23", "L07")
+_MOVED = ("S07", "L02", "C02", _GRAPH_PLACE)
+_ARTICULATION = "S11"
+_WHEEL_SHAPE = "S06"
+_SCENE = ("S", "L", "C")
+_NEEDS_CONSENT = (AddGraph, AddNode, RemovePrim, MovePrim)
+
+
+def with_repairs(
+    findings: Iterable[Finding], subjects: Sequence[GraphSubject], whole: StageSubject
+) -> Iterator[Finding]:
+    """Yield the findings, those that have one right repair together with it."""
+    for each in findings:
+        edits = () if each.severity == "note" else tuple(_edits(each, subjects, whole))
+        yield replace(each, fix=_repair(edits)) if edits else each
+
+
+def _repair(edits: tuple[Edit, ...]) -> Repair:
+    is_safe = not any(
+        isinstance(each, _NEEDS_CONSENT) or (isinstance(each, Restore) and each.property is None)
+        for each in edits
+    )
+    return Repair("; ".join(map(_title, edits)), edits, is_safe)
+
+
+def _title(edit: Edit) -> str:
+    words = type(edit).__struct_config__.tag
+    name = getattr(edit, "property", None)
+    return f"{str(words).replace('-', ' ')} {edit.prim}{f'.{name}' if name else ''}"
+
+
+def _edits(
+    finding: Finding, subjects: Sequence[GraphSubject], whole: StageSubject
+) -> Iterator[Edit]:
+    if finding.rule in _UNWANTED:
+        yield RemovePrim(finding.prim)
+    elif finding.rule in _MOVED and finding.expected in (*finding.related, _path_asked(finding)):
+        yield from _move(finding)
+    elif finding.rule[0] in _SCENE:
+        yield from _scene_edits(finding, whole)
+    else:
+        for subject in subjects:
+            yield from _graph_edits(finding, subject)
+
+
+def _path_asked(finding: Finding) -> str | None:
+    return finding.expected if finding.rule == _GRAPH_PLACE else None
+
+
+def _move(finding: Finding) -> Iterator[Edit]:
+    if finding.expected is not None and finding.expected != finding.prim:
+        yield MovePrim(finding.prim, finding.expected)
+
+
+def _graph_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
+    graph, spec = subject.roles.graph, subject.spec
+    if finding.rule == _MISSING_GRAPH and finding.prim == spec.path:
+        is_there = finding.prim in subject.stage.prims
+        yield Activate(finding.prim) if is_there else AddGraph(finding.prim, spec.name)
+    elif graph is not None and finding.prim == graph.path:
+        if finding.rule == _GRAPH_KIND:
+            yield from _kind_edits(finding, subject)
+        if finding.rule == _MISSING_NODE:
+            yield from _node_edits(finding, subject)
+    else:
+        for site in _sites(finding):
+            yield from _site_edits(site, subject)
+
+
+def _kind_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
+    for each in subject.lab.catalog.graph.attributes:
+        if each.name == finding.property:
+            yield SetValue(finding.prim, each.name, each.usd_type, each.value)
+
+
+def _node_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
+    """Yield how to get a missing node: one that is in the file is activated."""
+    for role, spec in subject.spec.nodes.items():
+        if f"({role}) is missing" not in finding.message or spec.type.type != finding.expected:
+            continue
+        if any(f" is {each}" in finding.message for each in (DEACTIVATED, OVER)):
+            yield Activate(finding.related[0])
+        elif not finding.related:
+            yield AddNode(f"{finding.prim}/{role}", subject.spec.name, role)
+
+
+def _sites(finding: Finding) -> Iterator[tuple[str, str]]:
+    """Yield the properties that a finding names."""
+    if finding.property:
+        yield finding.prim, finding.property
+    for each in finding.related:
+        prim, dot, name = each.partition(".")
+        if dot:
+            yield prim, name
+
+
+def _site_edits(site: tuple[str, str], subject: GraphSubject) -> Iterator[Edit]:
+    path, name = site
+    role, node = subject.roles.role_of.get(path), subject.live_nodes.get(path)
+    if role is None:
+        role = next((r for r, each in subject.roles.retyped.items() if each.path == path), None)
+    if role is not None and node is not None:
+        yield from property_edits(subject, role, node, name)
+
+
+def _scene_edits(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
+    schema = finding.expected if _SCHEMA.fullmatch(finding.expected or "") else None
+    if finding.rule == _ARTICULATION:
+        yield from _articulation_edits(finding, whole, is_there=schema is None)
+    elif schema is not None and finding.rule != _WHEEL_SHAPE:
+        yield ApplySchema(finding.prim, schema)
+    else:
+        yield Restore(finding.prim, finding.property if schema is None else None)
+        for each in finding.related if not finding.property else ():
+            yield Restore(each)
+
+
+def _articulation_edits(finding: Finding, whole: StageSubject, *, is_there: bool) -> Iterator[Edit]:
+    """Yield how to have one articulation root, switched on, on the prim that the lab names."""
+    asked = whole.lab.scene["robot"]["articulation"]
+    if is_there:
+        yield RemoveSchema(finding.prim, asked["api"])
+        yield ApplySchema(asked["target"], asked["api"])
+    else:
+        yield ApplySchema(finding.prim, asked["api"])
+        yield ClearValue(finding.prim, asked["switch"])

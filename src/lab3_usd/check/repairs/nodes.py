@@ -1,0 +1,81 @@
+"""The edits that make the properties of a node what its graph's spec asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.match.conformance import setting_matches, source_path
+from lab3_usd.check.subject import GraphSubject
+from lab3_usd.model.repair import ClearValue, Connect, Edit, Retarget, SetValue
+from lab3_usd.model.stage import Node, PortState
+from lab3_usd.spec.catalog import Port
+from lab3_usd.spec.graph import NodeSpec
+
+TYPE, VERSION = "node:type", "node:typeVersion"
+
+
+def property_edits(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[Edit]:
+    """Yield what makes one property of a node right; nothing where it is."""
+    spec = subject.spec.nodes[role]
+    port = spec.type.port(name)
+    if name in {TYPE, VERSION}:
+        yield from _type_edits(spec, node)
+    elif port is None:
+        yield from _unknown_port_edits(node, name)
+    elif port.is_target:
+        yield from _target_edits(spec, node, name)
+    else:
+        yield from _wire_edits(subject, role, node, port)
+        yield from _value_edits(subject, role, node, port)
+
+
+def _type_edits(spec: NodeSpec, node: Node) -> Iterator[Edit]:
+    if node.type_name != spec.type.type:
+        yield SetValue(node.path, TYPE, "token", spec.type.type)
+    if node.version != spec.type.version:
+        yield SetValue(node.path, VERSION, "int", spec.type.version)
+
+
+def _unknown_port_edits(node: Node, name: str) -> Iterator[Edit]:
+    if node.sources(name):
+        yield Connect(node.path, name, "token")
+
+
+def _target_edits(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:
+    asked = next((each.prims for each in spec.targets if each.port == name), ())
+    if node.targets(name) != asked:
+        yield Retarget(node.path, name, asked)
+
+
+def _wire_edits(subject: GraphSubject, role: str, node: Node, port: Port) -> Iterator[Edit]:
+    actual = node.sources(port.name)
+    asked = tuple(_sources(subject, role, node, port.name))
+    if actual != asked:
+        yield Connect(node.path, port.name, port.usd_type, asked)
+
+
+def _sources(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[str]:
+    """Yield what an input should be connected to; an optional connection stays."""
+    for wire in (*subject.spec.wires, *subject.spec.optional_wires):
+        source = subject.roles.node_of[wire.source.role]
+        if (wire.target.role, wire.target.port) == (role, name) and source is not None:
+            path = source_path(source, wire)
+            if wire in subject.spec.wires or path in node.sources(name):
+                yield path
+
+
+def _value_edits(subject: GraphSubject, role: str, node: Node, port: Port) -> Iterator[Edit]:
+    spec, state = subject.spec.nodes[role], node.state(port.name)
+    setting = next((each for each in spec.settings if each.port == port.name), None)
+    if setting is not None:
+        is_typed = state is None or state.usd_type in {"", port.usd_type}
+        if not is_typed or not setting_matches(node, setting, node.value(port.name)):
+            yield SetValue(node.path, port.name, port.usd_type, setting.value)
+    elif state is not None and not _is_left_alone(subject, role, state, port):
+        yield ClearValue(node.path, port.name)
+
+
+def _is_left_alone(subject: GraphSubject, role: str, state: PortState, port: Port) -> bool:
+    """Whether an input that the handout does not set has no value of its own, or is connected."""
+    is_connected = any(each.target.port == port.name for each in subject.spec.wires_into(role))
+    return is_connected or state.value is None or state.value == port.default

@@ -1,0 +1,86 @@
+"""Turns an edited layer into the bytes of its file, and makes sure that they say the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lab3_usd.errors import StageError
+from lab3_usd.fix.text_editor import PrimChange, apply_changes
+from lab3_usd.fix.text_moves import moved_text
+from lab3_usd.stage.edit.contents import crate_bytes, is_text, layer_from, same_content
+from lab3_usd.stage.edit.rendering import child_names, has_prim, render_prim, render_tree
+from lab3_usd.stage.edit.session import EditedLayer
+
+if TYPE_CHECKING:
+    from pxr import Sdf
+
+
+def new_bytes(edited: EditedLayer) -> bytes:
+    """Return what the file of an edited layer is to hold.
+
+    Raises:
+        StageError: the text cannot be made to say what the edits ask for.
+    """
+    path = Path(edited.layer.realPath)
+    if same_content(edited.before, edited.layer):
+        return path.read_bytes()
+    if not is_text(edited.layer):
+        return crate_bytes(edited.layer)
+    text = new_text(path.read_bytes().decode(), edited)
+    written = layer_from(text)
+    if written is None or not same_content(written, edited.layer):
+        message = f"{path}: the repaired text does not say what the repairs ask for"
+        raise StageError(message)
+    return text.encode()
+
+
+def new_text(text: str, edited: EditedLayer) -> str:
+    """Return the text of a layer with its edits."""
+    before = edited.before
+    for path, to in edited.moves:
+        text = moved_text(text, path, to)
+        before = layer_from(text) or before
+    touched = dict.fromkeys(_now(each, edited.moves) for each in edited.touched)
+    return apply_changes(text, _changes(before, edited.layer, touched))
+
+
+def _now(path: str, moves: list[tuple[str, str]]) -> str:
+    """Return where a prim stands after it was moved."""
+    for old, to in moves:
+        if path == old or path.startswith(f"{old}/"):
+            path = to + path[len(old) :]
+    return path
+
+
+def _changes(before: Sdf.Layer, after: Sdf.Layer, paths: dict[str, None]) -> Iterator[PrimChange]:
+    """Yield how prims differ; what is new or gone as a whole is one change."""
+    told: set[str] = set()
+    for path in paths:
+        top = _top(path, before, after)
+        if top in told:
+            continue
+        told.add(top)
+        was, is_there = has_prim(before, top), has_prim(after, top)
+        if was and is_there:
+            yield PrimChange(top, render_prim(before, top), render_prim(after, top))
+            children = {f"{top.rstrip('/')}/{name}" for name in child_names(before, top)}
+            for child in sorted(children):
+                if not has_prim(after, child) and child not in told:
+                    told.add(child)
+                    yield PrimChange(child, "", None)
+        elif is_there:
+            yield PrimChange(top, None, render_tree(after, top))
+        elif was:
+            yield PrimChange(top, "", None)
+
+
+def _top(path: str, before: Sdf.Layer, after: Sdf.Layer) -> str:
+    """Return the highest prim at or above a path that only one of two layers has."""
+    parts = path.split("/")
+    for count in range(2, len(parts) + 1):
+        above = "/".join(parts[:count])
+        if has_prim(before, above) != has_prim(after, above):
+            return above
+    return path

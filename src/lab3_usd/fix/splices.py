@@ -1,0 +1,95 @@
+"""Pieces of a text that are replaced, taken out or put in, each with its lines."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from lab3_usd.fix.source_tree import ROOT, Block
+from lab3_usd.stage.read.usda_scan import ASSET, BLOCK_COMMENT, LINE_COMMENT, STRING
+
+STEP = "    "
+_OPAQUE = re.compile(f"{STRING}|{ASSET}|{LINE_COMMENT}|{BLOCK_COMMENT}", re.DOTALL)
+
+
+class Splice(NamedTuple):
+    """What is between two offsets gives way to a text."""
+
+    start: int
+    end: int
+    text: str
+
+
+def spliced(text: str, splices: Iterable[Splice]) -> str:
+    """Return the text with all of these replaced; they do not overlap.
+
+    What is inserted at one place stays in the order given.
+    """
+    line_end = "\r\n" if "\r\n" in text else "\n"
+    numbered = ((each.start, each.end, number, each) for number, each in enumerate(splices))
+    for *_, splice in sorted(numbered, reverse=True):  # from the end on, so that offsets hold
+        new = splice.text.replace("\n", line_end)
+        text = text[: splice.start] + new + text[splice.end :]
+    return text
+
+
+def insertion(text: str, parent: Block, block: str) -> Splice:
+    """Put the text of a prim at the end of a body."""
+    lines = indented(block, "" if parent.path == ROOT else indent_at(text, parent.start) + STEP)
+    if parent.path == ROOT:
+        gap = "" if text.endswith("\n") else "\n"
+        return Splice(len(text), len(text), f"{gap}\n{lines}\n")
+    close = parent.body[1]
+    line = line_start(text, close)
+    if text[line:close].strip():
+        return Splice(close, close, f"\n{lines}\n{indent_at(text, parent.start)}")
+    gap = "\n" if text[parent.body[0] : line].strip() else ""
+    return Splice(line, line, f"{gap}{lines}\n")
+
+
+def removal(text: str, start: int, stop: int, end: int) -> Splice:
+    """Take out what stands between two offsets, with its lines where nothing else is in them."""
+    line = line_start(text, start)
+    rest = text[stop:].partition("\n")
+    if text[line:start].strip() or rest[0].strip(" \t\r;"):
+        close = end if text[end - 1 : end] == ";" else stop
+        return Splice(start, max(stop, close), "")
+    last = stop + len(rest[0]) + len(rest[1])
+    above = line_start(text, line - 1) if line else 0
+    is_block = text[stop - 1] == "}" and stop == end
+    if is_block and line and not text[above:line].strip():
+        line = above
+    return Splice(line, last, "")
+
+
+def line_start(text: str, pos: int) -> int:
+    """Return where the line of an offset begins."""
+    return text.rfind("\n", 0, max(pos, 0)) + 1
+
+
+def indent_at(text: str, pos: int) -> str:
+    """Return the white space before the first word of a line."""
+    line = text[line_start(text, pos) : pos]
+    return line[: len(line) - len(line.lstrip())]
+
+
+def indented(text: str, indent: str, was: str = "") -> str:
+    """Return a text whose lines stand in by one indent instead of another; strings stay."""
+    kept = {
+        found.start() + index + 1
+        for found in _OPAQUE.finditer(text)
+        for index, letter in enumerate(found[0])
+        if letter == "\n" and found[0][0] in "\"'"
+    }
+    lines, pos = [], 0
+    for line in text.split("\n"):
+        moved = indent + line.removeprefix(was) if line.strip() else line
+        lines.append(line if pos in kept else moved)
+        pos += len(line) + 1
+    return "\n".join(lines)
+
+
+def reindented(text: str, start: int, stop: int, indent: str) -> str:
+    """Return a part of a text as it stands at another depth."""
+    return indented(text[start:stop], indent, indent_at(text, start))

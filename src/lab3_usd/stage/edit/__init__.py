@@ -1,0 +1,1 @@
+"""Edits the layers of an open stage."""

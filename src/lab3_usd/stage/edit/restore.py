@@ -1,0 +1,140 @@
+"""Restores prims and properties to what they are in the starter, or as the lab adds them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pxr import Sdf
+
+from lab3_usd.model.repair import Activate, ClearValue, Restore, Retarget
+from lab3_usd.stage.edit.prims import activate, copy_prim
+from lab3_usd.stage.edit.properties import clear_value, set_targets, set_typed
+from lab3_usd.stage.edit.session import EditSession
+
+_POSE = "xformOp"
+_ORDER = "xformOpOrder"
+_RESET = "!resetXformStack!"
+
+
+def restore(session: EditSession, edit: Restore) -> None:
+    """Make a prim or a property what it is in the reference."""
+    if edit.prim == "/" and edit.property:
+        _restore_metadata(session, edit.property)
+    elif edit.property is None:
+        _restore_prim(session, edit.prim)
+    elif edit.property.startswith(_POSE):
+        _restore_pose(session, edit.prim, edit.property)
+    else:
+        _restore_property(session, edit.prim, edit.property)
+
+
+def _restore_metadata(session: EditSession, name: str) -> None:
+    root = session.stage.GetRootLayer()
+    session.touch(root, "/")
+    root.pseudoRoot.SetInfo(name, session.reference().pseudoRoot.GetInfo(name))
+
+
+def _restore_property(session: EditSession, path: str, name: str) -> None:
+    found = session.reference().GetPropertyAtPath(f"{path}.{name}")
+    if isinstance(found, Sdf.AttributeSpec):
+        set_typed(session, path, name, str(found.typeName), found.default)
+    elif found is not None:
+        targets = tuple(str(each) for each in found.targetPathList.GetAddedOrExplicitItems())
+        set_targets(session, Retarget(path, name, targets))
+    else:
+        _erase(session, path, name)
+
+
+def _erase(session: EditSession, path: str, name: str) -> None:
+    """Remove a property that the reference does not have; what is weaker is blocked."""
+    for spec in session.specs(path):
+        found = spec.properties.get(name)
+        if found is not None:
+            session.touch(spec.layer, path)
+            spec.RemoveProperty(found)
+    prim = session.stage.GetPrimAtPath(path)
+    attribute = prim.GetAttribute(name)
+    if attribute and attribute.HasAuthoredValue():
+        clear_value(session, ClearValue(path, name))
+
+
+def _restore_pose(session: EditSession, path: str, name: str) -> None:
+    """Restore one operation of a pose where it is one of the prim's, else the whole pose."""
+    order = session.stage.GetPrimAtPath(path).GetAttribute(_ORDER)
+    own = [*(order.Get() or ())] if order else []
+    if name == _ORDER and _RESET in own:
+        kept = [each for each in own if each != _RESET]
+        set_typed(session, path, _ORDER, "token[]", kept)
+    elif name in own and session.reference().GetPropertyAtPath(f"{path}.{name}"):
+        _restore_property(session, path, name)
+    else:
+        _restore_whole_pose(session, path)
+
+
+def _restore_whole_pose(session: EditSession, path: str) -> None:
+    wanted = session.reference().GetPrimAtPath(path)
+    prim = session.stage.GetPrimAtPath(path)
+    if wanted is None or not prim:
+        return
+    asked = [each.name for each in wanted.properties if each.name.startswith(_POSE)]
+    for name in prim.GetAuthoredPropertyNames():
+        if name.startswith(_POSE) and name not in asked:
+            _erase(session, path, name)
+    for name in asked:
+        _restore_property(session, path, name)
+
+
+def _restore_prim(session: EditSession, path: str) -> None:
+    """Restore a prim, what is missing below it, and the prims that should name it."""
+    wanted = session.reference().GetPrimAtPath(path)
+    if wanted is None:
+        return
+    if not session.stands(path):
+        copy_prim(session, session.reference(), path, path)
+        return
+    for each in _below(wanted, session.lab.catalog.graph.type):
+        _restore_presence(session, each)
+    spec_type = session.stage.GetPrimAtPath(path).GetTypeName()
+    if spec_type != wanted.typeName:
+        session.prim_spec(session.prim_layer(path), path).typeName = wanted.typeName
+    if _is_moved(session, wanted):
+        _restore_whole_pose(session, path)
+    graph = session.lab.catalog.graph.type
+    for each in [*_naming(session.reference().pseudoRoot, wanted.path, graph)]:
+        copy_prim(session, session.reference(), str(each.path), str(each.path))
+
+
+def _restore_presence(session: EditSession, wanted: Sdf.PrimSpec) -> None:
+    path = str(wanted.path)
+    if session.stands(path):
+        activate(session, Activate(path))
+    else:
+        copy_prim(session, session.reference(), path, path)
+
+
+def _below(prim: Sdf.PrimSpec, graph_type: str) -> Iterator[Sdf.PrimSpec]:
+    """Yield a prim and those below it that are defined and belong to no graph."""
+    if prim.specifier == Sdf.SpecifierDef and prim.typeName != graph_type:
+        yield prim
+        for child in prim.nameChildren:
+            yield from _below(child, graph_type)
+
+
+def _is_moved(session: EditSession, wanted: Sdf.PrimSpec) -> bool:
+    """Whether the pose of a prim is written otherwise than in the reference."""
+    prim = session.stage.GetPrimAtPath(wanted.path)
+    poses = {each.name: each.default for each in wanted.attributes if each.name.startswith(_POSE)}
+    return any(prim.GetAttribute(name).Get() != value for name, value in poses.items()) or any(
+        name.startswith(_POSE) and name not in poses for name in prim.GetAuthoredPropertyNames()
+    )
+
+
+def _naming(prim: Sdf.PrimSpec, path: Sdf.Path, graph: str) -> Iterator[Sdf.PrimSpec]:
+    """Yield the prims outside graphs that have a relationship to a prim."""
+    for child in prim.nameChildren:
+        if child.typeName == graph:
+            continue
+        named = (each.targetPathList.GetAddedOrExplicitItems() for each in child.relationships)
+        if any(path in paths for paths in named):
+            yield child
+        yield from _naming(child, path, graph)

@@ -1,0 +1,115 @@
+"""The layers of a stage that is being repaired: what is edited where, and how it was before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from msgspec import Struct, field
+from pxr import Sdf, Usd
+
+from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.stage.write.builder import checkpoint_layer
+
+
+class EditedLayer(Struct, eq=False):
+    """A layer with its content before the first edit, and the prims that were edited.
+
+    `moves` are the prims that were moved, in order.
+    """
+
+    layer: Sdf.Layer
+    before: Sdf.Layer
+    touched: dict[str, None] = field(default_factory=dict)
+    moves: list[tuple[str, str]] = field(default_factory=list)
+
+
+class EditSession(Struct, eq=False):
+    """An open stage under repair; with `root_only` no layer but the root is edited."""
+
+    stage: Usd.Stage
+    lab: Lab
+    checkpoint: Checkpoint
+    root_only: bool = False
+    starter: str | None = None
+    edited: dict[str, EditedLayer] = field(default_factory=dict)
+    _reference: list[Sdf.Layer] = field(default_factory=list)
+
+    def reference(self) -> Sdf.Layer:
+        """Return the checkpoint as the lab builds it from the starter, made when first asked."""
+        if not self._reference:
+            self._reference.append(checkpoint_layer(self.lab, self.starter, self.checkpoint))
+        return self._reference[0]
+
+    def layers(self) -> list[Sdf.Layer]:
+        """Return the layers that may be edited, the strongest first."""
+        root = self.stage.GetRootLayer()
+        if self.root_only:
+            return [root]
+        stack = self.stage.GetLayerStack(includeSessionLayers=False)
+        return [each for each in stack if each == root or _is_local(each, root)]
+
+    def touch(self, layer: Sdf.Layer, path: str) -> None:
+        """Remember that a prim is about to be edited in a layer."""
+        self.begin(layer).touched[path] = None
+
+    def begin(self, layer: Sdf.Layer) -> EditedLayer:
+        """Keep the content of a layer before its first edit."""
+        if layer.identifier not in self.edited:
+            before = Sdf.Layer.CreateAnonymous(".usda")
+            before.TransferContent(layer)
+            self.edited[layer.identifier] = EditedLayer(layer, before)
+        return self.edited[layer.identifier]
+
+    def stands(self, path: str) -> bool:
+        """Whether a layer other than the session layer says anything of a prim."""
+        return bool(self.opinions(path))
+
+    def opinions(self, path: str) -> list[Sdf.PrimSpec]:
+        """Return the specs of a prim, the strongest first, without those of the session layer."""
+        prim, above = self.stage.GetPrimAtPath(path), self.stage.GetSessionLayer()
+        return [each for each in prim.GetPrimStack() if each.layer != above] if prim else []
+
+    def prim_layer(self, path: str) -> Sdf.Layer:
+        """Return the layer whose opinion on a prim is the strongest, else the root layer."""
+        return self._strongest(self.opinions(path), path)
+
+    def property_layer(self, path: str, name: str) -> Sdf.Layer:
+        """Return the layer whose opinion on a property is the strongest, else that of its prim."""
+        prim = self.stage.GetPrimAtPath(path)
+        found = prim.GetProperty(name) if prim else None
+        specs = found.GetPropertyStack(Usd.TimeCode.Default()) if found else []
+        specs = [each for each in specs if each.layer != self.stage.GetSessionLayer()]
+        if not specs:
+            return self.prim_layer(path)
+        return self._strongest(specs, f"{path}.{name}")
+
+    def _strongest(self, specs: list[Any], path: str) -> Sdf.Layer:
+        allowed = self.layers()
+        for spec in specs[:1]:
+            if spec.layer in allowed and str(spec.path) == path:
+                return spec.layer
+        return self.stage.GetRootLayer()
+
+    def prim_spec(self, layer: Sdf.Layer, path: str) -> Sdf.PrimSpec:
+        """Return the spec of a prim in a layer, an over where there was none."""
+        self.touch(layer, path)
+        return Sdf.CreatePrimInLayer(layer, path)
+
+    def specs(self, path: str) -> Iterator[Sdf.PrimSpec]:
+        """Yield what the layers that may be edited say of a prim, the strongest first."""
+        for layer in self.layers():
+            spec = layer.GetPrimAtPath(path)
+            if spec is not None:
+                yield spec
+
+    def close(self) -> None:
+        """Give every layer back what it held before."""
+        for each in self.edited.values():
+            each.layer.TransferContent(each.before)
+
+
+def _is_local(layer: Sdf.Layer, root: Sdf.Layer) -> bool:
+    """Whether a layer lies in the folder of the root layer, where it is the user's own."""
+    folder = root.realPath.rpartition("/")[0]
+    return bool(layer.realPath) and layer.realPath.startswith(f"{folder}/")

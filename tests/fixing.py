@@ -1,0 +1,191 @@
+"""Stages of the second author with one fault and many comments, and what a repair did to them."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from msgspec.structs import replace
+from pxr import Sdf, Usd
+from sabotage import Fault, graph_faults
+from scene_sabotage import scene_sabotage
+from second_author import Style, author_lab
+
+from lab3_usd.check.match.merging import match_all
+from lab3_usd.fix.repairing import Fixed, FixOptions, fix_stage
+from lab3_usd.fix.source_tree import ROOT, read_blocks
+from lab3_usd.spec.graph import GraphSpec, PortRef, Wire
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.write.starter import starter_layer
+
+ONLY_IN_THE_STARTER = ("in the starter", "lidar link moved")
+_MARK = re.compile(r"# note \d+")
+_PROPERTY = re.compile(r"^\s+(?:custom |uniform |prepend )?\w+(?:\[\])? [\w:.]+(?: = [^({\[\"]+)?$")
+
+
+@cache
+def second_stage(checkpoint: str) -> Sdf.Layer:
+    """The stage of the second author."""
+    stage = Usd.Stage.CreateInMemory(".usda")
+    stage.GetRootLayer().TransferContent(starter_layer(load_lab().folder))
+    author_lab(stage, checkpoint, Style(names="editor"))
+    layer = Sdf.Layer.CreateAnonymous(".usda")  # which lives on without its stage
+    layer.TransferContent(stage.GetRootLayer())
+    return layer
+
+
+@cache
+def second_faults(checkpoint: str) -> tuple[Fault, ...]:
+    """Every single fault of that stage: of its graphs, and of its scene."""
+    lab = load_lab()
+    asked = lab.checkpoints[checkpoint]
+    stage = Usd.Stage.Open(second_stage(checkpoint))
+    matched = match_all(lab.graphs, read_model(stage, lab, "second"), lab.catalog.scripts)
+    graphs = {
+        name: _named(lab.graphs[name], {r: n.name for r, n in matched[name].node_of.items() if n})
+        for name in asked.graphs
+    }
+    named = replace(lab, graphs={**lab.graphs, **graphs})
+    return (*graph_faults(named, asked), *_scene_faults(checkpoint))
+
+
+def _scene_faults(checkpoint: str) -> Iterator[Fault]:
+    for each in scene_sabotage():
+        only_there = each.checkpoint == "00" and each.name.endswith(ONLY_IN_THE_STARTER)
+        if each.checkpoint <= checkpoint and not (only_there and checkpoint != "00"):
+            yield Fault(each.name, "scene", each.apply, (each.site[0],))
+
+
+def _named(spec: GraphSpec, names: dict[str, str]) -> GraphSpec:
+    """Return the spec with its roles called as the prims are."""
+
+    def end(ref: PortRef) -> PortRef:
+        return PortRef(names[ref.role], ref.port)
+
+    def wire(each: Wire) -> Wire:
+        return Wire(end(each.source), end(each.target), each.handout)
+
+    nodes = {names[role]: replace(each, role=names[role]) for role, each in spec.nodes.items()}
+    return replace(spec, nodes=nodes, wires=tuple(map(wire, spec.wires)))
+
+
+def commented(text: str) -> str:
+    """Return a text layer with comments before, behind and between its statements."""
+    lines: list[str] = []
+    for number, line in enumerate(text.split("\n")):
+        is_property = _PROPERTY.match(line) is not None
+        if is_property and number % 7 == 0:
+            lines.append(f"{line[: len(line) - len(line.lstrip())]}# note {number}")
+        lines.append(f"{line}  # note {number}" if is_property and number % 3 == 0 else line)
+    return "\n".join(lines)
+
+
+def broken_text(checkpoint: str, fault: Fault) -> str | None:
+    """Return the commented text of the stage with a fault; None where it cannot be made there."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(second_stage(checkpoint))
+    try:
+        fault.break_it(Usd.Stage.Open(layer))
+    except (AttributeError, RuntimeError):  # the second author wrote something else there
+        return None
+    return commented(layer.ExportToString())
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a repair did: whether the stage passes, and to which lines."""
+
+    fault: Fault
+    fixed: Fixed
+    before: str
+    after: str
+
+    @property
+    def passes(self) -> bool:
+        """Whether no error is left."""
+        return not any(each.severity == "error" for each in self.fixed.after)
+
+    @property
+    def lines(self) -> int:
+        """The lines of the diff: those taken out and those put in."""
+        return sum(len(gone) + len(new) for gone, new in self._hunks())
+
+    @property
+    def lost_comments(self) -> list[str]:
+        """The comments that are gone though what they stand in was not removed."""
+        kept = Counter(_MARK.findall(self.after))
+        gone = Counter(_MARK.findall(self.before)) - kept
+        removed = [each.prim for each in self._edits() if each.__class__.__name__ == "RemovePrim"]
+        for path in removed:
+            block = read_blocks(self.before).get(path)
+            gone -= Counter(_MARK.findall(self.before[block.start : block.end]) if block else ())
+        return [*gone]
+
+    @property
+    def elsewhere(self) -> list[str]:
+        """The prims whose own text changed though no edit names them."""
+        edits = self._edits()
+        if any(hasattr(each, "to") for each in edits):
+            return []  # what names a moved prim follows it
+        named = {each.prim for each in edits}
+        before, after = own_texts(self.before), own_texts(self.after)
+        return [
+            path
+            for path in before.keys() & after.keys()
+            if before[path] != after[path] and not _is_named(path, named)
+        ]
+
+    def _edits(self) -> list[Any]:
+        return [edit for each in self.fixed.repairs for edit in each.edits]
+
+    def _hunks(self) -> list[tuple[range, range]]:
+        one, other = self.before.split("\n"), self.after.split("\n")
+        matcher = difflib.SequenceMatcher(None, one, other, autojunk=False)
+        return [
+            (range(a, b), range(c, d))
+            for kind, a, b, c, d in matcher.get_opcodes()
+            if kind != "equal"
+        ]
+
+
+def own_texts(text: str) -> dict[str, str]:
+    """Return the text of each prim without that of its children, and without blank lines."""
+    blocks = [each for each in read_blocks(text).values() if each.path != ROOT]
+    found = {}
+    for block in blocks:
+        pos, parts = block.start, []
+        for child in sorted(blocks, key=lambda each: each.start):
+            if block.start < child.start < block.end and child.start >= pos:
+                parts.append(text[pos : child.start])
+                pos = child.end
+        parts.append(text[pos : block.end])
+        lines = "".join(parts).split("\n")
+        found[block.path] = "\n".join(each for each in lines if each.strip())
+    return found
+
+
+def _is_named(path: str, named: set[str]) -> bool:
+    return any(path == each or path.startswith(f"{each}/") or each == ROOT for each in named)
+
+
+def repaired(checkpoint: str, fault: Fault, folder: Path, lab: Lab) -> Outcome | None:
+    """Repair the stage with a fault; None where the fault is none in this stage."""
+    text = broken_text(checkpoint, fault)
+    if text is None:
+        return None
+    path = folder / f"{lab.checkpoints[checkpoint].file}_{abs(hash(fault.name))}.usda"
+    path.write_text(text)
+    fixed = fix_stage(path, checkpoint, lab, FixOptions(unsafe=True))
+    path.unlink()
+    if not any(each.severity != "note" for each in fixed.before):
+        return None
+    data = next(iter(fixed.files.values()), text.encode())
+    return Outcome(fault, fixed, text, data.decode())

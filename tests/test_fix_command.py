@@ -1,0 +1,230 @@
+"""`lab3 fix`: what is repaired, what is written, and what is left as it was."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+import pytest
+from breaking import Step, broken, correct_stage
+from click.testing import CliRunner, Result
+from pxr import Sdf, Usd, UsdUtils
+
+from lab3_usd.commands.fix import command
+from lab3_usd.errors import Lab3Error
+from lab3_usd.judge.stage import check_stage
+
+CLOCK = "/World/ROS_Clock"
+DRIVE = "/turtlebot3_burger/ROS_Drive"
+RADIUS = f"{DRIVE}/differential_controller.inputs:wheelRadius"
+WRONG_RADIUS: Step = {"set": [RADIUS, 0.033]}
+NO_CONTEXT: Step = {"remove": [f"{CLOCK}/ros2_context"]}
+
+
+def saved(folder: Path, *steps: Step, ending: str = ".usda") -> Path:
+    path = folder / f"Lab3_02_ros_drive{ending}"
+    broken("02", [*steps]).GetRootLayer().Export(str(path))
+    return path
+
+
+def fix(path: Path, *arguments: str) -> Result:
+    return CliRunner().invoke(command, [str(path), *arguments], catch_exceptions=False)
+
+
+def changed_lines(old: str, new: str) -> tuple[list[str], list[str]]:
+    lines = [*difflib.ndiff(old.splitlines(), new.splitlines())]
+    gone = [each[2:].strip() for each in lines if each.startswith("- ")]
+    return gone, [each[2:].strip() for each in lines if each.startswith("+ ")]
+
+
+def test_a_wrong_value_changes_one_line(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    old = path.read_text()
+    assert fix(path, "--in-place").exit_code == 0
+    assert changed_lines(old, path.read_text()) == (
+        ["custom double inputs:wheelRadius = 0.033"],
+        ["custom double inputs:wheelRadius = 0.025"],
+    )
+
+
+def test_a_repaired_stage_passes(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    fix(path, "--in-place")
+    assert check_stage(path).verdict == "pass"
+
+
+def test_comments_and_layout_stay(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    text = path.read_text()
+    odd = text.replace(
+        "custom double inputs:wheelRadius = 0.033",
+        "custom   double inputs:wheelRadius=0.033 # as measured\n# by me",
+    )
+    path.write_text(odd)
+    fix(path, "--in-place")
+    assert path.read_text() == odd.replace("=0.033", "=0.025")
+
+
+def test_the_old_file_is_kept(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    old = path.read_bytes()
+    fix(path, "--in-place")
+    assert (tmp_path / f"{path.name}.orig").read_bytes() == old
+
+
+def test_an_older_original_is_not_replaced(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    old = path.read_bytes()
+    original = tmp_path / f"{path.name}.orig"
+    original.write_text("mine")
+    with pytest.raises(Lab3Error, match="exists already"):
+        fix(path, "--in-place")
+    assert (original.read_text(), path.read_bytes()) == ("mine", old)
+
+
+def test_nothing_is_written_unless_asked(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    old = path.read_bytes()
+    fix(path)
+    fix(path, "--diff")
+    assert (path.read_bytes(), [*tmp_path.iterdir()]) == (old, [path])
+
+
+def test_a_diff_is_one_that_patch_takes(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    lines = fix(path, "--diff").stdout.splitlines()
+    assert [each for each in lines if each[:1] in "+-" and each[:3] not in {"+++", "---"}] == [
+        "-            custom double inputs:wheelRadius = 0.033",
+        "+            custom double inputs:wheelRadius = 0.025",
+    ]
+
+
+def test_output_goes_to_another_file(tmp_path: Path) -> None:
+    path, output = saved(tmp_path, WRONG_RADIUS), tmp_path / "Lab3_02_repaired.usda"
+    old = path.read_bytes()
+    fix(path, "-o", str(output))
+    assert (path.read_bytes(), check_stage(output).verdict) == (old, "pass")
+
+
+def test_a_missing_node_is_left_without_unsafe(tmp_path: Path) -> None:
+    path = saved(tmp_path, NO_CONTEXT)
+    old = path.read_bytes()
+    result = fix(path, "--in-place")
+    assert (result.exit_code, path.read_bytes()) == (1, old)
+    assert "needs --unsafe error N01" in result.stdout
+
+
+def test_a_missing_node_is_added_and_connected_with_unsafe(tmp_path: Path) -> None:
+    path = saved(tmp_path, NO_CONTEXT)
+    assert fix(path, "--in-place", "--unsafe").exit_code == 0
+    assert check_stage(path).verdict == "pass"
+
+
+def test_a_second_repair_changes_nothing(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS, NO_CONTEXT)
+    fix(path, "--in-place", "--unsafe")
+    once = path.read_bytes()
+    fix(path, "--in-place", "--unsafe", "--force")
+    assert path.read_bytes() == once
+
+
+def test_only_selected_rules_are_repaired(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    old = path.read_bytes()
+    assert fix(path, "--in-place", "--select", "W").exit_code == 0
+    assert path.read_bytes() == old
+
+
+def test_a_binary_stage_is_repaired(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS, ending=".usd")
+    assert path.read_bytes().startswith(b"PXR-USDC")
+    assert fix(path, "--in-place").exit_code == 0
+    assert check_stage(path).verdict == "pass"
+    assert path.read_bytes().startswith(b"PXR-USDC")
+
+
+def layered(folder: Path) -> tuple[Path, Path]:
+    """A stage whose root says nothing, above a sublayer with a wrong value."""
+    below = saved(folder, WRONG_RADIUS).rename(folder / "below.usda")
+    root = folder / "Lab3_02_ros_drive.usda"
+    layer = Sdf.Layer.CreateNew(str(root))
+    layer.subLayerPaths.append("below.usda")
+    source = Sdf.Layer.FindOrOpen(str(below))
+    for name in ("upAxis", "metersPerUnit", "kilogramsPerUnit"):
+        layer.pseudoRoot.SetInfo(name, source.pseudoRoot.GetInfo(name))
+    layer.Save()
+    return root, below
+
+
+def test_the_layer_that_holds_the_opinion_is_repaired(tmp_path: Path) -> None:
+    root, below = layered(tmp_path)
+    old = root.read_bytes()
+    result = fix(root, "--in-place")
+    assert (result.exit_code, root.read_bytes()) == (0, old)
+    assert f"written: {below}" in result.stdout.replace("../", "/") or "below.usda" in result.stdout
+    assert "inputs:wheelRadius = 0.025" in below.read_text()
+
+
+def test_with_an_output_the_root_layer_alone_is_written(tmp_path: Path) -> None:
+    root, below = layered(tmp_path)
+    old = below.read_bytes()
+    output = tmp_path / "Lab3_02_repaired.usda"
+    assert fix(root, "-o", str(output)).exit_code == 0
+    assert (below.read_bytes(), check_stage(output).verdict) == (old, "pass")
+
+
+def test_an_output_where_the_stage_does_not_hold_together_is_refused(tmp_path: Path) -> None:
+    root, _ = layered(tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    output = tmp_path / "elsewhere" / "Lab3_02_repaired.usda"
+    with pytest.raises(Lab3Error, match="worse than before"):
+        fix(root, "-o", str(output))
+    assert not output.exists()
+
+
+def test_a_renamed_graph_is_renamed_back_with_its_paths(tmp_path: Path) -> None:
+    stage = correct_stage("02")
+    editor = Usd.NamespaceEditor(stage)
+    editor.MovePrimAtPath(CLOCK, "/World/Clock")
+    editor.ApplyEdits()
+    path = tmp_path / "Lab3_02_ros_drive.usda"
+    stage.GetRootLayer().Export(str(path))
+    path.write_text(path.read_text() + "\n# about </World/Clock>\n")
+    old = path.read_text()
+    assert fix(path, "--in-place", "--unsafe").exit_code == 0
+    gone, added = changed_lines(old, path.read_text())
+    assert [
+        each.replace("/World/Clock", CLOCK).replace('"Clock"', '"ROS_Clock"') for each in gone
+    ] == added
+    assert "# about </World/Clock>" in path.read_text()
+
+
+def test_a_package_is_refused(tmp_path: Path) -> None:
+    path, package = saved(tmp_path), tmp_path / "Lab3_02_ros_drive.usdz"
+    assert UsdUtils.CreateNewUsdzPackage(str(path), str(package))
+    with pytest.raises(Lab3Error, match="is a package"):
+        fix(package, "--in-place")
+
+
+def test_a_moved_graph_with_a_wrong_value_is_repaired_at_once(tmp_path: Path) -> None:
+    stage = broken("02", [WRONG_RADIUS])
+    editor = Usd.NamespaceEditor(stage)
+    editor.MovePrimAtPath(DRIVE, "/World/Drive")
+    editor.ApplyEdits()
+    path = tmp_path / "Lab3_02_ros_drive.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert fix(path, "--in-place", "--unsafe").exit_code == 0
+    assert "/World/Drive" not in path.read_text()
+
+
+@pytest.mark.parametrize("ways", [("--diff", "--in-place"), ("--in-place", "-o", "x.usda")])
+def test_two_ways_to_answer_exclude_each_other(tmp_path: Path, ways: tuple[str, ...]) -> None:
+    with pytest.raises(Lab3Error, match="exclude each other"):
+        fix(saved(tmp_path), *ways)
+
+
+def test_a_stage_without_faults_is_left_alone(tmp_path: Path) -> None:
+    path = saved(tmp_path)
+    old = path.read_bytes()
+    assert fix(path, "--in-place", "--unsafe").exit_code == 0
+    assert (path.read_bytes(), [*tmp_path.iterdir()]) == (old, [path])

@@ -1,0 +1,161 @@
+"""Repairs as data: which findings have one, how reports show it, and that grading ignores it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from breaking import Step, broken, judged
+from click.testing import CliRunner
+from msgspec.structs import replace
+
+from lab3_usd.commands.check import command
+from lab3_usd.grade.workers.submission_grading import _without_repairs
+from lab3_usd.judge.folder import FolderResult
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.model.finding import Submission
+from lab3_usd.model.repair import (
+    Activate,
+    AddNode,
+    ClearValue,
+    Connect,
+    Edit,
+    RemovePrim,
+    Restore,
+    Retarget,
+    SetValue,
+)
+
+CLOCK = "/World/ROS_Clock"
+DRIVE = "/turtlebot3_burger/ROS_Drive"
+CONTROLLER = f"{DRIVE}/differential_controller"
+ARTICULATION = f"{DRIVE}/articulation_controller"
+JOINT = "/turtlebot3_burger/joints/wheel_left_joint"
+WRONG_RADIUS: Step = {"set": [f"{CONTROLLER}.inputs:wheelRadius", 0.033]}
+
+CASES: dict[str, tuple[Step, tuple[Edit, ...], bool]] = {
+    "a wrong value is set": (
+        WRONG_RADIUS,
+        (SetValue(CONTROLLER, "inputs:wheelRadius", "double", 0.025),),
+        True,
+    ),
+    "a value that nobody asked for is cleared": (
+        {"set": [f"{CONTROLLER}.inputs:maxWheelSpeed", 2.0]},
+        (ClearValue(CONTROLLER, "inputs:maxWheelSpeed"),),
+        True,
+    ),
+    "a missing connection is made": (
+        {"disconnect": [f"{CONTROLLER}.inputs:execIn"]},
+        (
+            Connect(
+                CONTROLLER, "inputs:execIn", "uint", (f"{DRIVE}/on_playback_tick.outputs:tick",)
+            ),
+        ),
+        True,
+    ),
+    "a wrong target is replaced": (
+        {"targets": [f"{ARTICULATION}.inputs:targetPrim", "/World"]},
+        (Retarget(ARTICULATION, "inputs:targetPrim", ("/turtlebot3_burger/base_footprint",)),),
+        True,
+    ),
+    "a deactivated node is activated": (
+        {"deactivate": [f"{CLOCK}/ros2_context"]},
+        (Activate(f"{CLOCK}/ros2_context"),),
+        True,
+    ),
+    "a missing node is added when asked for": (
+        {"remove": [f"{CLOCK}/ros2_context"]},
+        (AddNode(f"{CLOCK}/ros2_context", "ROS_Clock", "ros2_context"),),
+        False,
+    ),
+    "an extra node is removed when asked for": (
+        {"node": [f"{CLOCK}/more", "isaacsim.ros2.bridge.ROS2QoSProfile"]},
+        (RemovePrim(f"{CLOCK}/more"),),
+        False,
+    ),
+    "a value of the scene is restored": (
+        {"set": [f"{JOINT}.drive:angular:physics:stiffness", 10.0]},
+        (Restore(JOINT, "drive:angular:physics:stiffness"),),
+        True,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_finding_has_the_edits_that_settle_it(case: str) -> None:
+    step, edits, is_safe = CASES[case]
+    findings = [each for each in judged(broken("02", [step]), "02").findings if each.fix]
+    assert [(each.fix.edits, each.fix.safe) for each in findings if each.fix] == [(edits, is_safe)]
+
+
+def test_notes_have_no_repair() -> None:
+    stage = broken("02", [{"set": [f"{CLOCK}/ros2_publish_clock.inputs:topicName", "clock"]}])
+    found = judged(stage, "02").findings
+    assert [(each.rule, each.fix) for each in found] == [("P08", None)]
+
+
+@pytest.fixture
+def wrong(tmp_path: Path) -> Path:
+    path = tmp_path / "Lab3_02_ros_drive.usda"
+    broken("02", [WRONG_RADIUS]).GetRootLayer().Export(str(path))
+    return path
+
+
+def report(path: Path, form: str) -> str:
+    return CliRunner().invoke(command, [str(path), "--format", form]).stdout
+
+
+def test_json_holds_the_edits(wrong: Path) -> None:
+    (finding,) = json.loads(report(wrong, "json"))["results"][0]["findings"]
+    assert finding["fix"]["edits"] == [
+        {
+            "edit": "set",
+            "prim": CONTROLLER,
+            "property": "inputs:wheelRadius",
+            "type": "double",
+            "value": 0.025,
+        }
+    ]
+
+
+def test_sarif_holds_the_lines(wrong: Path) -> None:
+    (result,) = json.loads(report(wrong, "sarif"))["runs"][0]["results"]
+    (change,) = result["fixes"][0]["artifactChanges"]
+    text = wrong.read_text()
+    right = text.replace("wheelRadius = 0.033", "wheelRadius = 0.025")
+    assert apply(text, change["replacements"]) == right
+
+
+def apply(text: str, replacements: list[dict[str, Any]]) -> str:
+    lines = text.splitlines(keepends=True)
+    for each in reversed(replacements):
+        region = each["deletedRegion"]
+        lines[region["startLine"] - 1 : region["endLine"] - 1] = [each["insertedContent"]["text"]]
+    return "".join(lines)
+
+
+def test_text_marks_what_can_be_repaired(wrong: Path) -> None:
+    lines = report(wrong, "text").splitlines()
+    assert any(each.startswith("error P01 [*] wrong-value") for each in lines)
+    assert lines[-1] == "[*] 1 finding can be repaired with lab3 fix"
+
+
+def test_text_marks_nothing_that_needs_unsafe(tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_02_ros_drive.usda"
+    broken("02", [{"remove": [f"{CLOCK}/ros2_context"]}]).GetRootLayer().Export(str(path))
+    assert "[*]" not in report(path, "text")
+
+
+def test_checking_leaves_the_stage_as_it_was(wrong: Path) -> None:
+    old = wrong.read_bytes()
+    report(wrong, "sarif")
+    assert (wrong.read_bytes(), check_stage(wrong).verdict) == (old, "fail")
+
+
+def test_reports_of_grading_hold_no_repairs(wrong: Path) -> None:
+    result = check_stage(wrong)
+    found = _without_repairs(FolderResult((result,), Submission(".")))
+    bare = tuple(replace(each, fix=None) for each in result.findings)
+    assert found.results[0].findings == bare != result.findings

@@ -1,0 +1,201 @@
+"""The text of a layer after an edit: what changed, and that nothing else did."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from fixing import Outcome, repaired, second_faults
+from fuzzed_edits import fault_of
+from pxr import Sdf
+
+from lab3_usd.errors import StageError
+from lab3_usd.fix.layer_bytes import new_bytes, new_text
+from lab3_usd.fix.source_tree import read_blocks
+from lab3_usd.model.repair import (
+    Activate,
+    ApplySchema,
+    ClearValue,
+    Connect,
+    Edit,
+    MovePrim,
+    RemovePrim,
+    Retarget,
+    SetValue,
+)
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.edit.apply import apply_edit
+from lab3_usd.stage.edit.session import EditSession
+from lab3_usd.stage.read.opening import open_stage
+
+Editing = Callable[..., str]
+
+
+@pytest.fixture
+def edited(tmp_path: Path) -> Editing:
+    """What a text becomes by edits."""
+
+    def edit(text: str, *edits: Edit) -> str:
+        path = tmp_path / "stage.usda"
+        path.write_bytes(f"#usda 1.0\n{text}".encode())
+        lab = load_lab()
+        session = EditSession(open_stage(path), lab, lab.checkpoints["00"])
+        try:
+            for each in edits:
+                apply_edit(session, each)
+            ((_, found),) = session.edited.items()
+            return new_bytes(found).decode().removeprefix("#usda 1.0\n")
+        finally:
+            session.close()
+
+    return edit
+
+
+CASES: dict[str, tuple[str, Edit, str]] = {
+    "a value is replaced": (
+        'def "A"\n{\n  int  x=1 # why\n}\n',
+        SetValue("/A", "x", "int", 2),
+        'def "A"\n{\n  int  x=2 # why\n}\n',
+    ),
+    "a value is added before the metadata": (
+        'def "A"\n{\n  int x ( # why\n    doc = "y"\n  )\n}\n',
+        SetValue("/A", "x", "int", 2),
+        'def "A"\n{\n  int x = 2 ( # why\n    doc = "y"\n  )\n}\n',
+    ),
+    "a value is cleared, its comment stays": (
+        'def "A"\n{\n  int x = 1 # why\n}\n',
+        ClearValue("/A", "x"),
+        'def "A"\n{\n  int x # why\n}\n',
+    ),
+    "a type is replaced": (
+        'def "A"\n{\n  custom string x = "1" # why\n}\n',
+        SetValue("/A", "x", "double", 2.5),
+        'def "A"\n{\n  custom double x = 2.5 # why\n}\n',
+    ),
+    "a connection comes behind its attribute": (
+        'def "A"\n{\n  int x = 1\n  int y = 1\n}\n',
+        Connect("/A", "x", "int", ("/B.z",)),
+        'def "A"\n{\n  int x = 1\n  prepend int x.connect = </B.z>\n  int y = 1\n}\n',
+    ),
+    "a connection is taken out with its line": (
+        'def "A"\n{\n  int x = 1\n  int x.connect = </B.z>\n  int y = 1\n}\n',
+        Connect("/A", "x", "int"),
+        'def "A"\n{\n  int x = 1\n  int y = 1\n}\n',
+    ),
+    "targets are replaced": (
+        'def "A"\n{\n  rel x = [</B>, </C>] # why\n}\n',
+        Retarget("/A", "x", ("/D",)),
+        'def "A"\n{\n  rel x = </D> # why\n}\n',
+    ),
+    "a new attribute comes last": (
+        'def "A"\n{\n  int x = 1\n\n  def "B"\n  {\n  }\n}\n',
+        SetValue("/A", "inputs:y", "int", 2),
+        'def "A"\n{\n  int x = 1\n  custom int inputs:y = 2\n\n  def "B"\n  {\n  }\n}\n',
+    ),
+    "a statement among others on its line is replaced alone": (
+        'def "A" { int x = 1 ; int y = 1 ; }\n',
+        SetValue("/A", "x", "int", 2),
+        'def "A" { int x = 2 ; int y = 1 ; }\n',
+    ),
+    "a schema is applied": (
+        'def "A"\n{\n}\n',
+        ApplySchema("/A", "PhysicsMassAPI"),
+        'def "A" (\n    prepend apiSchemas = ["PhysicsMassAPI"]\n)\n{\n}\n',
+    ),
+    "a prim is activated": (
+        'def "A" (\n  doc = "y"\n  active = false\n)\n{\n}\n',
+        Activate("/A"),
+        'def "A" (\n  doc = "y"\n)\n{\n}\n',
+    ),
+    "a prim is defined": ('over "A"\n{\n}\n', Activate("/A"), 'def "A"\n{\n}\n'),
+    "a prim is removed with the line above": (
+        'def "A"\n{\n}\n\ndef "B"\n{\n  int x\n}\n\ndef "C"\n{\n}\n',
+        RemovePrim("/B"),
+        'def "A"\n{\n}\n\ndef "C"\n{\n}\n',
+    ),
+    "a prim is renamed where it stands": (
+        'def "A" # one\n{\n  int x.connect = </A/B.y> # </A/B.y>\n  def "B"\n  {\n  }\n}\n',
+        MovePrim("/A/B", "/A/C"),
+        'def "A" # one\n{\n  int x.connect = </A/C.y> # </A/B.y>\n  def "C"\n  {\n  }\n}\n',
+    ),
+    "line ends stay": (
+        'def "A"\r\n{\r\n  int x\r\n}\r\n',
+        Connect("/A", "x", "int", ("/B.z",)),
+        'def "A"\r\n{\r\n  int x\r\n  prepend int x.connect = </B.z>\r\n}\r\n',
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_editor_changes_what_is_asked_and_nothing_else(case: str, edited: Editing) -> None:
+    before, edit, after = CASES[case]
+    assert edited(before, edit) == after
+
+
+def test_a_moved_prim_takes_its_comments_along(edited: Editing) -> None:
+    text = 'def "A"\n{\n    # about B\n    def "B"\n    {\n        int x = 1 # why\n    }\n}\n'
+    assert edited(text, MovePrim("/A/B", "/B")).endswith('def "B"\n{\n    int x = 1 # why\n}\n')
+
+
+def test_a_string_keeps_its_lines_when_its_prim_moves(edited: Editing) -> None:
+    text = 'def "A"\n{\n    def "B"\n    {\n        string x = """a\n    b"""\n    }\n}\n'
+    assert '    string x = """a\n    b"""' in edited(text, MovePrim("/A/B", "/B"))
+
+
+def test_several_edits_of_one_line_do_not_collide(edited: Editing) -> None:
+    text = 'def "A" { int x = 1 ; int y = 1 ; }\n'
+    both = (SetValue("/A", "x", "int", 22), SetValue("/A", "y", "int", 33))
+    assert edited(text, *both) == 'def "A" { int x = 22 ; int y = 33 ; }\n'
+
+
+def test_a_text_that_would_say_something_else_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "stage.usda"
+    path.write_text('#usda 1.0\ndef "A"\n{\n  int x = 1\n}\n')
+    lab = load_lab()
+    session = EditSession(open_stage(path), lab, lab.checkpoints["00"])
+    apply_edit(session, SetValue("/A", "x", "int", 2))
+    monkeypatch.setattr(
+        "lab3_usd.fix.layer_bytes.new_text", lambda *given: new_text(*given).replace("2", "3")
+    )
+    with pytest.raises(StageError, match="does not say what the repairs ask for"):
+        new_bytes(session.edited[session.stage.GetRootLayer().identifier])
+
+
+def test_blocks_have_their_places() -> None:
+    text = '#usda 1.0\ndef "A" (active = true) { int x = 1; }\n'
+    block = read_blocks(text)["/A"]
+    (statement,) = block.statements
+    assert text[slice(*block.meta or ())] == "active = true"
+    assert text[slice(*statement.value or ())] == "1"
+
+
+@pytest.mark.parametrize("seed", range(0, 400, 40))
+def test_random_edits_of_random_layers_change_nothing_else(seed: int, tmp_path: Path) -> None:
+    found = [fault_of(each, tmp_path) for each in range(seed, seed + 40)]
+    assert [each for each in found if each] == []
+
+
+KINDS = ("graph", "node", "value", "wire", "target", "scene")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_faults_of_the_second_author_are_repaired(kind: str, tmp_path: Path) -> None:
+    faults = [each for each in second_faults("05") if each.kind == kind]
+    some = faults[:: 1 + len(faults) // 3]
+    found = [repaired("05", each, tmp_path, load_lab()) for each in some]
+    outcomes = [each for each in found if isinstance(each, Outcome)]
+    assert outcomes
+    assert [
+        (each.fault.name, each.elsewhere, each.lost_comments)
+        for each in outcomes
+        if not each.passes or each.elsewhere or each.lost_comments
+    ] == []
+
+
+def test_an_edit_leaves_the_open_layers_as_they_were(edited: Editing, tmp_path: Path) -> None:
+    edited('def "A"\n{\n  int x = 1\n}\n', SetValue("/A", "x", "int", 2))
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "stage.usda"))
+    assert layer.GetAttributeAtPath("/A.x").default == 1
