@@ -1,0 +1,94 @@
+"""`lab3 diff`: what differs between two stages, in words of the lab."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lab3_usd.commands.configuring import use_configured_lab
+from lab3_usd.files import refuse_existing, write_whole
+
+if TYPE_CHECKING:
+    from lab3_usd.diff.stages import Comparison
+    from lab3_usd.report.picture import Picture
+
+EXIT_DIFFERENT = 1
+
+
+@click.command("diff")
+@click.argument("before", type=click.Path(path_type=Path))
+@click.argument("after", type=click.Path(path_type=Path))
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json"]),
+    default="text",
+    show_default=True,
+    help="How to report.",
+)
+@click.option(
+    "--pictures",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Draw each graph that differs into this folder, as SVG.",
+)
+@click.option("--force", is_flag=True, help="Replace pictures that exist.")
+def command(before: Path, after: Path, form: str, pictures: Path | None, *, force: bool) -> None:
+    """Say what differs between two stages: nodes, values, wires, targets, robot, topics, frames.
+
+    What counts is the composed scene as Isaac Sim opens it: order of properties, layout of the
+    text, comments, and defaults that are written out make no difference; nor do places in the
+    graph editor. Exit status: 0 equal, 1 different, 2 unreadable or wrong usage, 3 the tool itself
+    failed.
+    """
+    # pxr and the specs are slow to import, and `lab3 --help` needs neither.
+    from lab3_usd.diff.stages import compare_stages  # noqa: PLC0415
+    from lab3_usd.report.diff import json_diff, text  # noqa: PLC0415
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+
+    use_configured_lab(before)
+    found = compare_stages(before, after, load_lab())
+    if pictures is not None:
+        _draw(found, pictures, force=force)
+    if form == "json":
+        click.echo(json_diff.render(found.diff), nl=False)
+    else:
+        click.echo("\n".join(text.lines(found.diff)))
+    if found.diff.changes:
+        sys.exit(EXIT_DIFFERENT)
+
+
+def _draw(found: Comparison, folder: Path, *, force: bool) -> None:
+    from lab3_usd.report.picture_formats.svg import svg_file  # noqa: PLC0415 - only with --pictures
+
+    drawn = {folder / name: picture for name, picture in _pictures(found)}
+    for path in drawn:
+        refuse_existing(path, force=force)
+    for path, picture in drawn.items():
+        write_whole(path, svg_file(picture, "auto").encode(), force=force)
+        click.echo(path, err=True)
+
+
+def _pictures(found: Comparison) -> Iterator[tuple[str, Picture]]:
+    """Yield a picture of each graph that differs, with the name of its file."""
+    from lab3_usd.report.pictures.diff_picture import GraphVersions, diff_picture  # noqa: PLC0415
+
+    names: dict[str, int] = {}
+    for pair in found.pairs.graphs:
+        graph = pair.after or pair.before
+        if graph is None:
+            continue
+        tops = {f"{each.path}/" for each in (pair.before, pair.after) if each is not None}
+        changes = [c for c in found.diff.changes if any(f"{c.path}/".startswith(t) for t in tops)]
+        if not changes:
+            continue
+        name = re.sub(r"[^\w-]", "_", graph.name)
+        names[name] = names.get(name, 0) + 1
+        number = f"-{names[name]}" if names[name] > 1 else ""
+        versions = GraphVersions(graph.name, graph.path, pair.nodes, found.pairs.path)
+        yield f"{name}{number}.svg", diff_picture(versions, changes)

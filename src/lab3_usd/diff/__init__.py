@@ -1,0 +1,1 @@
+"""Compares two stages in words of the lab."""

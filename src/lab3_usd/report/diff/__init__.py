@@ -1,0 +1,1 @@
+"""What differs between two stages, as text and JSON."""

@@ -1,0 +1,49 @@
+"""What differs between two stages, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+
+from lab3_usd.model.stage_diff import Edit, Part, StageChange, StageDiff
+from lab3_usd.report.safe_text import printable
+
+TITLES: dict[Part, str] = {
+    "graph": "graphs",
+    "node": "nodes",
+    "value": "values",
+    "wire": "wires",
+    "target": "targets",
+    "robot": "robot",
+    "scene": "scene",
+    "topic": "topics",
+    "frame": "frames",
+}
+SIGNS: dict[Edit, str] = {"added": "+", "removed": "-", "changed": "~"}
+_OF_WHOLES = ("node", "topic")  # whose properties are facts about them
+
+
+def lines(diff: StageDiff) -> Iterator[str]:
+    """Yield the lines of the report: a heading, then each part with its changes."""
+    count = len(diff.changes)
+    counted = "no differences" if not count else f"{count} change{'s' * (count > 1)}"
+    yield printable(f"{diff.before} -> {diff.after}: {counted}")
+    for part, changes in groupby(diff.changes, key=lambda change: change.part):
+        yield ""
+        yield TITLES[part]
+        for change in changes:
+            yield printable(f"  {SIGNS[change.edit]} {_words(change)}")
+
+
+def _words(change: StageChange) -> str:
+    if change.part == "wire":
+        return f"{change.was or change.now} -> {change.path}.{change.property}"
+    if change.part == "frame":
+        return change.was or change.now
+    separator = " " if change.part in _OF_WHOLES or change.property == "schema" else "."
+    where = f"{change.path}{separator}{change.property}" if change.property else change.path
+    if change.edit == "changed":
+        return f"{where}: {change.was} -> {change.now}"
+    if change.edit == "removed" and change.now:
+        return f"{where}: {change.was} is {change.now}"
+    return f"{where}: {change.was or change.now}"
