@@ -1,13 +1,11 @@
-"""What stays the same when a file is edited or moved: fingerprints and relative paths."""
+"""Fingerprints of findings, which stay the same when a file is edited or moved."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from hashlib import sha256
-from pathlib import Path
+from zlib import crc32
 
-from lab3_usd.check.finding import Report
+from lab3_usd.model.finding import Finding, Report
 from lab3_usd.report.entries import Entry, entries
 
 
@@ -28,17 +26,16 @@ def fingerprinted(report: Report) -> Iterator[tuple[Entry, str]]:
 
 def fingerprint(*parts: str) -> str:
     """Return 32 hexadecimal digits that stand for `parts`."""
+    from hashlib import sha256  # noqa: PLC0415 - slow to load, and most formats do without
+
     return sha256("\0".join(parts).encode("utf-8", "backslashreplace")).hexdigest()[:32]
 
 
-def relative_path(path: str, root: str | None) -> str:
-    """Return `path` with forward slashes, relative to `root` (the current folder) if below it.
+def fault_id(finding: Finding) -> str:
+    """Return 8 hexadecimal digits that findings share which say the same of the same place.
 
-    Decided by the text alone: a link stays the file that was given.
+    A fault that is carried along from stage to stage has one; the line does not matter.
     """
-    base = os.path.normpath(Path.cwd() / (root or ""))
-    whole = os.path.normpath(Path.cwd() / path)
-    try:
-        return Path(whole).relative_to(base).as_posix()
-    except ValueError:
-        return Path(whole).as_posix()
+    parts = (finding.rule, finding.severity, finding.prim, finding.property, finding.message)
+    text = "\0".join(part or "" for part in parts)
+    return format(crc32(text.encode("utf-8", "backslashreplace")), "08x")

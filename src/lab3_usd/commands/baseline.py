@@ -1,0 +1,162 @@
+"""Baselines: findings that are known, and count no more."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.commands.options import chosen
+from lab3_usd.errors import UsageError
+from lab3_usd.files import write_whole
+from lab3_usd.judge.stage import with_findings
+from lab3_usd.model.finding import Finding, Report
+from lab3_usd.report.entries import site
+from lab3_usd.report.fingerprints import fingerprinted
+from lab3_usd.report.tool import NAME, tool_version
+
+VERSION = 1
+
+
+class KnownFinding(Struct, frozen=True):
+    """A finding of a baseline: its file, seen from the baseline, and what tells it from others.
+
+    Rule, site and message are for people; the fingerprint stays when lines are renumbered.
+    """
+
+    file: str
+    fingerprint: str
+    rule: str
+    site: str
+    message: str
+
+
+class Baseline(Struct, frozen=True):
+    """The findings that are known."""
+
+    version: int
+    findings: tuple[KnownFinding, ...]
+
+
+class Compared(NamedTuple):
+    """What is new in a report, and what of the baseline it does not have any more."""
+
+    report: Report
+    gone: tuple[KnownFinding, ...]
+
+
+def write_baseline(report: Report, path: Path) -> int:
+    """Write every finding of a report as known, and return how many there are."""
+    known = [each for each, _ in _told(report, path)]
+    content = {
+        "version": VERSION,
+        "tool": {"name": NAME, "version": tool_version()},
+        "findings": [msgspec.to_builtins(each) for each in known],
+    }
+    write_whole(path, (json.dumps(content, indent=1) + "\n").encode(), force=True)
+    return len(known)
+
+
+def read_baseline(path: Path) -> Baseline:
+    """Read a baseline.
+
+    Raises:
+        UsageError: it cannot be read, or is none.
+    """
+    try:
+        found = msgspec.json.decode(path.read_bytes(), type=Baseline)
+    except OSError as error:
+        message = f"{path}: cannot be read ({error.strerror})"
+        raise UsageError(message) from error
+    except (msgspec.MsgspecError, UnicodeError) as error:
+        message = f"{path}: is no baseline; lab3 check --write-baseline writes one"
+        raise UsageError(message) from error
+    if found.version != VERSION:
+        message = f"{path}: is a baseline of version {found.version}, expected {VERSION}"
+        raise UsageError(message)
+    return found
+
+
+def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Compared:
+    """Take what a baseline knows out of a report.
+
+    Gone is what the baseline knows of the files of this report, by the rules that are asked for.
+
+    Raises:
+        UsageError: the baseline cannot be read, or is none.
+    """
+    known, told = _grouped(read_baseline(path).findings), list(_told(report, path))
+    present = _grouped(each for each, _ in told)
+    kept = {
+        id(finding)
+        for each, finding in told
+        if not _is_among(each, present[_key(each)], known.get(_key(each), []))
+    }
+
+    def new(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+        return tuple(each for each in findings if id(each) in kept)
+
+    paths = [result.path for result in report.results]
+    paths += [submission.path for submission in report.submissions]
+    here = {_from(path, each) for each in paths}
+    gone = tuple(
+        each
+        for key, group in known.items()
+        for each in group
+        if each.file in here
+        and not _is_among(each, group, present.get(key, []))
+        and chosen(each.rule, options["select"], options["ignore"])
+    )
+    results = tuple(with_findings(each, new(each.findings)) for each in report.results)
+    submissions = tuple(replace(each, findings=new(each.findings)) for each in report.submissions)
+    return Compared(Report(results, submissions), gone)
+
+
+def _key(known: KnownFinding) -> tuple[str, str]:
+    """Return what tells findings apart but for those of one rule at one place."""
+    return known.file, known.fingerprint.partition(":")[0]
+
+
+def _grouped(findings: Iterable[KnownFinding]) -> dict[tuple[str, str], list[KnownFinding]]:
+    groups: dict[tuple[str, str], list[KnownFinding]] = {}
+    for each in findings:
+        groups.setdefault(_key(each), []).append(each)
+    return groups
+
+
+def _is_among(
+    finding: KnownFinding, own: Sequence[KnownFinding], others: Sequence[KnownFinding]
+) -> bool:
+    """Whether a finding of one group is in another group of the same rule and place.
+
+    A lone one is, whatever it says now; of several the message tells which is which.
+    """
+    is_lone = len(own) == len(others) == 1
+    return is_lone or any(each.message == finding.message for each in others)
+
+
+def _told(report: Report, path: Path) -> list[tuple[KnownFinding, Finding]]:
+    return [
+        (
+            KnownFinding(
+                _from(path, entry.path),
+                fingerprint,
+                entry.finding.rule,
+                site(entry.finding),
+                entry.finding.message,
+            ),
+            entry.finding,
+        )
+        for entry, fingerprint in fingerprinted(report)
+    ]
+
+
+def _from(path: Path, file: str) -> str:
+    """Return the path of a file as seen from the folder of the baseline."""
+    return Path(os.path.relpath(file, path.parent)).as_posix()

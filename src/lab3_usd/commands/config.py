@@ -1,0 +1,67 @@
+"""`lab3 config`: which configuration is in force, and where it comes from."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lab3_usd.commands.configuring import config_options
+from lab3_usd.data import LAB_VARIABLE
+
+if TYPE_CHECKING:
+    from lab3_usd.config.config import Config
+
+_DEFAULTS = {
+    "select": "all rules",
+    "ignore": "no rules",
+    "per-file-ignores": "none",
+    "severity": "as each rule has it",
+    "checkpoints": "by the names of files",
+    "starter": "none",
+    "maps": "none",
+    "lab": "the bundled one",
+}
+
+
+@click.command("config")
+@click.argument("path", default=".", type=click.Path(path_type=Path))
+@config_options
+def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
+    """Print the configuration with which PATH is checked, and where each value comes from.
+
+    It is the nearest lab3.toml, or pyproject.toml with a table [tool.lab3], in the folder of PATH
+    or above it.
+    """
+    from lab3_usd.config.config import Config, config_for, load_config  # noqa: PLC0415 - fast --help
+
+    if isolated:
+        config = Config()
+    else:
+        config = load_config(Path(config_file)) if config_file else config_for([str(path)])
+    click.echo(f"configuration: {config.file or 'none'}")
+    for key, value, source in _rows(config):
+        click.echo(f"{key:<17} {value:<32} {source}".rstrip())
+
+
+def _rows(config: Config) -> Iterator[tuple[str, str, str]]:
+    """Yield each key with its value in words and the place that says so."""
+    for key, default in _DEFAULTS.items():
+        value = getattr(config, key.replace("-", "_"))
+        if key == "lab" and os.environ.get(LAB_VARIABLE):
+            yield key, os.environ[LAB_VARIABLE], "(--lab or LAB3_LAB)"
+        elif value:
+            yield key, _shown(value), f"({config.file})"
+        else:
+            yield key, default, "(default)"
+
+
+def _shown(value: Any) -> str:  # noqa: ANN401 - of any key
+    if not isinstance(value, tuple):
+        return str(value)
+    return ", ".join(
+        each if isinstance(each, str) else f"{each[0]}: {_shown(each[1])}" for each in value
+    )

@@ -1,0 +1,140 @@
+"""`lab3 doctor`: what works on this computer, and how to get what does not."""
+
+from __future__ import annotations
+
+import platform
+import re
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Literal
+
+import click
+from msgspec import Struct
+
+from lab3_usd.report.tool import NAME, tool_version
+
+EXIT_BAD = 1
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox", "microsoft-edge")
+EXTRAS = {
+    "png": ("resvg-py", "pictures as PNG"),
+    "nvidia": ("usd-validation-nvidia", "the rules in NVIDIA's validator"),
+    "sim": ("rosbags", "bags of dry runs and of the running system"),
+    "watch": ("watchfiles", "checking again whatever is saved"),
+    "cluster": ("distributed", "grading on several computers"),
+}
+State = Literal["ok", "missing", "bad"]
+
+
+class Check(Struct, frozen=True):
+    """What was looked at and found: `missing` is optional, `bad` is needed."""
+
+    name: str
+    state: State
+    text: str
+
+
+@click.command("doctor")
+def command() -> None:
+    """Say what works on this computer: versions, checking, extras, browser, sandbox.
+
+    Exit status: 0 all that is needed works (extras may be missing), 1 something does not.
+    """
+    click.echo(f"lab3 {tool_version()}, Python {platform.python_version()}, {platform.platform()}")
+    found = []
+    for check in _checks():
+        found.append(check)
+        click.echo(f"{check.state:<8} {check.name:<10} {check.text}")
+    if any(check.state == "bad" for check in found):
+        sys.exit(EXIT_BAD)
+
+
+def _checks() -> Iterator[Check]:
+    yield dependencies()
+    yield checking()
+    for name, (package, purpose) in EXTRAS.items():
+        yield extra(name, package, purpose)
+    yield browser()
+    yield sandbox()
+
+
+def dependencies() -> Check:
+    """Look for the packages that the installed package asks for."""
+    try:
+        asked = metadata.requires(NAME) or []
+    except metadata.PackageNotFoundError:
+        return Check("packages", "missing", f"{NAME} runs from its files, and is not installed")
+    versions, absent = [], []
+    for line in asked:
+        if ";" in line:
+            continue  # of an extra
+        name = re.split(r"[^\w.-]", line, maxsplit=1)[0]
+        try:
+            versions.append(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            absent.append(name)
+    if absent:
+        return Check("packages", "bad", f"not installed: {', '.join(absent)}")
+    return Check("packages", "ok", ", ".join(versions))
+
+
+def checking() -> Check:
+    """Build the last stage of the lab, and check it."""
+    begun = time.perf_counter()
+    try:
+        from lab3_usd.judge.stage import check_stage  # noqa: PLC0415 - reports what is missing
+        from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+        from lab3_usd.stage.write.builder import build_checkpoint  # noqa: PLC0415
+
+        last = [*load_lab().checkpoints][-1]
+        with tempfile.TemporaryDirectory() as folder:
+            stage = build_checkpoint(None, last, Path(folder) / "stage.usda")
+            result = check_stage(stage, last)
+    except Exception as error:  # noqa: BLE001 - whatever fails is the answer
+        return Check("checking", "bad", f"{type(error).__name__}: {error}")
+    seconds = time.perf_counter() - begun
+    text = f"the stage of checkpoint {last} was built and checked in {seconds:.1f} s: "
+    return Check("checking", "ok" if result.verdict == "pass" else "bad", text + result.verdict)
+
+
+def extra(name: str, package: str, purpose: str) -> Check:
+    """Look for the package that an extra of ours installs."""
+    try:
+        version = metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return Check(name, "missing", f"{purpose}: pip install '{NAME}[{name}]'")
+    return Check(name, "ok", f"{purpose} ({package} {version})")
+
+
+def browser() -> Check:
+    """Look for a program that shows HTML reports."""
+    if sys.platform in {"darwin", "win32"}:
+        return Check("browser", "ok", "the system brings one, which shows HTML reports")
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        text = f"HTML reports can be written, not shown: none of {', '.join(BROWSERS)} is here"
+        return Check("browser", "missing", text)
+    return Check("browser", "ok", f"{found} shows HTML reports")
+
+
+def sandbox() -> Check:
+    """Start a worker of `lab3 grade`, and say which walls this system puts around it."""
+    try:
+        from lab3_usd.grade.intake.limits import Limits  # noqa: PLC0415 - see checking
+        from lab3_usd.grade.workers.confine import WALLS  # noqa: PLC0415
+        from lab3_usd.grade.workers.messages import PoolSettings  # noqa: PLC0415
+        from lab3_usd.grade.workers.worker_process import end_worker, start_worker  # noqa: PLC0415
+
+        worker = start_worker(PoolSettings(None, None, Limits()))
+    except Exception as error:  # noqa: BLE001 - whatever fails is the answer
+        return Check("sandbox", "bad", f"{type(error).__name__}: {error}")
+    end_worker(worker)
+    held = sorted(name for name, is_held in worker.confined.items() if is_held)
+    absent = [f"{name} ({WALLS[name]})" for name in sorted({*worker.confined} - {*held})]
+    if absent:
+        return Check("sandbox", "missing", f"lab3 grade does without: {', '.join(absent)}")
+    return Check("sandbox", "ok", f"lab3 grade confines {', '.join(held)}")

@@ -1,0 +1,250 @@
+"""Judges stages again whenever they are saved, in one process, until Ctrl-C."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+
+from lab3_usd.commands.news import clock, news_between, news_lines
+from lab3_usd.commands.reporting import write_report
+from lab3_usd.errors import Lab3Error, UsageError
+from lab3_usd.model.finding import Report
+
+# Milliseconds without another event before a save counts as over, and at most.
+STEP, DEBOUNCE = 5, 100
+PATIENCE = 0.5  # seconds in which a file that is gone or cannot be read may still be written
+_PAUSE = 0.01
+# A binary stage is read, not mapped: mapped pages of a file that is cut short end the process.
+_ENVIRONMENT = {"USDC_USE_ASSET": "1", "TF_ENV_SETTING_ALERTS_ENABLED": "0"}
+
+
+class Watched(NamedTuple):
+    """What is judged again: the stages and folders that there are now, and how.
+
+    `shared` are the files and folders that all of them are judged with; `renew` is called when
+    one of these was saved.
+    """
+
+    names: Callable[[], list[str]]
+    judge: Callable[[str], Report]
+    render: Callable[[Report], str]
+    shared: tuple[str, ...] = ()
+    renew: Callable[[], object] = tuple
+
+
+def prepare(options: Mapping[str, Any]) -> None:
+    """Set what usd-core reads when it is imported.
+
+    Raises:
+        UsageError: the library for events of files is not installed, or a baseline is to be
+            written again and again.
+    """
+    if options["write_baseline"] is not None:
+        message = "--watch and --write-baseline do not go together: write the baseline first"
+        raise UsageError(message)
+    try:
+        import watchfiles  # noqa: F401, PLC0415 - an extra
+    except ImportError as error:
+        message = "--watch needs a library: pip install 'lab3-usd[watch]'"
+        raise UsageError(message) from error
+    for name, value in _ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+
+
+def watch(paths: Iterable[str], watched: Watched, options: Mapping[str, Any]) -> int:
+    """Judge, report, and do both again after each save; return the exit code after Ctrl-C."""
+    folders = [*paths, *watched.shared]
+    session = _Session(watched, options)
+    try:
+        session.judge_all()
+        for changed in _saves(folders):
+            session.judge_changed(changed)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        session.close()
+    return 0
+
+
+def _saves(paths: Iterable[str]) -> Iterator[frozenset[str]]:
+    """Yield the files that were written, moved or removed, save by save.
+
+    Folders are watched rather than files: whoever saves by renaming makes another file.
+    """
+    from watchfiles import watch as file_events  # noqa: PLC0415 - see prepare
+
+    roots = {path if Path(path).is_dir() else str(Path(path).resolve().parent) for path in paths}
+    is_deep = any(Path(path).is_dir() for path in paths)
+    events = file_events(
+        *roots,
+        watch_filter=None,
+        step=STEP,
+        debounce=DEBOUNCE,
+        recursive=is_deep,
+    )
+    for changes in events:
+        yield frozenset(os.path.realpath(path) for _, path in changes)
+
+
+class _Session:
+    """What was judged: the report of each name, and the files that it depends on."""
+
+    def __init__(self, watched: Watched, options: Mapping[str, Any]) -> None:
+        self._watched = watched
+        self._options = options
+        self._reports: dict[str, Report] = {}
+        self._files: dict[str, frozenset[str]] = {}
+        self._version = 0
+
+    def judge_all(self) -> None:
+        """Judge everything that there is."""
+        names = self._watched.names()
+        for name in names:
+            self._judge(name)
+        self._tell([f"{clock()}  watching, Ctrl-C ends"])
+
+    def judge_changed(self, changed: frozenset[str]) -> None:
+        """Judge what depends on the files that were saved."""
+        is_shared = any(_holds(top, changed) for top in self._watched.shared)
+        if is_shared:
+            self._watched.renew()
+        names = self._names()
+        touched = [name for name in names if is_shared or self._is_touched(name, changed)]
+        gone = self._reports.keys() - set(names)
+        if not touched and not gone:
+            return
+        before = self._whole()
+        _forget(changed)
+        for name in gone:
+            del self._reports[name]
+        try:
+            for name in touched:
+                self._judge(name)
+        except Lab3Error as error:  # of the starter; the reports stay as they were
+            click.echo(f"{clock()}  {error}", err=True)
+            return
+        saved = ", ".join(touched or sorted(gone))
+        after = self._whole()
+        self._tell(news_lines(saved, news_between(before, after), after))
+
+    def close(self) -> None:
+        """Leave a page that is a report like any other."""
+        if self._is_page and self._version:
+            from lab3_usd.report.html.live_page import version_file  # noqa: PLC0415 - only for pages
+
+            write_report(self._watched.render(self._whole()), self._options["output"])
+            version_file(Path(self._options["output"])).unlink(missing_ok=True)
+
+    @property
+    def _is_page(self) -> bool:
+        return self._options["form"] == "html" and self._options["output"] is not None
+
+    def _names(self) -> list[str]:
+        try:
+            return self._watched.names()
+        except Lab3Error:  # a file that is being saved under a name of its own
+            return [name for name in self._reports if Path(name).exists()]
+
+    def _is_touched(self, name: str, changed: frozenset[str]) -> bool:
+        if name not in self._reports or changed & self._files[name]:
+            return True
+        return _holds(name, changed)
+
+    def _judge(self, name: str) -> None:
+        from lab3_usd.stage.read.watched_files import may_be_whole  # noqa: PLC0415 - pxr, after prepare
+
+        path = Path(name)
+        until = time.monotonic() + PATIENCE
+        while True:
+            before, is_over = _stamp(path), time.monotonic() > until
+            report = None
+            if is_over or path.is_dir() or may_be_whole(path):
+                report = self._judged_once(name, is_over=is_over)
+            is_whole = report is not None and (is_over or not _is_unreadable(report))
+            if report is not None and is_whole and _stamp(path) == before:
+                self._reports[name] = report
+                return
+            time.sleep(_PAUSE)
+            _forget([str(path.resolve())])
+
+    def _judged_once(self, name: str, *, is_over: bool) -> Report | None:
+        """Return what is said of a stage or folder; None while the starter is being written."""
+        from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, after prepare
+        from lab3_usd.stage.read.watched_files import used_files  # noqa: PLC0415
+
+        path = Path(name)
+        try:
+            with kept_open():
+                report = self._watched.judge(name)
+                self._files[name] = frozenset() if path.is_dir() else used_files(path)
+        except Lab3Error:
+            if is_over:
+                raise
+            return None
+        return report
+
+    def _whole(self) -> Report:
+        reports = self._reports.values()
+        return Report(
+            tuple(result for each in reports for result in each.results),
+            tuple(submission for each in reports for submission in each.submissions),
+        )
+
+    def _tell(self, lines: Iterable[str]) -> None:
+        """Show what is new first, then the report."""
+        self._version += 1
+        output, form = self._options["output"], self._options["form"]
+        if output is None and form == "text" and sys.stdout.isatty():
+            click.clear()
+        text = self._watched.render(self._whole())
+        if self._is_page:
+            self._write_page(text)
+        elif output is not None:
+            write_report(text, output)
+        is_data = output is None and form != "text"
+        click.echo("\n".join(lines), err=is_data)
+        if output is None:
+            click.echo("", err=is_data)
+            write_report(text, None)
+
+    def _write_page(self, text: str) -> None:
+        from lab3_usd.report.html.live_page import (  # noqa: PLC0415 - only for pages
+            live_page,
+            version_file,
+            version_script,
+        )
+
+        path = Path(self._options["output"])
+        write_report(live_page(text, path, self._version), str(path))
+        write_report(version_script(self._version), str(version_file(path)))
+
+
+def _stamp(path: Path) -> tuple[int, int, int] | None:
+    """Return what changes when a file is written; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino
+
+
+def _holds(top: str, changed: Iterable[str]) -> bool:
+    """Whether a file that was saved is this one, or lies in this folder."""
+    whole = os.path.realpath(top)
+    return any(path == whole or path.startswith(f"{whole}{os.sep}") for path in changed)
+
+
+def _is_unreadable(report: Report) -> bool:
+    return any(result.verdict == "unreadable" for result in report.results)
+
+
+def _forget(paths: Iterable[str]) -> None:
+    from lab3_usd.stage.read.watched_files import forget_files  # noqa: PLC0415 - pxr, after prepare
+
+    forget_files(paths)

@@ -1,0 +1,72 @@
+"""Finds and reads configuration files: `lab3.toml`, or `[tool.lab3]` in `pyproject.toml`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lab3_usd.errors import UsageError
+
+NAME, SHARED_NAME = "lab3.toml", "pyproject.toml"
+TOOL, TABLE = "tool", "lab3"
+
+
+def find_file(path: Path) -> Path | None:
+    """Return the nearest configuration file in the folder of `path` or above it.
+
+    Of two in one folder `lab3.toml` counts. Called for every file that is checked: a folder
+    without any costs a look for each name.
+    """
+    start = path.absolute()
+    for folder in (start, *start.parents):
+        own = folder / NAME
+        if own.is_file():
+            return own
+        shared = folder / SHARED_NAME
+        if shared.is_file() and _has_table(shared):
+            return shared
+    return None
+
+
+def _has_table(path: Path) -> bool:
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return False
+    mentioned = TABLE.encode() in data and TOOL.encode() in data
+    return mentioned and TABLE in _parsed(path).get(TOOL, {})
+
+
+def read_table(path: Path) -> Mapping[str, Any]:
+    """Return what a configuration file says.
+
+    Raises:
+        UsageError: it cannot be read, is not TOML, or has no table of this program.
+    """
+    content = _parsed(path)
+    if path.name != SHARED_NAME:
+        return content
+    table = content.get(TOOL, {}).get(TABLE)
+    if not isinstance(table, dict):
+        message = f"{path}: has no table [{TOOL}.{TABLE}]"
+        raise UsageError(message)
+    return table
+
+
+def _parsed(path: Path) -> dict[str, Any]:
+    if sys.version_info >= (3, 11):
+        import tomllib  # noqa: PLC0415 - only where there is a file
+    else:
+        import tomli as tomllib  # noqa: PLC0415
+
+    try:
+        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        message = f"{path}: cannot be read ({error.strerror})"
+        raise UsageError(message) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        message = f"{path}: is not TOML: {error}"
+        raise UsageError(message) from error
+    return content

@@ -1,0 +1,53 @@
+"""Leaves out the findings that notes in a stage ignore on purpose; never in effect in grading."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from lab3_usd.check.registry import FAMILIES, all_rules
+from lab3_usd.check.rule_runs import run_rule
+from lab3_usd.judge.stage import located, verdict_of
+from lab3_usd.model.finding import Finding, StageResult
+from lab3_usd.model.ignore_notes import IgnoreNote
+from lab3_usd.model.order import ordered
+
+UNUSED = "F06"
+
+
+def without_ignored(result: StageResult) -> StageResult:
+    """Return the result of a stage without what its notes ignore, and with the unused notes.
+
+    Raises:
+        StageError: the file cannot be opened any more.
+    """
+    if result.verdict == "unreadable":
+        return result
+    from lab3_usd.stage.read.ignore_notes import read_ignore_notes  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
+
+    path = Path(result.path)
+    stage = open_stage(path)
+    notes = read_ignore_notes(stage, result.path)
+    if not notes:
+        return result
+    used = {note for note in notes for each in result.findings if note.covers(each)}
+    kept = [each for each in result.findings if not any(note.covers(each) for note in notes)]
+    for note in notes:
+        if note not in used:
+            unused = _unused(note)
+            kept += unused if note.written else located(list(unused), path, stage)
+    findings = ordered(kept)
+    return replace(result, findings=findings, verdict=verdict_of(findings, result.crashes))
+
+
+def _unused(note: IgnoreNote) -> Iterator[Finding]:
+    why = "there is no such finding here"
+    if not note.rule:
+        why = "it names no rule"
+    elif note.rule not in FAMILIES and note.rule not in all_rules():
+        why = "there is no such rule"
+    for each in run_rule(all_rules()[UNUSED], (note, why)).findings:
+        yield replace(each, layer=note.layer or None, line=note.written)

@@ -1,0 +1,278 @@
+"""Configuration files: where they are found, what they say, what they never decide."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from breaking import Step, broken, correct_stage
+from click.testing import CliRunner, Result
+from report_schema import assert_valid
+
+from lab3_usd import cli
+from lab3_usd.commands.config import _DEFAULTS
+from lab3_usd.config.config import KEYS, Config, config_for, load_config
+from lab3_usd.config.files import find_file
+from lab3_usd.data import LAB_VARIABLE, data_folder
+from lab3_usd.errors import UsageError
+from lab3_usd.grade.class_run import ClassSettings, grade_class
+from lab3_usd.stage.write.starter import build_starter
+
+DRIVE = "ROS_Drive/differential_controller.inputs:wheelRadius"
+STEPS: list[Step] = [
+    {"set": [DRIVE, 0.033]},
+    {"disconnect": "ROS_Clock/ros2_publish_clock.inputs:execIn"},
+]
+
+
+@pytest.fixture
+def wrong(tmp_path: Path) -> Path:
+    """A stage in a folder of its own with two faults: P01 and W01."""
+    path = tmp_path / "course" / "work" / "Lab3_02_ros_drive.usda"
+    path.parent.mkdir(parents=True)
+    broken("02", STEPS).GetRootLayer().Export(str(path))
+    return path
+
+
+def lab3(*arguments: Path | str) -> Result:
+    return CliRunner().invoke(cli.lab3, [*map(str, arguments)])
+
+
+def report(*arguments: Path | str) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(lab3("check", "--format", "json", *arguments).stdout)
+    assert_valid(document)
+    return document
+
+
+def found(*arguments: Path | str) -> set[tuple[str, str]]:
+    return {
+        (each["rule"], each["severity"])
+        for result in report(*arguments)["results"]
+        for each in result["findings"]
+    }
+
+
+def set_up(folder: Path, text: str, name: str = "lab3.toml") -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+# ---- where it is found
+
+
+def test_without_a_file_nothing_is_configured(wrong: Path) -> None:
+    assert config_for([str(wrong)]) == Config()
+    assert found(wrong) == {("P01", "error"), ("W01", "error")}
+
+
+def test_a_file_above_the_stage_is_in_force(wrong: Path) -> None:
+    set_up(wrong.parents[1], 'ignore = ["W01"]')
+    assert found(wrong) == {("P01", "error")}
+
+
+def test_the_nearest_file_is_in_force_alone(wrong: Path) -> None:
+    set_up(wrong.parents[1], 'ignore = ["W01"]')
+    near = set_up(wrong.parent, 'ignore = ["P"]')
+    assert find_file(wrong) == near
+    assert found(wrong) == {("W01", "error")}
+
+
+def test_a_table_of_pyproject_is_in_force(wrong: Path) -> None:
+    set_up(wrong.parent, '[tool.lab3]\nignore = ["W01"]\n', "pyproject.toml")
+    assert found(wrong) == {("P01", "error")}
+
+
+@pytest.mark.parametrize("text", ["[tool.ruff]\n", "# tool lab3\n", "name = 'lab3 tool'\n"])
+def test_a_pyproject_without_the_table_is_passed_over(wrong: Path, text: str) -> None:
+    above = set_up(wrong.parents[1], 'ignore = ["W01"]')
+    set_up(wrong.parent, text, "pyproject.toml")
+    assert find_file(wrong) == above
+
+
+def test_an_own_file_counts_before_pyproject(wrong: Path) -> None:
+    set_up(wrong.parent, "[tool.lab3]\n", "pyproject.toml")
+    own = set_up(wrong.parent, "")
+    assert find_file(wrong) == own
+
+
+def test_several_configurations_in_one_call_are_wrong_use(wrong: Path) -> None:
+    other = wrong.parents[1] / "other" / wrong.name
+    other.parent.mkdir()
+    shutil.copy(wrong, other)
+    set_up(other.parent, 'ignore = ["W01"]')
+    with pytest.raises(UsageError, match="--config"):
+        config_for([str(wrong), str(other)])
+    chosen = set_up(wrong.parents[1], 'ignore = ["P01"]', "other.toml")
+    assert found("--config", chosen, wrong, other) == {("W01", "error")}
+
+
+def test_isolated_uses_none(wrong: Path) -> None:
+    set_up(wrong.parent, 'ignore = ["W01"]')
+    assert found("--isolated", wrong) == {("P01", "error"), ("W01", "error")}
+
+
+# ---- what it says
+
+
+def test_the_command_line_counts_before_the_file(wrong: Path) -> None:
+    set_up(wrong.parent, 'select = ["W01"]')
+    assert found(wrong) == {("W01", "error")}
+    assert found("--select", "P", wrong) == {("P01", "error")}
+
+
+@pytest.mark.parametrize("pattern", ["Lab3_02*", "work/*.usda"])
+def test_rules_are_ignored_in_files_that_a_pattern_names(wrong: Path, pattern: str) -> None:
+    set_up(wrong.parents[1], f'[per-file-ignores]\n"{pattern}" = ["W01"]\n"*_03_*" = ["P"]')
+    assert found(wrong) == {("P01", "error")}
+
+
+def test_a_severity_decides_the_verdict(wrong: Path) -> None:
+    set_up(wrong.parent, '[severity]\nW01 = "note"\nP01 = "warning"')
+    document = report(wrong)
+    assert found(wrong) == {("P01", "warning"), ("W01", "note")}
+    assert document["results"][0]["verdict"] == "pass"
+    assert lab3("check", wrong).exit_code == 0
+    assert lab3("check", "--fail-on", "warning", wrong).exit_code == 1
+
+
+def test_a_rule_counts_before_its_family(wrong: Path) -> None:
+    set_up(wrong.parent, '[severity]\nP01 = "warning"\nP = "note"\nW = "note"')
+    assert found(wrong) == {("P01", "warning"), ("W01", "note")}
+
+
+def test_that_a_file_cannot_be_read_is_never_ignored(wrong: Path) -> None:
+    wrong.write_text("#usda 1.0\nnonsense")
+    set_up(
+        wrong.parent, 'ignore = ["F"]\n[severity]\nF01 = "note"\n[per-file-ignores]\n"*" = ["F"]'
+    )
+    assert found(wrong) == {("F01", "error")}
+
+
+def test_a_pattern_gives_the_checkpoint(wrong: Path) -> None:
+    other = wrong.rename(wrong.with_name("drive.usda"))
+    set_up(wrong.parent, '[checkpoints]\n"drive*" = "02"')
+    assert report(other)["results"][0]["checkpoint"] == "02"
+    set_up(wrong.parent, '[checkpoints]\n"drive*" = "77"')
+    assert "there is no checkpoint '77'" in str(lab3("check", other).exception)
+
+
+def test_the_starter_is_found_from_the_file(wrong: Path) -> None:
+    set_up(wrong.parent, 'starter = "starter.usda"')
+    build_starter(wrong.parent / "starter.usda")
+    stage = broken("02", STEPS)
+    stage.RemovePrim("/Environment/Walls")
+    stage.GetRootLayer().Export(str(wrong))
+    assert ("U01", "error") in found(wrong)
+
+
+def test_the_lab_is_that_of_the_file_for_this_call(wrong: Path) -> None:
+    shutil.copytree(data_folder("graphs"), wrong.parent / "lab")
+    scene = wrong.parent / "lab" / "ROS_Drive.yaml"
+    scene.write_text(scene.read_text().replace("0.025", "0.033"))
+    set_up(wrong.parent, 'lab = "lab"')
+    assert found(wrong) == {("W01", "error")}
+    assert LAB_VARIABLE not in os.environ
+    assert lab3("topics", wrong).exit_code == 0
+
+
+def test_the_environment_counts_before_the_lab_of_the_file(
+    wrong: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (wrong.parent / "lab").mkdir()
+    set_up(wrong.parent, 'lab = "lab"')
+    monkeypatch.setenv(LAB_VARIABLE, str(data_folder("graphs")))
+    assert found(wrong) == {("P01", "error"), ("W01", "error")}
+    assert "(--lab or LAB3_LAB)" in lab3("config", wrong).stdout
+
+
+def linted(path: Path) -> set[str]:
+    document = json.loads(lab3("lint", "--format", "json", path).stdout)
+    return {each["rule"] for result in document["results"] for each in result["findings"]}
+
+
+def test_lint_is_configured_as_check_is(wrong: Path) -> None:
+    before = linted(wrong)
+    set_up(wrong.parent, f'ignore = ["{min(before)}"]')
+    assert linted(wrong) == before - {min(before)}
+
+
+# ---- what is wrong with it
+
+WRONG = {
+    "an unknown key": ('selct = ["W"]', "there is no key 'selct'; did you mean 'select'?"),
+    "a key like no other": ("qqqq = 1", "known are select"),
+    "no TOML": ("select = [", "is not TOML"),
+    "an unknown rule": ('ignore = ["W99"]', "ignore: there is no rule or family 'W99'"),
+    "no list": ('ignore = "W01"', "ignore is 'W01', expected a list"),
+    "a severity that there is not": ('[severity]\nW01 = "off"', "expected one of error, warning"),
+    "no table": ("severity = 1", "severity is 1, expected a table"),
+    "a checkpoint that is a number": ('[checkpoints]\n"a" = 2', "expected a checkpoint in quotes"),
+    "a path to nothing": ('starter = "nowhere.usd"', "starter: there is no "),
+    "a path that is none": ("maps = 3", "maps is 3, expected a path"),
+}
+
+
+@pytest.mark.parametrize(("text", "said"), WRONG.values(), ids=WRONG)
+def test_a_wrong_file_is_named_with_what_is_wrong(wrong: Path, text: str, said: str) -> None:
+    path = set_up(wrong.parent, text)
+    with pytest.raises(UsageError) as error:
+        load_config(path)
+    assert str(error.value).startswith(str(path))
+    assert said in str(error.value)
+
+
+def test_a_file_without_the_table_cannot_be_chosen(tmp_path: Path) -> None:
+    path = set_up(tmp_path, "[tool.ruff]", "pyproject.toml")
+    with pytest.raises(UsageError, match="has no table"):
+        load_config(path)
+    with pytest.raises(UsageError, match="cannot be read"):
+        load_config(tmp_path / "nowhere.toml")
+
+
+# ---- what is told of it
+
+
+def test_config_prints_every_key_with_its_source(wrong: Path) -> None:
+    path = set_up(wrong.parent, 'ignore = ["W01"]\n[severity]\nP = "note"')
+    printed = lab3("config", wrong).stdout.splitlines()
+    assert printed[0] == f"configuration: {path}"
+    assert [line.split()[0] for line in printed[1:]] == list(KEYS) == list(_DEFAULTS)
+    sources = {line.split()[0]: line.rpartition("(")[2][:-1] for line in printed[1:]}
+    assert {key for key, source in sources.items() if source == str(path)} == {"ignore", "severity"}
+    assert "configuration: none" in lab3("config", "--isolated", wrong).stdout
+
+
+# ---- what it costs, and where it never counts
+
+
+def test_a_check_without_a_file_imports_no_toml(wrong: Path) -> None:
+    code = (
+        "import sys\n"
+        "from lab3_usd.cli import lab3\n"
+        f"try: lab3.main(['check', {str(wrong)!r}], standalone_mode=False)\n"
+        "finally: print(*sys.modules, file=sys.stderr)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert {"tomllib", "tomli"}.isdisjoint(done.stderr.split())
+
+
+def test_grading_heeds_no_file_of_a_submission(tmp_path: Path) -> None:
+    work = tmp_path / "class" / "ana" / "work"
+    work.mkdir(parents=True)
+    broken("02", STEPS).GetRootLayer().Export(str(work / "Lab3_02_ros_drive.usda"))
+    correct_stage("01").GetRootLayer().Export(str(work / "Lab3_01_ros_clock.usda"))
+    for folder in (tmp_path / "class", work.parent, work):
+        set_up(folder, 'ignore = ["W01", "P01"]\n[severity]\nP = "note"\n')
+    starter = tmp_path / "starter.usda"
+    build_starter(starter)
+    grade_class(ClassSettings(tmp_path / "class", starter, tmp_path / "book", jobs=1))
+    graded = json.loads((tmp_path / "book" / "students" / "ana" / "report.json").read_text())
+    told = {each["rule"] for result in graded["results"] for each in result["findings"]}
+    assert {"P01", "W01"} <= told

@@ -1,0 +1,112 @@
+"""`lab3 doctor`: says what works, what is missing, and by its exit code whether it matters."""
+
+from __future__ import annotations
+
+import shutil
+from importlib import metadata
+
+import pytest
+from click.testing import CliRunner
+
+from lab3_usd.commands import doctor
+from lab3_usd.commands.doctor import Check
+from lab3_usd.errors import StageError
+from lab3_usd.grade.workers import worker_process
+from lab3_usd.stage.write import builder
+
+
+@pytest.fixture
+def all_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What takes long is fine."""
+    monkeypatch.setattr(doctor, "checking", lambda: Check("checking", "ok", ""))
+    monkeypatch.setattr(doctor, "sandbox", lambda: Check("sandbox", "ok", ""))
+
+
+def test_here_everything_that_is_needed_works() -> None:
+    result = CliRunner().invoke(doctor.command)
+    states = {line.split()[1]: line.split()[0] for line in result.stdout.splitlines()[1:]}
+    assert result.exit_code == 0
+    assert states["packages"] == states["checking"] == "ok"
+    assert set(states) == {"packages", "checking", *doctor.EXTRAS, "browser", "sandbox"}
+
+
+def test_the_versions_are_those_that_are_installed() -> None:
+    assert f"click {metadata.version('click')}" in doctor.dependencies().text
+
+
+def test_a_package_that_is_missing_is_bad(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(metadata, "requires", lambda _: ["click>=8", "no-such-thing<2", "x; y"])
+    found = doctor.dependencies()
+    assert (found.state, found.text) == ("bad", "not installed: no-such-thing")
+
+
+def test_files_that_are_not_installed_are_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(name: str) -> list[str]:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "requires", fail)
+    assert doctor.dependencies().state == "missing"
+
+
+def test_stages_that_cannot_be_built_are_bad(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        message = "no room"
+        raise StageError(message)
+
+    monkeypatch.setattr(builder, "build_checkpoint", fail)
+    found = doctor.checking()
+    assert found.state == "bad"
+    assert "no room" in found.text
+
+
+@pytest.mark.usefixtures("all_right")
+def test_a_missing_extra_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "EXTRAS", {"png": ("no-such-package", "pictures")})
+    result = CliRunner().invoke(doctor.command)
+    assert result.exit_code == 0
+    assert "missing  png        pictures: pip install 'lab3-usd[png]'" in result.stdout
+
+
+def test_every_extra_of_users_is_looked_for() -> None:
+    provided = set(metadata.metadata("lab3-usd").get_all("Provides-Extra") or ())
+    assert set(doctor.EXTRAS) == provided - {"test", "dev"}
+
+
+@pytest.mark.usefixtures("all_right")
+def test_something_bad_is_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "checking", lambda: Check("checking", "bad", "no room"))
+    assert CliRunner().invoke(doctor.command).exit_code == doctor.EXIT_BAD
+
+
+@pytest.mark.parametrize("platform", ["linux", "darwin"])
+def test_a_browser_is_looked_for_where_the_system_brings_none(
+    monkeypatch: pytest.MonkeyPatch, platform: str
+) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.setattr(doctor.sys, "platform", platform)
+    assert doctor.browser().state == ("missing" if platform == "linux" else "ok")
+
+
+@pytest.mark.parametrize(
+    ("held", "state"), [({"files": True}, "ok"), ({"files": False, "limits": True}, "missing")]
+)
+def test_walls_that_are_not_there_are_named(
+    monkeypatch: pytest.MonkeyPatch, held: dict[str, bool], state: str
+) -> None:
+    class FakeWorker:
+        confined = held
+
+    monkeypatch.setattr(worker_process, "start_worker", lambda _: FakeWorker)
+    monkeypatch.setattr(worker_process, "end_worker", lambda _: None)
+    found = doctor.sandbox()
+    assert found.state == state
+    assert "files" in found.text
+
+
+def test_a_worker_that_does_not_start_is_bad(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: object) -> None:
+        message = "no processes"
+        raise worker_process.WorkerError(message)
+
+    monkeypatch.setattr(worker_process, "start_worker", fail)
+    assert doctor.sandbox().state == "bad"

@@ -1,0 +1,431 @@
+"""`lab3 check --watch`: what is judged again, how saves are understood, how it ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from breaking import Step, broken, place
+from click.testing import CliRunner, Result
+from pxr import Sdf
+
+from lab3_usd import cli
+from lab3_usd.commands import watching
+from lab3_usd.commands.news import news_between
+from lab3_usd.errors import UsageError
+from lab3_usd.model.finding import Finding, Report, Score, StageResult
+from lab3_usd.report.html.live_page import live_page, version_file, version_script
+from lab3_usd.stage.read.watched_files import may_be_whole
+from lab3_usd.stage.write.starter import build_starter
+
+NAME = "Lab3_02_ros_drive.usda"
+DRIVE, CLOCK = "ROS_Drive/differential_controller", "ROS_Clock/ros2_publish_clock"
+RADIUS: Step = {"set": [f"{DRIVE}.inputs:wheelRadius", 0.033]}
+WIRE: Step = {"disconnect": f"{CLOCK}.inputs:execIn"}
+
+Saves = list[Callable[[], Any]]
+
+
+def content(*steps: Step) -> bytes:
+    """The stage after these steps, as it is saved."""
+    text: str = broken("02", list(steps)).GetRootLayer().ExportToString()
+    return text.encode()
+
+
+RIGHT, WRONG, WORSE = content(), content(RADIUS), content(RADIUS, WIRE)
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Path:
+    path = tmp_path / "work" / NAME
+    path.parent.mkdir()
+    path.write_bytes(RIGHT)
+    return path
+
+
+@pytest.fixture
+def watch(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+    """Run the command with these saves instead of the events of the system."""
+
+    def run(saves: Saves, *arguments: Path | str, command: str = "check") -> Result:
+        def events(_: object) -> Iterator[frozenset[str]]:
+            for save in saves:
+                yield frozenset(os.path.realpath(path) for path in save())
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(watching, "_saves", events)
+        return CliRunner().invoke(cli.lab3, [command, "--watch", "--quiet", *map(str, arguments)])
+
+    return run
+
+
+def write(path: Path, data: bytes) -> Callable[[], list[Path]]:
+    def save() -> list[Path]:
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(data)
+        return [path]
+
+    return save
+
+
+def remove(path: Path) -> Callable[[], list[Path]]:
+    def save() -> list[Path]:
+        path.unlink()
+        return [path]
+
+    return save
+
+
+def news(result: Result) -> list[str]:
+    """What each save changed, in figures."""
+    return re.findall(r": (\d+ repaired, \d+ new.*?) left$", result.stdout, re.MULTILINE)
+
+
+# ---- what is judged again
+
+
+def test_each_save_is_told_by_what_it_changed(watch: Callable[..., Result], stage: Path) -> None:
+    saves = [write(stage, each) for each in (WRONG, WORSE, RIGHT)]
+    result = watch(saves, stage)
+    assert news(result) == [
+        "0 repaired, 1 new; 1 error",
+        "0 repaired, 1 new; 2 errors",
+        "2 repaired, 0 new; nothing",
+    ]
+    assert result.exit_code == 0
+    assert [line.split()[:3] for line in result.stdout.splitlines() if line.startswith("  ")] == [
+        ["new", "error", "P01"],
+        ["new", "error", "W01"],
+        ["repaired", "error", "W01"],
+        ["repaired", "error", "P01"],
+    ]
+
+
+def test_another_wrong_value_is_a_change(watch: Callable[..., Result], stage: Path) -> None:
+    other = content({"set": [f"{DRIVE}.inputs:wheelRadius", 0.04]})
+    result = watch([write(stage, WRONG), write(stage, other)], stage)
+    assert news(result)[1] == "0 repaired, 0 new, 1 changed; 1 error"
+
+
+def test_a_line_that_moved_is_no_news(watch: Callable[..., Result], stage: Path) -> None:
+    moved = WRONG.replace(b"\n", b"\n# one\n# two\n", 1)
+    result = watch([write(stage, WRONG), write(stage, moved)], stage)
+    assert news(result)[1] == "0 repaired, 0 new; 1 error"
+
+
+def test_another_file_beside_it_is_not_judged(watch: Callable[..., Result], stage: Path) -> None:
+    result = watch([write(stage.with_name("notes.txt"), b"")], stage)
+    assert news(result) == []
+
+
+def test_a_layer_that_the_stage_uses_counts(watch: Callable[..., Result], stage: Path) -> None:
+    part = stage.parents[1] / "parts" / "part.usda"
+    part.parent.mkdir()
+    part.write_bytes(RIGHT)
+    head = RIGHT.decode().partition("\ndef ")[0]
+    metadata = re.sub(r"\(\n", "(\n    subLayers = [@../parts/part.usda@]\n", head, count=1)
+    stage.write_text(metadata + "\n")
+    result = watch([write(part, WRONG)], stage)
+    assert news(result) == ["0 repaired, 1 new; 1 error"]
+
+
+def test_in_a_folder_stages_come_and_go(watch: Callable[..., Result], stage: Path) -> None:
+    other = stage.with_name("second.usda")
+    result = watch([write(other, WRONG), remove(other)], "--checkpoint", "02", stage.parent)
+    assert news(result) == ["0 repaired, 1 new; 1 error", "1 repaired, 0 new; nothing"]
+
+
+def test_a_file_without_a_checkpoint_in_its_name_disturbs_nothing(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    unnamed = stage.with_name("unnamed.usda")
+    result = watch([write(unnamed, RIGHT), write(stage, WRONG)], stage.parent)
+    assert news(result) == ["0 repaired, 1 new; 1 error"]
+
+
+def test_a_submission_is_judged_as_a_whole(watch: Callable[..., Result], stage: Path) -> None:
+    result = watch([write(stage, WRONG)], stage.parents[1])
+    assert news(result)[0].startswith("0 repaired, 1 new; ")
+
+
+def test_another_starter_counts_for_every_stage(watch: Callable[..., Result], stage: Path) -> None:
+    starter = stage.parents[1] / "starter.usda"
+    build_starter(starter)
+    changed = starter.read_bytes().replace(b"physics:mass = ", b"physics:mass = 9", 1)
+    assert changed != starter.read_bytes()
+    result = watch([write(starter, changed)], "--starter", starter, stage)
+    assert news(result) == ["0 repaired, 1 new; 1 error"]
+
+
+def test_a_starter_that_stays_broken_is_told_and_the_watch_goes_on(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    starter = stage.parents[1] / "starter.usda"
+    build_starter(starter)
+    whole = starter.read_bytes()
+    saves = [write(starter, b""), write(starter, whole), write(stage, WRONG)]
+    result = watch(saves, "--starter", starter, stage)
+    assert "starter.usda: is empty" in result.stderr
+    assert news(result) == ["0 repaired, 0 new; nothing", "0 repaired, 1 new; 1 error"]
+
+
+def test_lint_watches_too(watch: Callable[..., Result], stage: Path) -> None:
+    result = watch([write(stage, content(WIRE))], stage, command="lint")
+    assert len(news(result)) == 1
+    assert "0 repaired, 0 new" not in news(result)[0]
+
+
+# ---- how saves are understood
+
+
+def test_a_file_that_is_gone_for_a_moment_is_no_fault(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    def replaced() -> list[Path]:
+        stage.unlink()
+        threading.Timer(0.1, lambda: stage.write_bytes(WRONG)).start()
+        return [stage]
+
+    assert news(watch([replaced], stage)) == ["0 repaired, 1 new; 1 error"]
+
+
+def test_a_text_that_is_half_written_is_waited_for(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    def half() -> list[Path]:
+        stage.write_bytes(WRONG[: len(WRONG) // 2])
+        threading.Timer(0.1, lambda: stage.write_bytes(WRONG)).start()
+        return [stage]
+
+    result = watch([half], stage)
+    assert news(result) == ["0 repaired, 1 new; 1 error"]
+    assert "P01" in result.stdout
+
+
+def binary(text: bytes, folder: Path) -> bytes:
+    """The same stage as a binary layer."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(text.decode())
+    path = folder / f"{time.monotonic_ns()}.usdc"
+    layer.Export(str(path))
+    return path.read_bytes()
+
+
+def test_a_binary_layer_is_whole_only_with_all_its_sections(tmp_path: Path) -> None:
+    data, path = binary(WRONG, tmp_path), tmp_path / "stage.usd"
+    steps = [*range(0, len(data), len(data) // 50), len(data) - 1, len(data)]
+    whole = []
+    for length in steps:
+        path.write_bytes(data[:length])
+        whole.append(may_be_whole(path))
+    assert whole == [False] * (len(steps) - 1) + [True]
+    assert not may_be_whole(tmp_path / "nowhere.usd")
+
+
+def test_a_file_that_stays_broken_is_told(watch: Callable[..., Result], stage: Path) -> None:
+    result = watch([write(stage, b"#usda 1.0\nnonsense"), write(stage, RIGHT)], stage)
+    assert news(result) == ["0 repaired, 1 new; 1 error", "1 repaired, 0 new; nothing"]
+    assert "F01" in result.stdout
+
+
+# ---- how it reports
+
+
+def test_data_comes_alone_on_standard_output(watch: Callable[..., Result], stage: Path) -> None:
+    result = watch([write(stage, WRONG)], "--format", "jsonl", stage)
+    lines = [json.loads(line) for line in result.stdout.splitlines() if line]
+    assert [line["rule"] for line in lines if "rule" in line] == ["P01"]
+    assert "1 new" in result.stderr
+
+
+def test_a_report_in_a_file_is_written_anew(watch: Callable[..., Result], stage: Path) -> None:
+    output = stage.parents[1] / "report.json"
+    result = watch([write(stage, WRONG)], "--format", "json", "-o", output, stage)
+    assert json.loads(output.read_text())["summary"]["errors"] == 1
+    assert "1 new" in result.stdout
+
+
+def test_a_page_reloads_itself_while_it_is_watched_and_is_plain_afterwards(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    page = stage.parents[1] / "page.html"
+    seen: list[str] = []
+
+    def save() -> list[Path]:
+        seen.extend([page.read_text(), version_file(page).read_text()])
+        return write(stage, WRONG)()
+
+    watch([save, save], "--format", "html", "-o", page, stage)
+    assert [seen[1], seen[3]] == [version_script(1), version_script(2)]
+    assert "const version = 1;" in seen[0]
+    assert "const version = 2;" in seen[2]
+    assert "lab3Version" not in page.read_text()
+    assert "P01" in page.read_text()
+    assert not version_file(page).exists()
+
+
+# ---- wrong use
+
+
+def test_without_the_library_the_extra_is_named(
+    stage: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "watchfiles", None)
+    result = CliRunner().invoke(cli.lab3, ["check", "--watch", str(stage)])
+    assert isinstance(result.exception, UsageError)
+    assert "lab3-usd[watch]" in str(result.exception)
+
+
+def test_a_baseline_is_not_written_again_and_again(stage: Path) -> None:
+    arguments = ["check", "--watch", "--write-baseline", "known.json", str(stage)]
+    result = CliRunner().invoke(cli.lab3, arguments)
+    assert isinstance(result.exception, UsageError)
+
+
+# ---- what is news
+
+
+def report(*messages: str) -> Report:
+    findings = tuple(Finding("N01", "missing-node", "error", "/Graph", each) for each in messages)
+    return Report((StageResult("a.usda", "02", "fail", Score(0, 0), findings),))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "figures"),
+    [
+        ([], [], (0, 0, 0)),
+        ([], ["a", "a"], (2, 0, 0)),
+        (["a", "a"], ["a"], (0, 0, 1)),
+        (["a", "b"], ["b", "c"], (0, 1, 0)),
+        (["a", "b"], ["b"], (0, 0, 1)),
+    ],
+)
+def test_findings_are_paired(
+    before: list[str], after: list[str], figures: tuple[int, int, int]
+) -> None:
+    found = news_between(report(*before), report(*after))
+    assert (len(found.new), len(found.changed), len(found.repaired)) == figures
+
+
+def test_a_page_allows_scripts_from_disk_alone() -> None:
+    policy = "default-src 'none'; script-src 'sha256-x='"
+    page = f'<meta content="{policy}"><body></body>'
+    found = live_page(page, Path("a</script>.html"), 3)
+    assert re.search(r"script-src file: 'sha256-[^']+' 'sha256-x='", found)
+    assert found.count("</script>") == 1
+
+
+# ---- the real thing
+
+
+class Watcher:
+    """A running `lab3 check --watch`, and the lines that it prints."""
+
+    def __init__(self, *arguments: Path | str) -> None:
+        command = [sys.executable, "-m", "lab3_usd", "check", "--watch", "--quiet"]
+        self.process = subprocess.Popen(
+            [*command, *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.lines: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        for line in self.process.stdout or ():
+            self.lines.put(line)
+
+    def wait_for(self, text: str) -> str:
+        while text not in (line := self.lines.get(timeout=60)):
+            pass
+        return line
+
+    def end(self) -> tuple[int, str]:
+        self.process.send_signal(signal.SIGINT)
+        errors = self.process.stderr.read() if self.process.stderr else ""
+        return self.process.wait(60), errors
+
+
+@pytest.fixture
+def watcher() -> Iterator[Callable[..., Watcher]]:
+    started: list[Watcher] = []
+
+    def start(*arguments: Path | str) -> Watcher:
+        started.append(Watcher(*arguments))
+        started[-1].wait_for("watching")
+        time.sleep(0.5)  # until the system tells of events
+        return started[-1]
+
+    yield start
+    for each in started:
+        each.process.kill()
+        each.process.wait()
+        for stream in (each.process.stdout, each.process.stderr):
+            if stream is not None:
+                stream.close()
+
+
+def test_saves_of_every_kind_are_noticed_and_ctrl_c_leaves_cleanly(
+    watcher: Callable[..., Watcher], stage: Path
+) -> None:
+    running = watcher(stage)
+    stage.write_bytes(WRONG)
+    assert "0 repaired, 1 new" in running.wait_for("repaired,")
+    temporary = stage.with_name(f".{NAME}.tmp")
+    temporary.write_bytes(WORSE)
+    temporary.replace(stage)
+    assert "0 repaired, 1 new" in running.wait_for("repaired,")
+    stage.rename(stage.with_name(f"{NAME}.bak"))
+    stage.write_bytes(RIGHT)
+    assert "2 repaired, 0 new" in running.wait_for("repaired,")
+    assert running.end() == (0, "")
+
+
+def test_a_binary_stage_that_is_written_slowly_in_place_is_judged_when_it_is_whole(
+    watcher: Callable[..., Watcher], stage: Path
+) -> None:
+    path = stage.rename(stage.with_suffix(".usd"))
+    versions = [binary(each, stage.parents[1]) for each in (WRONG, RIGHT)]
+    path.write_bytes(versions[1])
+    running = watcher(path)
+    for number in range(6):
+        data = versions[number % 2]
+        with path.open("wb") as file:
+            for start in range(0, len(data), len(data) // 4):
+                file.write(data[start : start + len(data) // 4])
+                file.flush()
+                time.sleep(0.05)
+        expected = ("0 repaired, 1 new", "1 repaired, 0 new")[number % 2]
+        assert expected in running.wait_for("repaired,")
+    assert running.end() == (0, "")
+
+
+@pytest.mark.xdist_group("browser")
+def test_an_open_page_reloads_itself(watcher: Callable[..., Watcher], stage: Path) -> None:
+    from browser import started  # noqa: PLC0415 - skips where there is none
+
+    page = stage.parents[1] / "page.html"
+    with started() as chromium:
+        running = watcher("--format", "html", "-o", page, stage)
+        chromium.open(page)
+        assert place(DRIVE) not in chromium.one("main").text
+        assert chromium.logs() == []
+        stage.write_bytes(WRONG)
+        running.wait_for("1 new")
+        until = time.monotonic() + 20
+        while "wheelRadius is 0.033" not in chromium.one("main").text:
+            assert time.monotonic() < until, "the page did not reload"
+            time.sleep(0.1)
+        assert running.end() == (0, "")
