@@ -1,0 +1,1 @@
+"""Describing a lab after a stage that works."""

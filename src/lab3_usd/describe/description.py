@@ -1,0 +1,150 @@
+"""Describes a whole lab after a stage: the text of every file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.describe.catalog import catalog_text
+from lab3_usd.describe.checkpoints import (
+    FileNames,
+    Step,
+    checkpoints_text,
+    describe_steps,
+    file_names,
+)
+from lab3_usd.describe.frames import describe_frames, frames_outside
+from lab3_usd.describe.grading import rubric_text, submission_text
+from lab3_usd.describe.graphs import GraphText, describe_graphs
+from lab3_usd.describe.running import ros_text
+from lab3_usd.describe.scene import describe_scene
+from lab3_usd.describe.sensors import describe_sensors, targets_of
+from lab3_usd.describe.source import Source, read_source
+from lab3_usd.describe.yaml_text import document
+from lab3_usd.errors import UsageError
+from lab3_usd.spec.catalog import Catalog
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lint.rubric import RUBRIC_FILE
+from lab3_usd.spec.load.catalog import FILE as CATALOG
+from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
+from lab3_usd.spec.load.ros import FILE as ROS
+from lab3_usd.spec.load.submission import FILE as SUBMISSION
+from lab3_usd.spec.scene import SCENE_FILE, complete_scene
+
+_SCENE_HEAD = """\
+What the lab asks of the scene itself: units, robot, world, sensors.
+`handout` names the section of each item. Lengths in metres, angles in degrees, masses in kg."""
+_SCENE_NOTES = {
+    "tolerance": "How exactly the numbers below must be met.",
+    "robot": "The links are the bodies right below the robot's path.",
+    "world": "Recognised by type, wherever they stand; `usual` is where the stage has them.",
+    "sensors": "By the names that checkpoints add them under. Only what is `required` is checked.",
+}
+
+
+class Description(Struct, frozen=True):
+    """The files of a new lab by name, its checkpoints, and what of the stage they leave out."""
+
+    files: Mapping[str, str]
+    steps: tuple[Step, ...]
+    left_out: tuple[str, ...]
+
+
+class _Parts(Struct, frozen=True):
+    """What the files are made of: graphs, their scene, the names of stages, and the TF tree."""
+
+    texts: tuple[GraphText, ...]
+    names: FileNames
+    scene: Mapping[str, Any]
+    frames: Mapping[str, Any]
+    lab: Lab
+    outside: tuple[str, ...]
+
+    @property
+    def has_frames(self) -> bool:
+        """Whether a checkpoint can ask for the tree: all messages are in its frames."""
+        return bool(self.frames["edges"]) and not self.outside
+
+
+def describe_lab(path: Path, lab: Lab, types: Catalog) -> Description:
+    """Describe a lab after a stage.
+
+    `lab` is the bundled one, `types` the catalog of all public node types.
+
+    Raises:
+        StageError: the stage cannot be read.
+        UsageError: it has no robot, or no graph.
+    """
+    source = read_source(path, lab, types)
+    parts = _parts(source)
+    by_graph = _sensors_by_graph(parts)
+    graphs = parts.lab.graphs
+    steps = describe_steps(parts.names, graphs, by_graph, frames=parts.has_frames)
+    return Description(
+        files=_files(source, parts, steps, lab.catalog),
+        steps=steps,
+        left_out=(*(line for text in parts.texts for line in text.left_out), *parts.outside),
+    )
+
+
+def _parts(source: Source) -> _Parts:
+    stage = source.stage
+    texts = describe_graphs(stage.graphs, source.lab.catalog)
+    if not texts:
+        message = "the stage has no Action Graph"
+        raise UsageError(message)
+    graphs = {text.spec.name: text.spec for text in texts}
+    names = file_names(source.stem, graphs)
+    scene = describe_scene(stage, graphs, source.lab, names.ids[-1])
+    sections = {
+        prim.path: f"{graphs[_home(prim.path, texts)].handout[0]}5" for prim in source.sensors
+    }
+    sensors = describe_sensors(source, sections, scene["robot"]["path"])
+    scene |= {"sensors": sensors} if sensors else {}
+    lab = replace(source.lab, graphs=graphs, scene=complete_scene(scene))
+    frames = describe_frames(stage, lab, f"{texts[-1].spec.handout[0]}6")
+    return _Parts(texts, names, scene, frames, lab, tuple(frames_outside(frames, lab)))
+
+
+def _home(sensor: str, texts: Sequence[GraphText]) -> str:
+    """Return the graph with which a sensor comes: the first that names it, else the last."""
+    named = (text.spec.name for text in texts if sensor in targets_of(text.spec))
+    return next(named, texts[-1].spec.name)
+
+
+def _sensors_by_graph(parts: _Parts) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for name, sensor in parts.lab.sensors.items():
+        found.setdefault(_home(sensor["path"], parts.texts), []).append(name)
+    return found
+
+
+def _files(
+    source: Source, parts: _Parts, steps: tuple[Step, ...], known: Catalog
+) -> dict[str, str]:
+    """Return the text of every file by name; `known` are the bundled lab's node types."""
+    title = " ".join(source.stem.replace("_", " ").split())
+    nodes = source.stage.nodes()
+    used = {node.type_name: node.type.type for node in nodes if node.type is not None}
+    types = catalog_text(used, known, source.unknown)
+    return {
+        CHECKPOINTS: checkpoints_text(parts.names, title, steps, parts.frames, parts.lab),
+        **{f"{text.spec.name}.yaml": _graph_text(text) for text in parts.texts},
+        SCENE_FILE: document(_SCENE_HEAD, parts.scene, _SCENE_NOTES),
+        ROS: ros_text(parts.lab, steps),
+        SUBMISSION: submission_text(parts.names, steps, parts.lab.submission.folders),
+        RUBRIC_FILE: rubric_text(title, steps, parts.lab.sensors, frames=parts.has_frames),
+        **({CATALOG: types} if types else {}),
+    }
+
+
+def _graph_text(text: GraphText) -> str:
+    head = f"The graph {text.spec.path}. A node's key is its role; `set` has what is no default."
+    if text.left_out:
+        lines = "\n".join(f"  {line}" for line in text.left_out)
+        head += f"\nNot described, because no file of a lab can hold it:\n{lines}"
+    return document(head, text.data)

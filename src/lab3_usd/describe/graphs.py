@@ -1,0 +1,173 @@
+"""Describes the Action Graphs of a stage: nodes, values away from defaults, targets, wires."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from msgspec import Struct
+
+from lab3_usd.errors import SpecError
+from lab3_usd.model.stage import GraphModel, Node, PortState
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, Value, can_connect
+from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.spec.load.graph import parse_graph
+from lab3_usd.spec.values import typed_value
+
+_COLUMN, _ROW = 350, 200  # between nodes that have no place in the editor
+
+
+class GraphText(Struct, frozen=True):
+    """One graph: its data in the form of its file, the spec that this gives, and what it lacks."""
+
+    data: Mapping[str, Any]
+    spec: GraphSpec
+    left_out: tuple[str, ...]
+
+
+def describe_graphs(graphs: tuple[GraphModel, ...], catalog: Catalog) -> tuple[GraphText, ...]:
+    """Describe the graphs that run, in the order of a course: clock, drive, sensors, odometry.
+
+    Raises:
+        SpecError: a graph has a name or path that no file of a lab can have.
+    """
+    live = [each for each in graphs if each.active and not each.instanced and each.nodes]
+    ordered = sorted(live, key=_when)
+    names: dict[str, GraphModel] = {}
+    for graph in ordered:
+        name = graph.name
+        above = graph.path.split("/")[-2::-1]
+        while name in names:
+            name = f"{above.pop(0) or 'other'}_{name}"
+        names[name] = graph
+    return tuple(
+        _described(name, graph, chr(ord("B") + min(number, 24)), catalog)
+        for number, (name, graph) in enumerate(names.items())
+    )
+
+
+def _when(graph: GraphModel) -> int:
+    """Return when a course has a graph: publishers without prims, what moves, sensors, frames."""
+    kinds = [node.type for node in graph.nodes if node.type is not None]
+    if any(kind.tf is not None for kind in kinds):
+        return 3
+    if any(kind.drives is not None or kind.role == "subscriber" for kind in kinds):
+        return 1
+    has_targets = any(state.targets for node in graph.nodes for state in node.ports.values())
+    return 2 if has_targets else 0
+
+
+def _described(name: str, graph: GraphModel, part: str, catalog: Catalog) -> GraphText:
+    roles = _roles(graph)
+    left_out: list[str] = []
+    nodes = {
+        roles[node.path]: _node(node, number, part, left_out)
+        for number, node in enumerate(graph.nodes)
+        if node.type is not None
+    }
+    wires = list(_wires(graph, roles, left_out))
+    data = {
+        "graph": name,
+        "path": graph.path,
+        "handout": f"{part}1",
+        "nodes": nodes,
+        "wires": {f"{part}4": wires} if wires else {},
+    }
+    left_out += (f"{n.path}: has no type" for n in graph.nodes if n.type is None)
+    return GraphText(data, parse_graph(data, catalog, f"{name}.yaml"), tuple(left_out))
+
+
+def _roles(graph: GraphModel) -> dict[str, str]:
+    return {node.path: node.path[len(graph.path) + 1 :].replace("/", "_") for node in graph.nodes}
+
+
+def _node(node: Node, number: int, part: str, left_out: list[str]) -> dict[str, Any]:
+    kind = node.type
+    assert kind is not None  # noqa: S101 - only nodes of a known type are described
+    x, y = node.position or (float(_COLUMN * (number % 4)), float(_ROW * (number // 4)))
+    data: dict[str, Any] = {"type": kind.type, "at": [_plain(x), _plain(y)], "handout": f"{part}2"}
+    values = dict(_values(node, kind, left_out))
+    targets = {
+        name[len(INPUT) :]: list(state.targets)
+        for name, state in node.ports.items()
+        if state.targets and _is_target(kind, name)
+    }
+    grown = [name[len(INPUT) :] for name in node.ports if _is_grown(kind, name)]
+    data |= {"set": {f"{part}3": values}} if values else {}
+    data |= {"targets": {f"{part}3": targets}} if targets else {}
+    data |= {"ports": sorted(grown)} if grown else {}
+    frames = kind.tf.prims[1][len(INPUT) :] if kind.tf is not None and kind.tf.prims else ""
+    return data | ({"frames_from": [frames]} if frames in targets else {})
+
+
+def _plain(number: float) -> float:
+    return int(number) if number.is_integer() else round(number, 3)
+
+
+def _is_target(kind: NodeType, name: str) -> bool:
+    port = kind.port(name)
+    return port is not None and port.is_target
+
+
+def _is_grown(kind: NodeType, name: str) -> bool:
+    return name.startswith(INPUT) and name not in kind.ports and kind.port(name) is not None
+
+
+def _values(node: Node, kind: NodeType, left_out: list[str]) -> Iterator[tuple[str, Value]]:
+    """Yield the inputs whose values are not the defaults."""
+    for name, state in node.ports.items():
+        port = kind.port(name)
+        if not name.startswith(INPUT) or state.sources or state.usd_type == "rel":
+            continue
+        if port is None:
+            if state.value is not None:
+                left_out.append(f"{node.path}.{name}: {kind.type} has no such input")
+            continue
+        value = node.value(name)
+        if port.is_execution or port.is_target or value is None or value == port.default:
+            continue
+        if _is_settable(port, value):
+            yield port.short, value
+        else:
+            left_out.append(f"{node.path}.{name}: {value!r} is no value of {port.ogn_type}")
+
+
+def _is_settable(port: Port, value: Value) -> bool:
+    try:
+        checked = typed_value(value, port.usd_type, port.name)
+    except SpecError:
+        return False
+    return not port.allowed or checked in port.allowed
+
+
+def _wires(graph: GraphModel, roles: Mapping[str, str], left_out: list[str]) -> Iterator[str]:
+    nodes = {node.path: node for node in graph.nodes}
+    for node in graph.nodes:
+        for name, state in node.ports.items():
+            taken = False
+            for source in state.sources:
+                text = _wire(node, name, source, nodes, roles)
+                if text and not taken:
+                    taken = True
+                    yield text
+                else:
+                    left_out.append(f"{source} -> {node.path}.{name}: {_reason(state, text)}")
+
+
+def _reason(state: PortState, text: str) -> str:
+    return f"one of {len(state.sources)} wires into one input" if text else "joins no known ports"
+
+
+def _wire(
+    node: Node, name: str, source: str, nodes: Mapping[str, Node], roles: Mapping[str, str]
+) -> str:
+    """Return a wire as files write it, '' for one that no file can hold."""
+    path, _, port = source.rpartition(".")
+    feeder = nodes.get(path)
+    if feeder is None or feeder.type is None or node.type is None:
+        return ""
+    short = port.removeprefix(OUTPUT).removeprefix(INPUT)
+    start, end = feeder.type.source(short), node.type.port(name)
+    if start is None or end is None or start.name != port or not can_connect(start, end):
+        return ""
+    return f"{roles[path]}.{short} -> {roles[node.path]}.{end.short}"

@@ -1,0 +1,192 @@
+"""Describes the robot of a stage: its root, its links, its wheels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from lab3_usd.check.scene.axles import anchor, axle
+from lab3_usd.check.scene.wheel_joints import WheelJoint, tied_joints
+from lab3_usd.check.subject import StageSubject
+from lab3_usd.errors import UsageError
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.physics import (
+    ARTICULATION_API,
+    ARTICULATION_ENABLED,
+    BODY_API,
+    BODY_ENABLED,
+    KINEMATIC,
+    MASS,
+    MASS_API,
+    REVOLUTE,
+    bodies,
+    bodies_below,
+    is_articulated,
+    is_switched_off,
+    joints,
+    number,
+)
+from lab3_usd.model.prims import Matrix
+from lab3_usd.model.stage import Prim, StageModel
+from lab3_usd.model.transform_math import (
+    IDENTITY,
+    Vector,
+    decompose,
+    distance,
+    euler_angles,
+)
+from lab3_usd.spec.graph import GraphSpec
+
+PART = "A1"
+_PAIR = 2  # wheels that are a distance apart
+_STIFFNESS, _DAMPING = "drive:angular:physics:stiffness", "drive:angular:physics:damping"
+
+
+def describe_robot(stage: StageModel, graphs: Iterable[GraphSpec], until: str) -> dict[str, Any]:
+    """Describe the robot without its wheels; `until` is the last checkpoint.
+
+    Raises:
+        UsageError: the stage has no articulation, and no graph names a robot.
+    """
+    graphs = tuple(graphs)
+    target = _articulation(stage, graphs)
+    root = _root(stage, target)
+    prim = stage.prims.get(root)
+    local = None if prim is None else prim.local
+    return {
+        "path": root,
+        "handout": PART,
+        "pose": {**pose(local, stage.meters_per_unit), "handout": PART},
+        "pose_is_error_until": until,
+        "articulation": {
+            "target": target,
+            "api": ARTICULATION_API,
+            "switch": ARTICULATION_ENABLED,
+            "handout": PART,
+        },
+        "base_frame": _base(target, root, graphs),
+        "links": {link.name: _link(link) for link in _links(stage, root)},
+    }
+
+
+def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> str:
+    """Return the prim with the articulation that the graphs move."""
+    asked = list(_asked(graphs))
+    found = [each.path for each in stage.with_api(ARTICULATION_API) if is_articulated(each)]
+    for path in asked:
+        for each in found:
+            if is_at_or_below(each, path) or is_at_or_below(path, each):
+                return each
+    known = [path for path in asked if path in stage.prims or stage.unresolved_above(path)]
+    if not found and not known:
+        message = "the stage has no robot: it has no articulation root, and no graph names a prim"
+        raise UsageError(message)
+    return (found or known)[0]
+
+
+def _asked(graphs: Iterable[GraphSpec]) -> Iterator[str]:
+    """Yield the prims that graphs move, then all others that they name."""
+    named = [
+        (target.port in node.type.articulation, prim)
+        for graph in graphs
+        for node in graph.nodes.values()
+        for target in node.targets
+        for prim in target.prims
+    ]
+    yield from (prim for _, prim in sorted(named, key=lambda each: not each[0]))
+
+
+def _root(stage: StageModel, target: str) -> str:
+    """Return the prim that holds the whole robot."""
+    missing = stage.unresolved_above(target)
+    if missing is not None and missing.prim != "/":
+        return missing.prim
+    if len(bodies_below(stage, target)) > 1:
+        return target
+    return target.rpartition("/")[0] or target
+
+
+def _base(target: str, root: str, graphs: Iterable[GraphSpec]) -> str:
+    """Return the frame of the robot's base: the one below which the graphs hang the others."""
+    for graph in graphs:
+        for node in graph.nodes.values():
+            ports = () if node.type.tf is None else node.type.tf.prims
+            for each in node.targets:
+                if ports and each.port == ports[0] and each.prims[0] != root:
+                    return each.prims[0].rpartition("/")[2]
+    return target.rpartition("/")[2]
+
+
+def _links(stage: StageModel, root: str) -> Iterator[Prim]:
+    """Yield the bodies right below the root that move and are tied to the robot."""
+    for path in bodies_below(stage, root):
+        prim = stage.prims[path]
+        is_still = is_switched_off(prim, BODY_ENABLED) or prim.attributes.get(KINEMATIC) is True
+        is_tied = any(is_at_or_below(end, path) for each in joints(stage) for end in bodies(each))
+        if prim.parent == root and not is_still and is_tied and BODY_API in prim.apis:
+            yield prim
+
+
+def _link(prim: Prim) -> dict[str, Any]:
+    mass = number(prim.attributes.get(MASS)) if MASS_API in prim.apis else None
+    return {**({"mass": round(mass, 8)} if mass else {}), "handout": PART}
+
+
+def pose(local: Matrix | None, metres: float) -> dict[str, Any]:
+    """Return a transform as files write it: metres, degrees about X, Y and Z, and a scale."""
+    found = decompose(local or IDENTITY)
+    x, y, z = found.translation
+    return {
+        "translate": plain((x * metres, y * metres, z * metres)),
+        "rotate": plain(euler_angles(found.rotation)),
+        "scale": plain(found.scale),
+    }
+
+
+def plain(vector: Vector) -> list[float]:
+    """Return three numbers without float noise."""
+    return [round(number, 6) + 0.0 for number in vector]
+
+
+def moved_joints(
+    stage: StageModel, root: str, links: Iterable[str], graphs: Iterable[GraphSpec]
+) -> dict[str, str]:
+    """Return the links of the joints with velocity drives that the graphs name, by joint."""
+    links = tuple(links)
+    words = {
+        word
+        for graph in graphs
+        for node in graph.nodes.values()
+        for setting in node.settings
+        for word in (setting.value if isinstance(setting.value, tuple) else (setting.value,))
+    }
+    found = {}
+    for joint in joints(stage):
+        link = next((n for n in links if is_at_or_below(bodies(joint)[1], f"{root}/{n}")), None)
+        stiffness = number(joint.attributes.get(_STIFFNESS, 0.0))
+        damping = number(joint.attributes.get(_DAMPING, 0.0))
+        is_driven = stiffness == 0 and damping is not None and damping > 0
+        if joint.type == REVOLUTE and joint.name in words and link and is_driven:
+            found[joint.name] = link
+    return found
+
+
+def describe_wheels(subject: StageSubject) -> dict[str, Any]:
+    """Describe the two wheels of a robot, whose joints the subject's scene names.
+
+    It is empty where they are not two, or do not turn about one axle.
+    """
+    wheels: list[WheelJoint] = tied_joints(subject)
+    places = [found for each in wheels if (found := anchor(each, subject))]
+    axles = [found for each in wheels if (found := axle(each, subject))]
+    if not len(wheels) == len(places) == len(axles) == _PAIR or distance(*axles) > 1e-3:  # noqa: PLR2004
+        return {}
+    root: str = subject.lab.scene["robot"]["path"]
+    folder = wheels[0].site.rpartition("/")[0].removeprefix(root).lstrip("/")
+    return {
+        "handout": PART,
+        "joints": dict(subject.lab.scene["robot"]["wheels"]["joints"]),
+        "joints_below": folder,
+        "distance": round(distance(*places), 6),
+        "axle": plain(axles[0]),
+    }

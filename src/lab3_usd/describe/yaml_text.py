@@ -1,0 +1,89 @@
+"""Writes plain data as YAML that people read: short parts in one line, comments above keys."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+_WIDTH = 110
+_FLAT = 2  # how deep what stands in one line may nest
+_PLAIN = re.compile(r"[A-Za-z_/][\w/.-]*(?: (?:-> )?[\w/.-]+)*")
+_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}  # what YAML takes otherwise
+
+
+def document(head: str, data: Mapping[str, Any], notes: Mapping[str, str] | None = None) -> str:
+    """Return a file: a comment, then each key of `data`; `notes` are comments above keys.
+
+    A key inside another one is written `outer.inner` there.
+    """
+    lines = [*_comment(head, ""), *_block(data, "", "", notes or {})]
+    return "\n".join(lines).strip("\n") + "\n"
+
+
+def _comment(text: str, indent: str) -> Iterator[str]:
+    for line in text.splitlines():
+        yield f"{indent}# {line}".rstrip()
+
+
+def _block(data: Mapping[str, Any], indent: str, above: str, notes: Mapping[str, str]) -> list[str]:
+    lines: list[str] = []
+    for key, value in data.items():
+        place = f"{above}{key}"
+        lines += [""] if place in notes and not above else []
+        lines += _comment(notes.get(place, ""), indent)
+        opening = f"{indent}{scalar(key)}:"
+        is_noted = any(each.startswith(f"{place}.") for each in notes)
+        if not is_noted and _fits(value, len(opening)):
+            lines.append(f"{opening} {flow(value)}")
+        elif isinstance(value, Mapping):
+            lines += [opening, *_block(value, f"{indent}  ", f"{place}.", notes)]
+        else:
+            lines += [opening, *(f"{indent}  - {flow(each)}" for each in value)]
+    return lines
+
+
+def _fits(value: Any, used: int) -> bool:  # noqa: ANN401 - plain data
+    if not value or not isinstance(value, (Mapping, list, tuple)):
+        return True
+    return _depth(value) <= _FLAT and used + 1 + len(flow(value)) <= _WIDTH
+
+
+def _depth(value: Any) -> int:  # noqa: ANN401 - plain data
+    if isinstance(value, Mapping):
+        return 1 + max((_depth(each) for each in value.values()), default=0)
+    if isinstance(value, (list, tuple)):
+        return 1 + max((_depth(each) for each in value), default=0)
+    return 0
+
+
+def flow(value: Any) -> str:  # noqa: ANN401 - plain data
+    """Return a value as one line of YAML."""
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{scalar(key)}: {flow(each)}' for key, each in value.items())}}}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return f"[{', '.join(map(flow, value))}]"
+    return scalar(value)
+
+
+def scalar(value: object) -> str:
+    """Return a single value as YAML reads it again."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return _number(value)
+    if isinstance(value, int):
+        return str(value)
+    text = str(value)
+    is_plain = _PLAIN.fullmatch(text) is not None and text.lower() not in _WORDS
+    return text if is_plain else json.dumps(text, ensure_ascii=False)
+
+
+def _number(value: float) -> str:
+    """Return a number with a point, without which YAML takes `1e-05` for text."""
+    text = repr(value)
+    if text.lstrip("-") in {"inf", "nan"}:
+        return text.replace("inf", ".inf").replace("nan", ".nan")
+    mantissa, exponent, power = text.partition("e")
+    return f"{mantissa}.0e{power}" if exponent and "." not in mantissa else text

@@ -1,0 +1,171 @@
+"""Every single fault of the scene of any lab, made of what its description says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pxr import Gf, Usd, UsdGeom
+from sabotage import Fault
+from scene_changes import (
+    ORIENT,
+    SCALE,
+    TRANSLATE,
+    Change,
+    aim,
+    clear,
+    deactivate,
+    detach,
+    drive,
+    move_prim,
+    put,
+    remove,
+    retype,
+    switch,
+    turn,
+    undefine,
+    void,
+    weld,
+    without_api,
+)
+
+from lab3_usd.spec.lab import Checkpoint, Lab
+
+_GONE = {"removed": remove, "deactivated": deactivate, "only over": undefine}
+
+
+def lab_scene_faults(lab: Lab, checkpoint: Checkpoint) -> Iterator[Fault]:
+    """Yield the faults of robot, world and sensors that this checkpoint shows."""
+    found = [*_units(), *_robot(lab), *_links(lab), *_wheels(lab), *_world(lab)]
+    if checkpoint.id == lab.first:
+        found += _early(lab)
+    for name in checkpoint.sensors:
+        found += _sensor(lab.sensors[name])
+    for name, change, site in found:
+        yield Fault(name, "scene", change, (site,))
+
+
+_Found = tuple[str, Change, str]
+
+
+def _units() -> Iterator[_Found]:
+    yield "Y up", lambda stage: void(UsdGeom.SetStageUpAxis(stage, "Y")), "/"
+    yield "centimetres", lambda stage: void(UsdGeom.SetStageMetersPerUnit(stage, 0.01)), "/"
+
+
+def _robot(lab: Lab) -> Iterator[_Found]:
+    robot = lab.scene["robot"]
+    path, base = robot["path"], robot["articulation"]["target"]
+    x, y, z = robot["pose"]["translate"]
+    for what, change in _GONE.items():
+        yield f"robot {what}", change(path), path
+    yield "robot moved", put(path, TRANSLATE, Gf.Vec3d(x + 0.3, y, z)), path
+    yield "robot lifted", put(path, TRANSLATE, Gf.Vec3d(x, y, z + 0.2)), path
+    yield "robot turned", put(path, ORIENT, turn(45)), path
+    yield "robot scaled", put(path, SCALE, Gf.Vec3d(2, 2, 2)), path
+    yield "no articulation", without_api(base, robot["articulation"]["api"]), base
+    yield "held by the world", weld(f"{path}/hold", body1=base), f"{path}/hold"
+
+
+def _links(lab: Lab) -> Iterator[_Found]:
+    robot = lab.scene["robot"]
+    for name, link in robot["links"].items():
+        path = f"{robot['path']}/{name}"
+        for what, change in _GONE.items():
+            yield f"{name} {what}", change(path), path
+        yield f"{name} no body", without_api(path, "PhysicsRigidBodyAPI"), path
+        yield f"{name} body off", switch(path, "physics:rigidBodyEnabled"), path
+        if "mass" in link:
+            yield f"{name} heavy", put(path, "physics:mass", 5.5), path
+            yield f"{name} without mass", clear(path, "physics:mass"), path
+
+
+def _wheels(lab: Lab) -> Iterator[_Found]:
+    robot = lab.scene["robot"]
+    wheels = robot["wheels"]
+    for name, link in wheels["joints"].items():
+        path = "/".join((robot["path"], wheels["joints_below"], name))
+        others = [each for each in wheels["joints"].values() if each != link]
+        for what, change in _joint_changes(path, f"{robot['path']}/{others[0]}").items():
+            yield f"{name} {what}", change, path
+        yield f"{name} renamed", move_prim(path, f"{path}_1"), f"{path}_1"
+
+
+def _joint_changes(path: str, other: str) -> Mapping[str, Change]:
+    return {
+        "removed": remove(path),
+        "deactivated": deactivate(path),
+        "fixed": retype(path, "PhysicsFixedJoint"),
+        "disabled": switch(path, "physics:jointEnabled"),
+        "wrong wheel": aim(path, "physics:body1", other),
+        "in the world": aim(path, "physics:body0"),
+        "axis": put(path, "physics:axis", "X"),
+        "stiff": put(path, drive("stiffness"), 10.0),
+        "undamped": put(path, drive("damping"), 0.0),
+        "undriven": without_api(path, "PhysicsDriveAPI:angular"),
+        "wide": _shift(path),
+    }
+
+
+def _shift(path: str) -> Change:
+    def change(stage: Usd.Stage) -> None:
+        place = stage.GetPrimAtPath(path).GetAttribute("physics:localPos0")
+        x, y, z = place.Get()
+        place.Set(Gf.Vec3f(x, y * 1.5, z))
+
+    return change
+
+
+def _world(lab: Lab) -> Iterator[_Found]:
+    world = lab.scene["world"]
+    yield "no graph parent", remove(world["graph_parent"]["path"]), world["graph_parent"]["path"]
+    for part, types in {
+        "ground": ("Plane",),
+        "light": ("DistantLight", "DomeLight"),
+        "physics_scene": ("PhysicsScene",),
+    }.items():
+        if part in world:
+            yield f"no {part}", _without(types), world[part]["usual"]
+
+
+def _without(types: tuple[str, ...]) -> Change:
+    def change(stage: Usd.Stage) -> None:
+        for prim in [each for each in stage.Traverse() if each.GetTypeName() in types]:
+            stage.RemovePrim(prim.GetPath())
+
+    return change
+
+
+def _early(lab: Lab) -> Iterator[_Found]:
+    for name, spec in lab.sensors.items():
+        path, kind = spec["path"], spec["type"]
+        yield f"{name} in the starter", _defined(path, kind), path
+    for graph in lab.graphs.values():
+        if not any(graph.path.startswith(each["path"]) for each in lab.sensors.values()):
+            yield f"{graph.name} in the starter", _defined(graph.path, "OmniGraph"), graph.path
+
+
+def _defined(path: str, kind: str) -> Change:
+    return lambda stage: void(stage.DefinePrim(path, kind))
+
+
+def _sensor(spec: Mapping[str, Any]) -> Iterator[_Found]:
+    path: str = spec["path"]
+    name = path.rpartition("/")[2]
+    x, y, z = spec["pose"]["translate"]
+    for what, change in _GONE.items():
+        yield f"{name} {what}", change(path), path
+    yield f"{name} renamed", move_prim(path, f"{path}_1"), f"{path}_1"
+    yield f"{name} an Xform", retype(path, "Xform"), path
+    yield f"{name} moved", put(path, TRANSLATE, Gf.Vec3d(x, y, z + 0.05)), path
+    yield f"{name} turned", put(path, ORIENT, turn(5)), path
+    yield f"{name} scaled", put(path, SCALE, Gf.Vec3d(1, 1, 2)), path
+    yield f"{name} left behind", detach(path), path
+    for api in (*spec["required_apis"], *filter(None, [spec["required_api"]])):
+        yield f"{name} without {api}", without_api(path, api), path
+    for attribute, entry in spec["attributes"].items():
+        if entry.get("required"):
+            wrong = entry["value"] * 3
+            yield f"{name} {attribute} wrong", put(path, attribute, wrong), path
+            if entry.get("unset") != "right":
+                yield f"{name} {attribute} unset", clear(path, attribute), path

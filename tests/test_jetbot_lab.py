@@ -1,0 +1,231 @@
+"""The second lab, `docs/examples/labs/jetbot`: built, checked, graded and drawn as data alone."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+import zipfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from click.testing import CliRunner, Result
+from jetbot_table import (
+    CONTEXT,
+    FILES,
+    GRAPHS,
+    MASSES,
+    SENSOR_PLACES,
+    SENSOR_VALUES,
+    SENSORS,
+    TARGETS,
+    TREE,
+    TYPES,
+    VALUES,
+    WIRES,
+)
+from pxr import Usd
+
+from lab3_usd.cli import lab3
+from lab3_usd.data import LAB_VARIABLE
+
+OF_EVERY_NODE = ("node:", "ui:")
+PARTS = {"1": (4, 0), "4": (19, 3), "5": (13, 2), "6": (17, 1)}  # of the faults of checkpoints
+
+
+@pytest.fixture(scope="module")
+def lab(repository: Path) -> Path:
+    return repository / "docs" / "examples" / "labs" / "jetbot"
+
+
+@pytest.fixture(scope="module")
+def built(lab: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("jetbot") / "stages"
+    assert run(lab, "build", "--out", out).exit_code == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def stages(built: Path) -> list[Usd.Stage]:
+    return [Usd.Stage.Open(str(built / f"{name}.usda")) for name in FILES]
+
+
+def run(lab: Path, *arguments: object) -> Result:
+    return CliRunner().invoke(lab3, ["--lab", str(lab), *map(str, arguments)])
+
+
+def test_the_lab_is_data_alone(lab: Path) -> None:
+    assert {path.suffix for path in lab.iterdir() if path.is_file()} == {".yaml"}
+
+
+def test_the_files_have_the_names_of_the_sheet(built: Path) -> None:
+    assert sorted(path.stem for path in built.iterdir()) == sorted(FILES)
+
+
+@pytest.mark.parametrize("number", range(1, 8))
+def test_a_stage_holds_the_graphs_and_sensors_up_to_its_part(
+    number: int, stages: list[Usd.Stage]
+) -> None:
+    prims = {str(each.GetPath()): each.GetTypeName() for each in stages[number - 1].Traverse()}
+    graphs = [path for path, kind in prims.items() if kind == "OmniGraph"]
+    assert sorted(graphs) == sorted(path for path, since in GRAPHS.items() if since <= number)
+    asked = {path: kind for path, (kind, since) in SENSORS.items() if since <= number}
+    kinds = {kind for kind, _ in SENSORS.values()}
+    assert {path: kind for path, kind in prims.items() if kind in kinds} == asked
+
+
+@pytest.mark.parametrize("path", GRAPHS)
+class TestGraph:
+    def test_it_has_the_nodes_of_the_sheet(self, path: str, stages: list[Usd.Stage]) -> None:
+        nodes = stages[-1].GetPrimAtPath(path).GetChildren()
+        assert Counter(each.GetAttribute("node:type").Get() for each in nodes) == TYPES[path]
+
+    def test_it_has_the_wires_of_the_sheet(self, path: str, stages: list[Usd.Stage]) -> None:
+        lines = (line.strip() for line in WIRES[path].strip().splitlines())
+        assert sorted(wires(stages[-1].GetPrimAtPath(path))) == sorted(lines)
+
+    def test_it_has_the_values_of_the_sheet(self, path: str, stages: list[Usd.Stage]) -> None:
+        found = {
+            f"{node.GetName()}.{attribute.GetName().partition(':')[2]}": attribute.Get()
+            for node in stages[-1].GetPrimAtPath(path).GetChildren()
+            for attribute in node.GetAuthoredAttributes()
+            if attribute.HasAuthoredValue() and not attribute.GetName().startswith(OF_EVERY_NODE)
+        }
+        assert found == {**VALUES[path], **CONTEXT}
+
+    def test_it_has_the_targets_of_the_sheet(self, path: str, stages: list[Usd.Stage]) -> None:
+        found = {
+            f"{node.GetName()}.{each.GetName()}": tuple(map(str, each.GetTargets()))
+            for node in stages[-1].GetPrimAtPath(path).GetChildren()
+            for each in node.GetRelationships()
+            if each.GetTargets()
+        }
+        assert found == TARGETS[path]
+
+
+def wires(graph: Usd.Prim) -> Iterator[str]:
+    for node in graph.GetChildren():
+        for attribute in node.GetAttributes():
+            for source in attribute.GetConnections():
+                start = f"{source.GetPrimPath().name}.{source.name}"
+                yield f"{start} > {node.GetName()}.{attribute.GetName()}"
+
+
+@pytest.mark.parametrize("path", SENSORS)
+def test_a_sensor_is_as_the_sheet_says(path: str, stages: list[Usd.Stage]) -> None:
+    prim = stages[-1].GetPrimAtPath(path)
+    values = {name: prim.GetAttribute(name).Get() for name in SENSOR_VALUES[path]}
+    assert values == pytest.approx(SENSOR_VALUES[path])
+    assert tuple(prim.GetAttribute("xformOp:translate").Get()) == SENSOR_PLACES[path]
+
+
+def test_the_links_weigh_what_the_sheet_says(stages: list[Usd.Stage]) -> None:
+    robot = stages[0].GetPrimAtPath("/World/Jetbot")
+    found = {name: robot.GetChild(name).GetAttribute("physics:mass").Get() for name in MASSES}
+    assert found == pytest.approx(MASSES)
+
+
+def test_every_built_stage_passes(lab: Path, built: Path) -> None:
+    result = run(lab, "check", "--format", "json", built)
+    found = json.loads(result.stdout)
+    assert result.exit_code == 0
+    assert [each["verdict"] for each in found["results"]] == ["pass"] * 7
+    assert [each["checkpoint"] for each in found["results"]] == list("1234567")
+    rules = {f["rule"] for each in found["results"] for f in each["findings"]}
+    assert rules == {"P09"}  # a note of the lidar helper's own default
+
+
+def test_it_is_judged_without_what_it_does_not_have(lab: Path, built: Path) -> None:
+    found = json.loads(run(lab, "check", "--format", "json", built).stdout)
+    assert {each["rule"] for each in found["submissions"][0]["findings"]} == {"E01"}
+    assert found["submissions"][0]["checklist"] == []
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_alone_says_its_checkpoint(lab: Path, built: Path, name: str) -> None:
+    shown = run(lab, "check", built / f"{name}.usda").stdout
+    assert f"checkpoint {name.split('_')[1]}, pass" in shown
+
+
+def test_the_published_tree_is_that_of_the_sheet(lab: Path, built: Path) -> None:
+    found = json.loads(run(lab, "tf", built / f"{FILES[-1]}.usda", "--format", "json").stdout)
+    assert {(each["parent"], each["child"]) for each in found["transforms"]} == TREE
+
+
+def test_every_graph_and_the_tree_are_drawn(lab: Path, built: Path, tmp_path: Path) -> None:
+    assert run(lab, "draw", built / f"{FILES[-1]}.usda", "--out", tmp_path).exit_code == 0
+    names = [f"{path.rpartition('/')[2]}" for path in GRAPHS]
+    drawn = {each.stem.rpartition("-")[2] for each in tmp_path.iterdir()}
+    assert drawn == {*names, "TF"}
+
+
+def test_the_dry_run_follows_commands_and_scans(lab: Path, built: Path) -> None:
+    result = run(lab, "sim", built / f"{FILES[-1]}.usda", "--format", "json")
+    checks = {each["name"]: each["verdict"] for each in json.loads(result.stdout)["checks"]}
+    assert checks["follows"] == checks["scan"] == checks["tree"] == "ok"
+    assert "bad" not in checks.values()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "lacks"),
+    [(("map", "{stage}", "-o", "{out}"), "map"), (("nav2", "-o", "{out}"), "navigation")],
+)
+def test_what_the_lab_lacks_is_said_in_one_line(
+    lab: Path, built: Path, tmp_path: Path, arguments: tuple[str, ...], lacks: str
+) -> None:
+    given = {"stage": built / f"{FILES[-1]}.usda", "out": tmp_path / "out"}
+    result = run(lab, *(each.format(**given) for each in arguments))
+    assert result.exception is not None
+    assert lacks in str(result.exception)
+    assert "Week 5 has no" in str(result.exception)
+
+
+def test_the_script_of_the_lab_saves_its_own_topics_and_no_goal(lab: Path, tmp_path: Path) -> None:
+    assert run(lab, "collect", "-o", tmp_path / "collect.sh").exit_code == 0
+    script = (tmp_path / "collect.sh").read_text()
+    assert "ros2 topic hz /jetbot/imu" in script
+    assert "watch_goal" not in script
+    assert "ROS_DOMAIN_ID=5" in script
+
+
+def test_a_class_is_graded_out_of_a_flat_canvas_archive(
+    lab: Path, built: Path, tmp_path: Path
+) -> None:
+    archive, book = tmp_path / "submissions.zip", tmp_path / "book"
+    with zipfile.ZipFile(archive, "w") as packed:
+        for name in FILES:
+            packed.write(built / f"{name}.usda", f"annlee_11_101_{name}.usda")
+            if "imu" not in name:
+                packed.write(built / f"{name}.usda", f"bobray_22_202_{name}.usda")
+    starter = built / f"{FILES[0]}.usda"
+    assert run(lab, "grade", archive, "--starter", starter, "-o", book).exit_code == 0
+    rows = (book / "grades.csv").read_text().splitlines()
+    assert rows[0].endswith("scene,clock,drive,scan,imu,odometry,topics,remarks")
+    assert ",20.00,20.00,100.00," in rows[1]
+    assert ",17.00,20.00,85.00," in rows[2]
+
+
+@pytest.fixture(scope="module")
+def benchmark(repository: Path) -> ModuleType:
+    path = repository / "benchmarks" / "sweep.py"
+    spec = importlib.util.spec_from_file_location("sweep", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["sweep"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("checkpoint", PARTS)
+def test_single_faults_are_found_at_their_place(
+    benchmark: ModuleType, lab: Path, monkeypatch: pytest.MonkeyPatch, checkpoint: str
+) -> None:
+    monkeypatch.setenv(LAB_VARIABLE, str(lab))
+    outcomes = list(benchmark.sweep(checkpoint, *PARTS[checkpoint]))
+    assert len(outcomes) >= 10
+    assert [each.fault.name for each in outcomes if not each.at_place] == []
+    assert sum(len(each.errors) for each in outcomes) / len(outcomes) <= 1.05

@@ -1,0 +1,134 @@
+"""Labs that lack a part: they build, check and draw, and nothing is said of the part."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from lab3_usd.cli import lab3
+
+Edit = Callable[[dict[str, dict[str, Any]]], None]
+FILES = ("checkpoints", "scene", "ros", "submission", "starter")
+
+
+def without_graph(files: dict[str, dict[str, Any]], checkpoint: str, *topics: str) -> None:
+    """Leave out a checkpoint, its topics and the commands about them."""
+    del files["checkpoints"]["checkpoints"][checkpoint]
+    files["submission"]["stages"]["differ"].remove(checkpoint)
+    for topic in topics:
+        del files["ros"]["topics"][topic]
+    files["ros"]["commands"] = [c for c in files["ros"]["commands"] if c.get("of") not in topics]
+
+
+def no_lidar(files: dict[str, dict[str, Any]]) -> None:
+    without_graph(files, "4", "/jetbot/scan")
+    del files["scene"]["sensors"]["scanner"]
+    del files["scene"]["forbidden"]["lidar"]
+
+
+def no_imu(files: dict[str, dict[str, Any]]) -> None:
+    without_graph(files, "5", "/jetbot/imu")
+    del files["scene"]["sensors"]["imu"]
+    files["checkpoints"]["frames"]["edges"].remove("chassis -> Imu")
+
+
+def no_sensors(files: dict[str, dict[str, Any]]) -> None:
+    no_lidar(files)
+    no_imu(files)
+    del files["scene"]["sensors"]
+
+
+def no_wheels(files: dict[str, dict[str, Any]]) -> None:
+    without_graph(files, "3", "/jetbot/cmd_vel")
+    del files["scene"]["robot"]["wheels"]
+
+
+def no_frames(files: dict[str, dict[str, Any]]) -> None:
+    without_graph(files, "6", "/jetbot/odom", "/tf")
+    files["checkpoints"]["frames"] = {"handout": ""}
+    files["scene"]["robot"]["pose_is_error_until"] = "5"
+
+
+def no_world(files: dict[str, dict[str, Any]]) -> None:
+    world = files["scene"]["world"]
+    files["scene"]["world"] = {"graph_parent": world["graph_parent"]}
+    prims = files["starter"]["prims"]["World"]["children"]
+    del prims["PhysicsScene"], prims["Room"]
+
+
+def nothing_forbidden(files: dict[str, dict[str, Any]]) -> None:
+    del files["scene"]["forbidden"]
+
+
+LACKS: dict[str, Edit] = {
+    "lidar": no_lidar,
+    "IMU": no_imu,
+    "sensors": no_sensors,
+    "wheels": no_wheels,
+    "frames": no_frames,
+    "world": no_world,
+    "forbidden names": nothing_forbidden,
+}
+
+
+@pytest.fixture(params=LACKS)
+def lab(request: pytest.FixtureRequest, repository: Path, tmp_path: Path) -> Path:
+    """The second lab without one of its parts."""
+    folder = tmp_path / "lab"
+    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
+    files = {name: yaml.safe_load((folder / f"{name}.yaml").read_text()) for name in FILES}
+    if request.param in {"IMU", "sensors"}:
+        _drop_target(folder)
+    LACKS[request.param](files)
+    for name, data in files.items():
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    (folder / "rubric.yaml").unlink()
+    return folder
+
+
+def _drop_target(folder: Path) -> None:
+    path = folder / "Odometry.yaml"
+    data = yaml.safe_load(path.read_text())
+    data["nodes"]["links"]["targets"]["6.4"]["targetPrims"].remove("/World/Jetbot/chassis/Imu")
+    path.write_text(yaml.safe_dump(data, sort_keys=False))
+
+
+def run(lab: Path, *arguments: object) -> str:
+    result = CliRunner().invoke(lab3, ["--lab", str(lab), *map(str, arguments)])
+    assert result.exit_code == 0, (result.output, result.exception)
+    return result.stdout
+
+
+def test_its_stages_pass_and_nothing_is_said_of_what_it_lacks(lab: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    built = run(lab, "build", "--out", out).split()
+    found = json.loads(run(lab, "check", "--starter", built[0], "--format", "json", *built))
+    assert {each["verdict"] for each in found["results"]} == {"pass"}
+    assert {f["rule"] for each in found["results"] for f in each["findings"]} <= {"P09"}
+    assert run(lab, "check", "--format", "html", out).startswith("<!DOCTYPE html>")
+    assert run(lab, "draw", built[-1], "--out", tmp_path / "pictures")
+    assert run(lab, "sim", built[-1], "--format", "json")
+
+
+def test_a_robot_without_wheels_still_needs_its_joints(repository: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "lab"
+    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
+    files = {name: yaml.safe_load((folder / f"{name}.yaml").read_text()) for name in FILES}
+    no_wheels(files)
+    (folder / "rubric.yaml").unlink()
+    chassis = files["starter"]["prims"]["World"]["children"]["Jetbot"]["children"]["chassis"]
+    del chassis["children"]["mast_joint"]
+    for name, data in files.items():
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    built = run(folder, "build", "--out", tmp_path / "out", "--only", "1").split()
+    arguments = ["--lab", str(folder), "check", "--format", "json", *built]
+    result = CliRunner().invoke(lab3, arguments)
+    (stage,) = json.loads(result.stdout)["results"]
+    assert [(f["rule"], f["prim"]) for f in stage["findings"]] == [("S12", "/World/Jetbot/mast")]

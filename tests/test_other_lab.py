@@ -1,0 +1,140 @@
+"""Another lab's description: its ids, its file names, its folder."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from lab3_usd.cli import lab3
+from lab3_usd.data import LAB_VARIABLE, data_folder
+from lab3_usd.grade.intake.entries import parts_of
+from lab3_usd.spec.file_names import named_checkpoint, nearly_named
+from lab3_usd.spec.load.loader import load_lab
+
+WEEKS = {"A": "Week5_A_start", "B": "Week5_B_clock", "B2": "Week5_B2_drive"}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A lab of three checkpoints, with ids and names of its own."""
+    there = tmp_path / "lab"
+    shutil.copytree(data_folder("graphs"), there, ignore=shutil.ignore_patterns("__pycache__"))
+    path = there / "checkpoints.yaml"
+    said = yaml.safe_load(path.read_text())
+    said["files"], said["title"] = "Week5_{id}_{name}", "Week 5"
+    ids = {"A": "00", "B": "01", "B2": "02"}
+    said["checkpoints"] = {new: said["checkpoints"][old] for new, old in ids.items()}
+    said["frames"]["localization"]["from"] = "B2"
+    path.write_text(yaml.safe_dump(said, sort_keys=False))
+    rubric = "title: Week 5\nitems: {drive: {title: Drive, checkpoint: B2, points: 10}}\n"
+    (there / "rubric.yaml").write_text(rubric)
+    path = there / "submission.yaml"
+    said = yaml.safe_load(path.read_text())
+    said["checklist"], said["stages"]["differ"] = {}, ["A", "B", "B2"]
+    path.write_text(yaml.safe_dump(said, sort_keys=False))
+    path = there / "ros.yaml"
+    said = yaml.safe_load(path.read_text())
+    for part in (said["topics"], said["lifecycle"]["nodes"], said["nodes"]):
+        keep_from(part, ids)
+    commands = dict(enumerate(said["commands"]))
+    keep_from(commands, ids)
+    said["commands"], said["goal"]["from"] = list(commands.values()), "B2"
+    path.write_text(yaml.safe_dump(said, sort_keys=False))
+    scene = there / "scene.yaml"
+    scene.write_text(scene.read_text().replace('until: "05"', 'until: "B"'))
+    return there
+
+
+def keep_from(entries: dict[Any, Any], ids: dict[str, str]) -> None:
+    """Leave out the entries of checkpoints that the lab does not have."""
+    new = {old: new for new, old in ids.items()}
+    for key, entry in list(entries.items()):
+        if entry.get("from") in new:
+            entry["from"] = new[entry["from"]]
+        else:
+            del entries[key]
+
+
+def lab3_run(*arguments: object) -> str:
+    result = CliRunner().invoke(lab3, [*map(str, arguments)])
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+@pytest.mark.parametrize(
+    ("name", "checkpoint"),
+    [
+        ("Week5_A_start.usda", "A"),
+        ("Week5_B_mine.usda", "B"),
+        ("Week5_B2.usda", "B2"),
+        ("Week5_C_late.usda", None),
+        ("week5_A_start.usda", None),
+    ],
+)
+def test_a_name_begins_with_its_checkpoint(name: str, checkpoint: str | None) -> None:
+    assert named_checkpoint(name, WEEKS) == checkpoint
+
+
+def test_an_id_may_stand_before_itself_in_a_name() -> None:
+    files = {"4": "Week5_4_lidar", "5": "Week5_5_imu", "6": "Week5_6_odometry"}
+    assert named_checkpoint("Week5_6_odometry.usda", files) == "6"
+    assert nearly_named("week 5 - 6", files) == "6"
+
+
+@pytest.mark.parametrize("name", ["week 5 - b2 drive", "WEEK5B2", "week05_B2"])
+def test_a_name_may_be_meant_for_a_checkpoint(name: str) -> None:
+    assert nearly_named(name, WEEKS) == "B2"
+
+
+def test_stages_are_built_and_checked_under_the_names_of_the_lab(
+    folder: Path, tmp_path: Path
+) -> None:
+    built = lab3_run("--lab", folder, "build", "--out", tmp_path / "out").split()
+    assert [Path(each).name for each in built] == [
+        "Week5_A_student_start.usda",
+        "Week5_B_ros_clock.usda",
+        "Week5_B2_ros_drive.usda",
+    ]
+    shown = lab3_run("--lab", folder, "check", *built)
+    assert shown.count(", pass, ") == 3
+
+
+def test_the_environment_names_a_lab_as_the_option_does(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(LAB_VARIABLE, str(folder))
+    assert list(load_lab().checkpoints) == ["A", "B", "B2"]
+
+
+def test_the_option_is_for_one_command(folder: Path) -> None:
+    lab3_run("--lab", folder, "rules")
+    assert load_lab().first == "00"
+
+
+def test_a_folder_that_is_not_there_is_said(tmp_path: Path) -> None:
+    result = CliRunner().invoke(lab3, ["--lab", str(tmp_path / "gone"), "rules"])
+    assert "there is no such folder" in str(result.exception)
+
+
+def test_a_students_name_stands_before_the_lab_s_own(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(LAB_VARIABLE, str(folder))
+    (part,) = parts_of([("jane_Week5_B2_drive.usda", False)], {})
+    assert (part.student, part.source.name) == ("jane", "Week5_B2_drive.usda")
+
+
+def test_a_class_is_graded_by_the_lab(folder: Path, tmp_path: Path) -> None:
+    built = lab3_run("--lab", folder, "build", "--out", tmp_path / "out").split()
+    jane = tmp_path / "class" / "jane" / "work"
+    jane.mkdir(parents=True)
+    for path in built:
+        shutil.copy(path, jane)
+    book, starter = tmp_path / "book", built[0]
+    lab3_run("--lab", folder, "grade", tmp_path / "class", "--starter", starter, "-o", book)
+    assert ",10.00,10.00," in (book / "grades.csv").read_text()
