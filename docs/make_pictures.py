@@ -56,6 +56,16 @@ def make_report_picture(target: Path) -> None:
         subprocess.run([*BROWSER, f"--screenshot={picture}", page.as_uri()], check=True)
 
 
+def make_drive_picture(target: Path) -> None:
+    """Write the picture of a dry run's page into the folder `target`."""
+    with tempfile.TemporaryDirectory() as name:
+        page = Path(name) / "sim.html"
+        _lab3("build", "--out", name, "--only", "05")
+        _lab3("sim", Path(name) / "Lab3_05_odometry_tf.usda", "--page", page)
+        picture = target / "sim.png"
+        subprocess.run([*BROWSER, f"--screenshot={picture}", page.as_uri()], check=True)
+
+
 def _submission(folder: Path) -> Path:
     """Make a submission that has everything of the stages right but the drive graph."""
     starter = folder / "assets" / "student_handout_turtlebot3_ros2_scene.usda"
@@ -99,3 +109,4 @@ if __name__ == "__main__":
     make_pictures(PICTURES)
     if shutil.which(BROWSER[0]):
         make_report_picture(PICTURES)
+        make_drive_picture(PICTURES)

@@ -1,6 +1,6 @@
-"""Writes `rules.md`, the reference of all rules, from the docstrings of the rules.
+"""Writes `rules.md` and the rules in `lint.md` from the docstrings of the rules.
 
-Run `python docs/make_rules.py` after a rule has changed; a test compares page and docstrings.
+Run `python docs/make_rules.py` after a rule has changed; a test compares pages and docstrings.
 """
 
 from __future__ import annotations
@@ -12,6 +12,9 @@ from pathlib import Path
 from lab3_usd.check.registry import FAMILIES, Rule, all_rules
 
 PAGE = Path(__file__).with_name("rules.md")
+LINT_PAGE = Path(__file__).with_name("lint.md")
+LINT = "K"
+_MARK = "<!-- Below: written by docs/make_rules.py from the docstrings of the rules. -->\n"
 SECTIONS = {"Why": "Why it matters", "Fix": "How to repair it", "Example": "Example"}
 FAMILY_TITLES = {
     "files": "can the stage be read at all",
@@ -23,6 +26,7 @@ FAMILY_TITLES = {
     "scene": "robot, physics and world",
     "lidar": "the lidar prim",
     "camera": "the camera prim",
+    "sensors": "sensors of other kinds: an IMU, a contact sensor",
     "frames": "the TF tree that the stage publishes",
     "topics": "topics and their QoS",
     "starter": "what was changed of the supplied scene (with `--starter`)",
@@ -31,6 +35,7 @@ FAMILY_TITLES = {
     "evidence": "saved output of the running system in a submission",
     "submission": "the folder as a whole",
     "fence": "what a grader leaves unopened",
+    "lint": "any stage of Isaac Sim, without a spec (`lab3 lint`)",
 }
 INTRODUCTION = """\
 # Rules
@@ -54,6 +59,18 @@ def page() -> str:
     return "\n".join([INTRODUCTION, *_contents(), *_manuals()])
 
 
+def lint_page() -> str:
+    """Return the page of the linter: what is written by hand, and its rules."""
+    by_hand = LINT_PAGE.read_text(encoding="utf-8").partition(_MARK)[0]
+    rules = next(members for letter, members in _families() if letter == LINT)
+    lines = ["| rule | severity | what |", "|---|---|---|"]
+    for rule in rules:
+        opening = " ".join(rule.manual.split("\n\n")[0].split())
+        lines.append(f"| [{rule.id} {rule.name}](#{anchor(rule)}) | {rule.severity} | {opening} |")
+    manuals = [line for rule in rules for line in _manual(rule)]
+    return by_hand + _MARK + "\n" + "\n".join([*lines, "", *manuals])
+
+
 def _families() -> Iterator[tuple[str, list[Rule]]]:
     rules = sorted(
         all_rules().values(), key=lambda rule: (list(FAMILIES).index(rule.id[0]), rule.id)
@@ -67,7 +84,8 @@ def _contents() -> Iterator[str]:
     yield "|---|---|---|"
     for letter, members in _families():
         name = FAMILIES[letter]
-        links = " ".join(f"[{rule.id}](#{anchor(rule)})" for rule in members)
+        page = LINT_PAGE.name if letter == LINT else ""
+        links = " ".join(f"[{rule.id}]({page}#{anchor(rule)})" for rule in members)
         yield f"| {letter} | **{name}**: {FAMILY_TITLES.get(name, name)} | {links} |"
     yield ""
 
@@ -79,6 +97,10 @@ def anchor(rule: Rule) -> str:
 
 def _manuals() -> Iterator[str]:
     for letter, members in _families():
+        if letter == LINT:
+            yield f"## {letter}: {FAMILIES[letter]}\n"
+            yield "See [the linter's page](lint.md).\n"
+            continue
         yield f"## {letter}: {FAMILIES[letter]}\n"
         for rule in members:
             yield from _manual(rule)
@@ -99,3 +121,4 @@ def _sentence(text: str) -> str:
 
 if __name__ == "__main__":
     PAGE.write_text(page(), encoding="utf-8", newline="\n")
+    LINT_PAGE.write_text(lint_page(), encoding="utf-8", newline="\n")
