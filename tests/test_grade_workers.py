@@ -10,7 +10,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
+from typing import Any
 
 import pytest
 from grade_files import starter, submission
@@ -19,7 +21,7 @@ from pxr import Sdf, Tf
 from lab3_usd.grade.intake import scratch
 from lab3_usd.grade.intake.limits import MEGABYTE, Limits
 from lab3_usd.grade.intake.staging import Source
-from lab3_usd.grade.workers import worker_pipes, worker_process
+from lab3_usd.grade.workers import pool, worker_pipes, worker_process
 from lab3_usd.grade.workers.confine import fence_files
 from lab3_usd.grade.workers.messages import PoolSettings, Reply, Task, decode, encode, status_of
 from lab3_usd.grade.workers.pool import run_tasks
@@ -391,6 +393,24 @@ def test_a_run_that_is_told_to_end_leaves_nothing_behind(
     assert process.returncode != 0
     assert errors.splitlines()[-1] == b"KeyboardInterrupt"
     assert list(temporary.iterdir()) == []
+
+
+def test_an_interrupt_waits_until_the_locks_of_the_answers_are_free_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    came_back = []
+
+    def interrupted_wait(*args: Any) -> Any:
+        os.kill(os.getpid(), signal.SIGINT)
+        came_back.append(True)
+        return wait(*args)
+
+    monkeypatch.setattr(pool, "wait", interrupted_wait)
+    inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
+    with ThreadPoolExecutor(1) as threads, pytest.raises(KeyboardInterrupt):
+        list(pool.run_in(lambda each: threads.submit(lambda: (each, {})), [task("well")], 1))
+    signal.signal(signal.SIGINT, inherited)
+    assert came_back == [True]
 
 
 def test_a_signal_that_is_ignored_stays_ignored(temporary: Path) -> None:

@@ -15,6 +15,7 @@ from types import FrameType
 from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task
 from lab3_usd.grade.workers.worker_slot import WorkerSlot, judge_in
 
+_BETWEEN_LOOKS = 0.2  # seconds until an interrupt is looked at
 Runner = Callable[[Iterable[Task], PoolSettings], Generator[Answer]]
 
 
@@ -78,22 +79,54 @@ def run_in(
     `stop` is called by the signals that interrupt the run.
     """
     waiting = iter(tasks)
-    with interrupted_by_signals(stop):
-        pending = {submit(task) for task in islice(waiting, at_once)}
+    with interrupted_by_signals(stop) as interrupt:
+        with interrupt.put_off():
+            pending = {submit(task) for task in islice(waiting, at_once)}
         while pending:
-            done, pending = wait(pending, return_when=FIRST_COMPLETED)
+            with interrupt.put_off():
+                done, pending = wait(pending, _BETWEEN_LOOKS, FIRST_COMPLETED)
+                pending.update(submit(task) for task in islice(waiting, len(done)))
             for future in done:
-                pending.update(submit(task) for task in islice(waiting, 1))
                 yield future.result()
 
 
+class _Interrupt:
+    """Raises KeyboardInterrupt at a signal, or right after a part that must not be cut short.
+
+    The waiting for futures holds their locks: an exception in the middle of it would keep them
+    for ever, and the threads that want to give their answers with them.
+    """
+
+    def __init__(self) -> None:
+        self._is_put_off = False
+        self._has_come = False
+
+    def come(self) -> None:
+        """Raise KeyboardInterrupt now or later."""
+        self._has_come = True
+        if not self._is_put_off:
+            raise KeyboardInterrupt
+
+    @contextmanager
+    def put_off(self) -> Iterator[None]:
+        """Raise at the end of this part what comes during it."""
+        self._is_put_off = True
+        try:
+            yield
+        finally:
+            self._is_put_off = False
+        if self._has_come:
+            raise KeyboardInterrupt
+
+
 @contextmanager
-def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[None]:
+def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[_Interrupt]:
     """Call `stop` and raise KeyboardInterrupt once at SIGINT, SIGTERM or SIGHUP.
 
     Signals that are ignored (`nohup`) or handled stay as they are. Only the main thread may handle
     signals; in others nothing changes.
     """
+    interrupt = _Interrupt()
     handlers = {}
     if threading.current_thread() is threading.main_thread():
         numbers = {getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP")}
@@ -101,16 +134,16 @@ def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[None]:
         ours = (signal.SIG_DFL, signal.default_int_handler)
         handlers = {number: handler for number, handler in found.items() if handler in ours}
 
-    def interrupt(_number: int, _frame: FrameType | None) -> None:
+    def handle(_number: int, _frame: FrameType | None) -> None:
         stop()
         for number in handlers:  # cleaning up is not to be interrupted again
             signal.signal(number, signal.SIG_IGN)
-        raise KeyboardInterrupt
+        interrupt.come()
 
     for number in handlers:
-        signal.signal(number, interrupt)
+        signal.signal(number, handle)
     try:
-        yield
+        yield interrupt
     finally:
         for number, handler in handlers.items():
             with suppress(ValueError):  # a generator may be closed by another thread
