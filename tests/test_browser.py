@@ -107,7 +107,7 @@ def select(chromium: Browser, label: str) -> None:
 
 
 def visible_messages(chromium: Browser) -> list[str]:
-    return [element.text for element in chromium.shown(".card h5")]
+    return [element.text for element in chromium.shown(".card h6")]
 
 
 @pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded", "hostile"])
@@ -173,7 +173,7 @@ def test_every_severity_can_be_switched_off(chromium: Browser, pages: dict[str, 
     chromium.one(".toggle.error").click()
     assert chromium.shown(".card.error") == []
     assert len(chromium.shown(".card.note")) == 1
-    assert [each.text for each in chromium.shown(".chapter h3")] == ["Section 8"]
+    assert [each.text for each in chromium.shown(".chapter h4")] == ["Section 8"]
     total = len(chromium.all(".card"))
     assert chromium.one("output").text == f"1 of {total}"
     chromium.one(".tools button").click()
@@ -222,7 +222,7 @@ def test_a_finding_lights_its_port(
     chromium: Browser, pages: dict[str, Path], size: tuple[int, int]
 ) -> None:
     chromium.open(pages["faulty"], size)
-    link = next(each for each in chromium.all(".card h5 a") if "wheelRadius" in each.text)
+    link = next(each for each in chromium.all(".card h6 a") if "wheelRadius" in each.text)
     before = chromium.run(
         "return getComputedStyle(document.getElementById(arguments[0]).querySelector('.hit')).fill",
         link.get_attribute("href").partition("#")[2],
@@ -247,7 +247,7 @@ def test_a_port_shows_its_finding_even_where_the_filter_hides_it(
     port.click()
     card = chromium.one(".card:target")
     wait_for(card.is_displayed)
-    assert "topicName" in card.find_element("css selector", "h5").text
+    assert "topicName" in card.find_element("css selector", "h6").text
     wait_for(lambda: chromium.driver.switch_to.active_element == card)
     assert is_in_view(chromium, card)
 

@@ -149,11 +149,11 @@ def test_one_submission_is_one_block_whose_counts_agree() -> None:
 def test_what_was_not_opened_comes_before_what_is_missing_for_it() -> None:
     missing = replace(LEFT_OUT, rule="S01", message="the robot is missing", handout="A2")
     tree = shown(report(missing, LEFT_OUT))
-    assert [each.one("h5").text for each in tree.all("article", "card")] == [
+    assert [each.one("h6").text for each in tree.all("article", "card")] == [
         "x is not opened",
         "the robot is missing",
     ]
-    assert tree.one("section", "chapter").one("h3").text == "Not opened"
+    assert tree.one("section", "chapter").one("h4").text == "Not opened"
 
 
 def test_a_reference_that_cannot_be_found_comes_before_what_is_missing_below_it() -> None:

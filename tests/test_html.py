@@ -69,7 +69,7 @@ def cards(tree: Element) -> list[Element]:
 
 
 def card_of(tree: Element, message: str) -> Element:
-    return next(card for card in cards(tree) if message in card.one("h5").text)
+    return next(card for card in cards(tree) if message in card.one("h6").text)
 
 
 def test_every_checkpoint_has_its_verdict_and_score() -> None:
@@ -95,22 +95,24 @@ def test_sections_come_in_the_order_of_the_handout() -> None:
     names = ["8.11", None, "C10", "C9", "4.4", "J5, F11", "6.1", "A2"]
     findings = tuple(replace(OLD_NAME, handout=name, prim=f"/{name}") for name in names)
     tree = shown(Report((replace(FAILED, findings=findings),)))
-    assert [heading.text for heading in tree.all("h4")] == [
+    assert [heading.text for heading in tree.all("h5")] == [
         "4.4", "A2", "C9", "C10", "J5, F11", "6.1", "8.11", "no section",
     ]  # fmt: skip
-    assert [part.one("h3").text for part in tree.all("section", "chapter")] == [
+    assert [part.one("h4").text for part in tree.all("section", "chapter")] == [
         "Section 4", "Part A: Starter scene", "Part C: Drive", "Part J", "Section 6", "Section 8",
         "Beside the handout",
     ]  # fmt: skip
 
 
-def test_errors_come_first_within_a_section() -> None:
-    findings = tuple(
-        replace(MISSING_WIRE, severity=severity) for severity in ("note", "warning", "error")
-    )
+def test_a_note_of_an_early_part_stands_below_an_error_of_a_late_one() -> None:
+    asked = (("note", "A2"), ("warning", "B6"), ("error", "F9"))
+    findings = tuple(replace(MISSING_WIRE, severity=word, handout=name) for word, name in asked)
     tree = shown(Report((replace(FAILED, findings=findings),)))
     assert [card.attributes["data-severity"] for card in cards(tree)] == [
         "error", "warning", "note",
+    ]  # fmt: skip
+    assert [(rank.one("h3").text, rank.one("h5").text) for rank in tree.all("section", "rank")] == [
+        ("Errors", "F9"), ("Warnings", "B6"), ("Notes", "A2"),
     ]  # fmt: skip
 
 
@@ -163,7 +165,7 @@ def test_without_the_rules_nothing_leads_to_them() -> None:
 
 def test_a_wrong_port_and_its_card_lead_to_each_other(faulty_page: Element) -> None:
     card = card_of(faulty_page, "wheelRadius")
-    target = card.one("h5").one("a").attributes["href"].removeprefix("#")
+    target = card.one("h6").one("a").attributes["href"].removeprefix("#")
     link = next(
         link
         for link in faulty_page.all("a")
@@ -175,7 +177,7 @@ def test_a_wrong_port_and_its_card_lead_to_each_other(faulty_page: Element) -> N
 
 def test_a_missing_node_and_its_card_lead_to_each_other(faulty_page: Element) -> None:
     card = card_of(faulty_page, "is missing")
-    target = card.one("h5").one("a").attributes["href"]
+    target = card.one("h6").one("a").attributes["href"]
     assert target.endswith("ROS_Drive--scale_linear_velocity")
     assert card.one("a", "crop").attributes["href"] == target
     assert f"#{card.attributes['id']}" in {
@@ -375,7 +377,7 @@ def test_no_control_character_comes_through(text: str) -> None:
 
 def test_hostile_text_can_be_read() -> None:
     tree = shown(hostile("<script>alert(1)</script>"))
-    assert "found <script>alert(1)</script>" in cards(tree)[0].one("h5").text
+    assert "found <script>alert(1)</script>" in cards(tree)[0].one("h6").text
     assert len(list(tree.all("script"))) == 1
 
 

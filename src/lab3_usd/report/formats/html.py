@@ -10,7 +10,7 @@ from lab3_usd.report.blocks import Block, blocks
 from lab3_usd.report.faults import faults
 from lab3_usd.report.formats.registry import Options, Rules
 from lab3_usd.report.formats.text_checklist import STATES
-from lab3_usd.report.html.faults import cards, chapters
+from lab3_usd.report.html.faults import cards, ranks
 from lab3_usd.report.html.model import BlockView, ChecklistSection
 from lab3_usd.report.html.pictures import gallery, topics
 from lab3_usd.report.html.stage_content import read_content
@@ -59,7 +59,7 @@ def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
     shown = gallery(block, contents, found)
     return BlockView(
         block=block,
-        chapters=chapters(list(cards(block, found, shown.links)), lab),
+        ranks=ranks(list(cards(block, found, shown.links)), lab),
         graphs=tuple(each for each in shown.pictures if each.kind == "graph"),
         trees=tuple(each for each in shown.pictures if each.kind == "frames"),
         topics=topics(contents),

@@ -1,14 +1,15 @@
-"""The findings of a block for the page, merged over its stages and sorted by section."""
+"""The findings of a block for the page, merged over its stages and sorted by severity and section."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
 
-from lab3_usd.model.finding import Finding
+from lab3_usd.model.finding import Finding, Severity
 from lab3_usd.model.order import section_key
 from lab3_usd.report.blocks import Block
 from lab3_usd.report.faults import Fault
-from lab3_usd.report.html.model import Card, Chapter, ExcerptLine, Excerpts, Link, Section
+from lab3_usd.report.html.model import Card, Chapter, ExcerptLine, Excerpts, Link, Rank, Section
 from lab3_usd.report.source_excerpt import excerpt_lines, read_excerpts
 from lab3_usd.spec.lab import Lab
 
@@ -38,20 +39,30 @@ def _excerpt(finding: Finding, excerpts: Excerpts) -> Iterator[ExcerptLine]:
         yield ExcerptLine(gutter + bar, text, is_hit=row.startswith(">"))
 
 
-def chapters(found: Sequence[Card], lab: Lab) -> tuple[Chapter, ...]:
-    """Group cards, which are in order already, by section and those by part of the handout."""
+def ranks(found: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
+    """Group cards, which are in order already, by severity, part and section of the handout."""
     titles: dict[str, str] = {}
     for each in lab.checkpoints.values():
         titles.setdefault(each.part, each.title)
-    sections: dict[tuple[str, str], list[Card]] = {}
+    return tuple(
+        Rank(severity, tuple(_chapters(list(inside), titles)))
+        for severity, inside in groupby(found, key=_severity)
+    )
+
+
+def _severity(card: Card) -> Severity | None:
+    return None if card.fault.is_cause else card.fault.finding.severity
+
+
+def _chapters(found: Iterable[Card], titles: Mapping[str, str]) -> Iterator[Chapter]:
+    parts: dict[str, dict[str, list[Card]]] = {}
     for card in found:
         name = card.fault.finding.handout or ""
         title = "Not opened" if card.fault.is_cause else _chapter(name, titles)
-        sections.setdefault((title, name), []).append(card)
-    parts: dict[str, list[Section]] = {}
-    for (title, name), inside in sections.items():
-        parts.setdefault(title, []).append(Section(name, tuple(inside)))
-    return tuple(Chapter(title, tuple(inside)) for title, inside in parts.items())
+        parts.setdefault(title, {}).setdefault(name, []).append(card)
+    for title, sections in parts.items():
+        inside = (Section(name, tuple(cards)) for name, cards in sections.items())
+        yield Chapter(title, tuple(inside))
 
 
 def _chapter(section: str, titles: Mapping[str, str]) -> str:

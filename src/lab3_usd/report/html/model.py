@@ -71,6 +71,19 @@ class Chapter(Struct, frozen=True):
     sections: tuple[Section, ...]
 
 
+class Rank(Struct, frozen=True):
+    """The chapters of one severity; what was not opened stands before all, without one."""
+
+    severity: Severity | None
+    chapters: tuple[Chapter, ...]
+
+    @property
+    def cards(self) -> tuple[Card, ...]:
+        """Every card, in the order of the page."""
+        sections = (section for chapter in self.chapters for section in chapter.sections)
+        return tuple(card for section in sections for card in section.cards)
+
+
 class Topic(Struct, frozen=True):
     """One row of the topic table, and the stages that have it."""
 
@@ -89,7 +102,7 @@ class BlockView(Struct, frozen=True):
     """Everything that the page shows of one block."""
 
     block: Block
-    chapters: tuple[Chapter, ...]
+    ranks: tuple[Rank, ...]
     graphs: tuple[PagePicture, ...]
     trees: tuple[PagePicture, ...]
     topics: tuple[Topic, ...]
@@ -99,12 +112,7 @@ class BlockView(Struct, frozen=True):
     @property
     def cards(self) -> tuple[Card, ...]:
         """Every card, in the order of the page."""
-        return tuple(
-            card
-            for chapter in self.chapters
-            for section in chapter.sections
-            for card in section.cards
-        )
+        return tuple(card for rank in self.ranks for card in rank.cards)
 
     def count(self, severity: Severity) -> int:
         """Return how many different faults of one severity there are."""

@@ -20,7 +20,7 @@
       card.hidden = !fits;
       shown += fits;
     }
-    for (const group of all(".section, .chapter")) {
+    for (const group of all(".section, .chapter, .rank")) {
       group.hidden = !group.querySelector(".card:not([hidden])");
     }
     for (const part of all(".findings")) {
