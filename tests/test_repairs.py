@@ -32,6 +32,7 @@ CLOCK = "/World/ROS_Clock"
 DRIVE = "/turtlebot3_burger/ROS_Drive"
 CONTROLLER = f"{DRIVE}/differential_controller"
 ARTICULATION = f"{DRIVE}/articulation_controller"
+WHEEL = "/turtlebot3_burger/wheel_left_link"
 JOINT = "/turtlebot3_burger/joints/wheel_left_joint"
 WRONG_RADIUS: Step = {"set": [f"{CONTROLLER}.inputs:wheelRadius", 0.033]}
 
@@ -74,6 +75,16 @@ CASES: dict[str, tuple[Step, tuple[Edit, ...], bool]] = {
         {"node": [f"{CLOCK}/more", "isaacsim.ros2.bridge.ROS2QoSProfile"]},
         (RemovePrim(f"{CLOCK}/more"),),
         False,
+    ),
+    "a graph of a later checkpoint is removed when asked for": (
+        {"define": ["/turtlebot3_burger/ROS_OdomTF", "OmniGraph"]},
+        (RemovePrim("/turtlebot3_burger/ROS_OdomTF"),),
+        False,
+    ),
+    "the shape of a wheel is activated": (
+        {"deactivate": f"{WHEEL}/collisions"},
+        (Activate(f"{WHEEL}/collisions"),),
+        True,
     ),
     "a value of the scene is restored": (
         {"set": [f"{JOINT}.drive:angular:physics:stiffness", 10.0]},

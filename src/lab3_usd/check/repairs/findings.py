@@ -32,6 +32,7 @@ _GRAPH_KIND = "G03"
 _MISSING_GRAPH = "G01"
 _MISSING_NODE = "N01"
 _UNWANTED = ("N02", "N07", "N08", "N09", "N12", "S21", "S23", "L07")
+_EARLY = ("G04", "S18", "L08", "C09", "D07")
 _MOVED = ("S07", "L02", "C02", _GRAPH_PLACE)
 _ARTICULATION = "S11"
 _WHEEL_SHAPE = "S06"
@@ -65,7 +66,7 @@ def _title(edit: Edit) -> str:
 def _edits(
     finding: Finding, subjects: Sequence[GraphSubject], whole: StageSubject
 ) -> Iterator[Edit]:
-    if finding.rule in _UNWANTED:
+    if finding.rule in (*_UNWANTED, *_EARLY):
         yield RemovePrim(finding.prim)
     elif finding.rule in _MOVED and finding.expected in (*finding.related, _path_asked(finding)):
         yield from _move(finding)
@@ -142,10 +143,18 @@ def _scene_edits(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
         yield from _articulation_edits(finding, whole, is_there=schema is None)
     elif schema is not None and finding.rule != _WHEEL_SHAPE:
         yield ApplySchema(finding.prim, schema)
+    elif finding.rule == _WHEEL_SHAPE and len(off := _deactivated(finding, whole)) == 1:
+        yield Activate(off[0])
     else:
         yield Restore(finding.prim, finding.property if schema is None else None)
         for each in finding.related if not finding.property else ():
             yield Restore(each)
+
+
+def _deactivated(finding: Finding, whole: StageSubject) -> list[str]:
+    """Return what is deactivated at and below the link that a finding is about."""
+    link = next(iter(finding.related), finding.prim)
+    return [each.path for each in whole.stage.below(link) if not each.active]
 
 
 def _articulation_edits(finding: Finding, whole: StageSubject, *, is_there: bool) -> Iterator[Edit]:

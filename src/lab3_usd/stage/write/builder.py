@@ -76,7 +76,8 @@ def checkpoint_layer(lab: Lab, starter: str | None, checkpoint: Checkpoint) -> S
     stage = _open_starter(lab, path)
     if is_root_articulated(lab, stage):
         lab = articulated_at_root(lab)
-    ((_, layer),) = _checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions())
+    # The layer would grow on to later checkpoints.
+    _, layer = next(_checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions()))
     return layer
 
 
