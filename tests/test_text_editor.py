@@ -63,6 +63,11 @@ CASES: dict[str, tuple[str, Edit, str]] = {
         SetValue("/A", "x", "int", 2),
         'def "A"\n{\n  int x = 2 ( # why\n    doc = "y"\n  )\n}\n',
     ),
+    "where a statement goes, its comment stays in its place": (
+        'def "A" (\n  active = false  # why\n)\n{\n}\n',
+        Activate("/A"),
+        'def "A" (\n  # why\n)\n{\n}\n',
+    ),
     "a value is cleared, its comment stays": (
         'def "A"\n{\n  int x = 1 # why\n}\n',
         ClearValue("/A", "x"),

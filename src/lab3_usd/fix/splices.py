@@ -52,12 +52,14 @@ def removal(text: str, start: int, stop: int, end: int) -> Splice:
     """Take out what stands between two offsets, with its lines where nothing else is in them."""
     line = line_start(text, start)
     rest = text[stop:].partition("\n")
+    is_block = text[stop - 1] == "}" and stop == end
     if text[line:start].strip() or rest[0].strip(" \t\r;"):
-        close = end if text[end - 1 : end] == ";" else stop
-        return Splice(start, max(stop, close), "")
+        close = max(stop, end) if text[end - 1 : end] == ";" else stop
+        if not (is_block or text[line:start].strip()):  # a comment stands where it stood
+            close += len(text[close:]) - len(text[close:].lstrip(" \t"))
+        return Splice(start, close, "")
     last = stop + len(rest[0]) + len(rest[1])
     above = line_start(text, line - 1) if line else 0
-    is_block = text[stop - 1] == "}" and stop == end
     if is_block and line and not text[above:line].strip():
         line = above
     return Splice(line, last, "")
