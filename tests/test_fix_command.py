@@ -18,6 +18,7 @@ CLOCK = "/World/ROS_Clock"
 DRIVE = "/turtlebot3_burger/ROS_Drive"
 RADIUS = f"{DRIVE}/differential_controller.inputs:wheelRadius"
 WRONG_RADIUS: Step = {"set": [RADIUS, 0.033]}
+NO_TICK: Step = {"disconnect": f"{CLOCK}/ros2_publish_clock.inputs:execIn"}
 NO_CONTEXT: Step = {"remove": [f"{CLOCK}/ros2_context"]}
 
 
@@ -133,6 +134,82 @@ def test_only_selected_rules_are_repaired(tmp_path: Path) -> None:
     old = path.read_bytes()
     assert fix(path, "--in-place", "--select", "W").exit_code == 0
     assert path.read_bytes() == old
+
+
+def test_what_a_comment_ignores_is_not_repaired(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS, NO_TICK)
+    lines = path.read_text().splitlines(keepends=True)
+    number = next(n for n, line in enumerate(lines) if "inputs:wheelRadius = " in line)
+    lines.insert(number, "# lab3: ignore[P01] our wheels are larger\n")
+    path.write_text("".join(lines))
+    assert fix(path, "--in-place").exit_code == 0
+    assert "inputs:wheelRadius = 0.033" in path.read_text()
+    assert check_stage(path).findings[0].rule == "P01"
+
+
+def test_what_custom_data_ignores_is_not_repaired(tmp_path: Path) -> None:
+    stage = broken("02", [WRONG_RADIUS])
+    stage.GetPrimAtPath(DRIVE).SetCustomDataByKey("lab3:ignore", "P")
+    path = tmp_path / "Lab3_02_ros_drive.usda"
+    stage.GetRootLayer().Export(str(path))
+    old = path.read_bytes()
+    assert (fix(path, "--in-place").exit_code, path.read_bytes()) == (0, old)
+
+
+@pytest.mark.parametrize(
+    "configuration",
+    [
+        'ignore = ["P01"]',
+        'select = ["W"]',
+        '[per-file-ignores]\n"*_ros_drive*" = ["P"]',
+        '[severity]\nP01 = "note"',
+    ],
+)
+def test_what_the_configuration_leaves_out_is_not_repaired(
+    tmp_path: Path, configuration: str
+) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    (tmp_path / "lab3.toml").write_text(configuration)
+    old = path.read_bytes()
+    assert (fix(path, "--in-place").exit_code, path.read_bytes()) == (0, old)
+    fix(path, "--in-place", "--isolated")
+    assert check_stage(path).verdict == "pass"
+
+
+def test_the_configuration_names_the_checkpoint(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS).rename(tmp_path / "mine.usda")
+    (tmp_path / "lab3.toml").write_text('[checkpoints]\n"mine*" = "02"\n')
+    assert fix(path, "--in-place").exit_code == 0
+    assert fix(path, "--isolated", "--checkpoint", "2").exit_code == 0
+
+
+def test_a_repair_that_would_make_it_worse_is_left_out_and_told(tmp_path: Path) -> None:
+    nodes = {"remove": f"{DRIVE}/make_array"}, {"remove": f"{DRIVE}/scale_linear_velocity"}
+    path = saved(tmp_path, NO_TICK, *nodes, {"deactivate": DRIVE})
+    result = fix(path, "--in-place")
+    assert result.exit_code == 1
+    assert "repaired W01 /World/ROS_Clock" in result.stdout
+    left = [each for each in result.stdout.splitlines() if each.startswith("left")]
+    assert [each.partition(":")[0] for each in left] == [
+        f"left out (its repair would make the stage worse) error G01 {DRIVE}"
+    ]
+    assert "active = false" in path.read_text()
+
+
+def test_what_belongs_to_a_later_checkpoint_is_removed_with_unsafe(tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_00_student_start.usda"
+    correct_stage("04").GetRootLayer().Export(str(path))
+    assert fix(path, "--in-place").exit_code == 1
+    assert fix(path, "--in-place", "--unsafe").exit_code == 0
+    assert path.read_text().strip() == correct_stage("00").GetRootLayer().ExportToString().strip()
+
+
+def test_a_prim_that_is_restored_brings_nothing_of_later_checkpoints(tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_00_student_start.usda"
+    scan = {"deactivate": "/turtlebot3_burger/base_scan"}
+    broken("00", [scan]).GetRootLayer().Export(str(path))
+    assert fix(path, "--in-place", "--unsafe").exit_code == 0
+    assert "Lidar2D" not in path.read_text()
 
 
 def test_a_binary_stage_is_repaired(tmp_path: Path) -> None:

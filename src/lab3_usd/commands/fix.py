@@ -8,8 +8,7 @@ from typing import Any
 
 import click
 
-from lab3_usd.commands.configuring import use_configured_lab
-from lab3_usd.commands.options import split_rules
+from lab3_usd.commands.configuring import config_options, with_config
 
 
 @click.command("fix")
@@ -28,6 +27,7 @@ from lab3_usd.commands.options import split_rules
     "--select", multiple=True, metavar="RULES", help="Only these rules (W01) or families (W)."
 )
 @click.option("--ignore", multiple=True, metavar="RULES", help="Not these rules or families.")
+@config_options
 def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry per option
     """Repair a stage.
 
@@ -38,7 +38,4 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
     """
     from lab3_usd.commands.fixing import run  # noqa: PLC0415 - keeps --help fast
 
-    options["select"] = split_rules(options["select"])
-    options["ignore"] = split_rules(options["ignore"])
-    use_configured_lab(stage)
-    sys.exit(run(stage, options))
+    sys.exit(run(stage, with_config([str(stage)], options)))

@@ -10,12 +10,13 @@ from typing import Any
 
 import click
 
-from lab3_usd.commands.options import chosen
+from lab3_usd.commands.options import checkpoint_number
+from lab3_usd.commands.reporting import wanted
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
 from lab3_usd.fix.repairing import Fixed, FixOptions, check_result, fix_stage
 from lab3_usd.judge.entries import JudgeSettings, checkpoint_at
-from lab3_usd.model.finding import Finding
+from lab3_usd.model.finding import Finding, site_of
 from lab3_usd.report.safe_text import visible
 from lab3_usd.spec.load.loader import load_lab
 
@@ -31,12 +32,15 @@ def run(stage: Path, options: Mapping[str, Any]) -> int:
     """
     _check(stage, options)
     lab = load_lab()
-    checkpoint = checkpoint_at(str(stage), JudgeSettings(checkpoint=options["checkpoint"]), lab)
+    number = options["checkpoint"]
+    given = None if number is None else checkpoint_number(number, lab.checkpoints)
+    checkpoint = checkpoint_at(str(stage), JudgeSettings(given, config=options["config"]), lab)
     settings = FixOptions(
         unsafe=options["unsafe"],
         root_only=options["output"] is not None,
         starter=options["starter"],
-        wanted=lambda each: chosen(each.rule, options["select"], options["ignore"]),
+        wanted=lambda findings: wanted(findings, str(stage), options),
+        heeds_ignores=True,
     )
     fixed = fix_stage(stage, checkpoint, lab, settings)
     for line in _diffs(fixed) if options["diff"] else ():
@@ -105,12 +109,18 @@ def _tell(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
     for each in fixed.repaired:
         click.echo(f"repaired {_line(each)}")
     for each in fixed.left:
-        word = "needs --unsafe" if each.fix and not each.fix.safe else "left"
-        click.echo(f"{word} {each.severity} {_line(each)}")
+        click.echo(f"{_why_left(each, fixed)} {each.severity} {_line(each)}")
     written = options["output"] is not None or options["in_place"]
     hint = "" if written or not fixed.files else "; give --diff, --output or --in-place"
     counts = f"{len(fixed.repaired)} repaired, {len(fixed.left)} left"
     click.echo(f"{_shown(stage)}: {counts}{hint}")
+
+
+def _why_left(finding: Finding, fixed: Fixed) -> str:
+    why = fixed.left_out.get(site_of(finding))
+    if why is not None:
+        return f"left out (its repair {why})"
+    return "needs --unsafe" if finding.fix and not finding.fix.safe else "left"
 
 
 def _line(finding: Finding) -> str:

@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.files import temporary_beside
+from lab3_usd.fix.attempts import Attempt, most_helpful, weight
 from lab3_usd.fix.layer_bytes import new_bytes
-from lab3_usd.model.finding import Finding
+from lab3_usd.judge.ignoring import heeded
+from lab3_usd.model.finding import Finding, Site, site_of
 from lab3_usd.model.order import ordered
 from lab3_usd.model.repair import MovePrim, Repair
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -26,18 +29,23 @@ _ROUNDS = 8  # a missing graph needs three: the graph, its connections, what tho
 
 
 class FixOptions(Struct, frozen=True):
-    """Which repairs are made, and where: `wanted` says of a finding whether to repair it."""
+    """Which repairs are made, and where: `wanted` keeps the findings that are to be repaired.
+
+    With `heeds_ignores`, what notes in the stage ignore on purpose is none of them.
+    """
 
     unsafe: bool = False
     root_only: bool = False
     starter: str | None = None
-    wanted: Callable[[Finding], bool] = lambda _: True
+    wanted: Callable[[Iterable[Finding]], tuple[Finding, ...]] = tuple
+    heeds_ignores: bool = False
 
 
 class Fixed(Struct, frozen=True):
     """What came of a repair: the findings before and after, and the new bytes of each file.
 
-    `judge_again` judges the stage in another file as this one was judged.
+    `left_out` says why a repair was not made. `judge_again` judges the stage in another file as
+    this one was judged.
     """
 
     root: Path
@@ -45,6 +53,7 @@ class Fixed(Struct, frozen=True):
     after: tuple[Finding, ...]
     repairs: tuple[Repair, ...]
     files: dict[Path, bytes]
+    left_out: dict[Site, str]
     judge_again: Callable[[Path], tuple[Finding, ...]]
 
     @property
@@ -55,14 +64,10 @@ class Fixed(Struct, frozen=True):
     @property
     def repaired(self) -> tuple[Finding, ...]:
         """The errors and warnings that are gone."""
-        kept = {(each.rule, each.prim, each.property) for each in self.after}
-        told = (each for each in self.before if each.severity != "note")
-        return tuple(each for each in told if (each.rule, each.prim, each.property) not in kept)
-
-
-def _weight(findings: Iterable[Finding]) -> tuple[int, int]:
-    severities = [each.severity for each in findings]
-    return severities.count("error"), severities.count("warning")
+        kept = {site_of(each) for each in self.after}
+        return tuple(
+            each for each in self.before if each.severity != "note" and site_of(each) not in kept
+        )
 
 
 @quiet()
@@ -70,53 +75,103 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
     """Repair a stage in memory; no file is written.
 
     Raises:
-        StageError: the stage cannot be opened, or a repaired layer cannot be written as text.
+        StageError: the stage cannot be opened, or a rule failed.
     """
     if path.suffix.lower() == _PACKAGE:
         message = f"{path}: is a package, which is not repaired; unpack it and repair its stage"
         raise StageError(message)
     asked = lab.checkpoints[checkpoint]
-    session = EditSession(open_stage(path), lab, asked, options.root_only, options.starter)
+    stage = open_stage(path)
 
-    def judged(stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
-        return tuple(each for each in _findings(stage, lab, asked, path) if options.wanted(each))
+    def judged(file: Path, stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
+        return _findings(stage, lab, asked, file, options)
 
-    try:
-        before = after = judged(session.stage)
-        made: list[Repair] = []
-        for _ in range(_ROUNDS):
-            repairs = _repaired(session, after, options)
-            if not repairs:
-                break
-            made += repairs
-            after = judged(session.stage)
-        files = {Path(each.layer.realPath): new_bytes(each) for each in session.edited.values()}
-    finally:
-        session.close()
-    changed = {name: data for name, data in files.items() if name.read_bytes() != data}
-    return Fixed(path, before, after, tuple(made), changed, lambda copy: judged(open_stage(copy)))
+    before = judged(path, stage)
+    sites = dict.fromkeys(site_of(each) for each in before if _repair_of(each, options))
+    first = EditSession(stage, lab, asked, options.root_only, options.starter)
+
+    def attempt(kept: frozenset[Site]) -> Attempt:
+        again = _Rounds(replace(first, edited={}), options, frozenset(sites) - kept)
+        return again.attempt(before, lambda: judged(path, stage))
+
+    chosen = most_helpful(tuple(sites), attempt)
+    made = chosen.attempt
+    return Fixed(
+        root=path,
+        before=before,
+        after=made.after,
+        repairs=made.repairs,
+        files=made.files,
+        left_out=chosen.left_out,
+        judge_again=lambda copy: judged(copy, open_stage(copy)),
+    )
 
 
-def _findings(stage: Any, lab: Lab, checkpoint: Checkpoint, path: Path) -> tuple[Finding, ...]:  # noqa: ANN401
-    judged = judge(lab, checkpoint, read_model(stage, lab, str(path)))
+def _findings(
+    stage: Any,  # noqa: ANN401 - pxr has no types
+    lab: Lab,
+    checkpoint: Checkpoint,
+    file: Path,
+    options: FixOptions,
+) -> tuple[Finding, ...]:
+    judged = judge(lab, checkpoint, read_model(stage, lab, str(file)))
     if judged.crashes:
-        message = f"{path}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
+        message = f"{file}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
         raise StageError(message)
-    return tuple(ordered(judged.findings))
+    found = ordered(judged.findings)
+    return options.wanted(heeded(found, stage, file) if options.heeds_ignores else found)
 
 
-def _repaired(
-    session: EditSession, findings: Iterable[Finding], options: FixOptions
-) -> list[Repair]:
-    """Make the repairs of these findings, each edit once, and return them.
+def _repair_of(finding: Finding, options: FixOptions) -> Repair | None:
+    fix = finding.fix if finding.severity != "note" else None
+    return fix if fix and (options.unsafe or fix.safe) else None
 
-    Prims are moved last: the other edits name them where they were found.
-    """
-    repairs = [each.fix for each in findings if each.fix and (options.unsafe or each.fix.safe)]
-    edits = dict.fromkeys(edit for each in repairs for edit in each.edits)
-    for edit in sorted(edits, key=lambda each: isinstance(each, MovePrim)):
-        apply_edit(session, edit)
-    return repairs
+
+class _Rounds(Struct, frozen=True, eq=False):
+    """Edits the layers of a session until nothing is left to do, but for some repairs."""
+
+    session: EditSession
+    options: FixOptions
+    left_out: frozenset[Site]
+
+    def attempt(
+        self, before: tuple[Finding, ...], judged: Callable[[], tuple[Finding, ...]]
+    ) -> Attempt:
+        """Return what comes of the repairs; the layers hold again what they held before."""
+        try:
+            return self._attempt(before, judged)
+        except StageError as error:
+            return Attempt(before, error=str(error))
+        finally:
+            self.session.close()
+
+    def _attempt(
+        self, before: tuple[Finding, ...], judged: Callable[[], tuple[Finding, ...]]
+    ) -> Attempt:
+        after, made = before, dict[Repair, None]()
+        for _ in range(_ROUNDS):
+            repairs = self._made(after)
+            found = judged() if repairs else after
+            made.update(dict.fromkeys(repairs))
+            if found == after:
+                break
+            after = found
+        edited = self.session.edited.values()
+        files = {Path(each.layer.realPath): new_bytes(each) for each in edited}
+        changed = {name: data for name, data in files.items() if name.read_bytes() != data}
+        return Attempt(after, tuple(made), changed)
+
+    def _made(self, findings: Iterable[Finding]) -> list[Repair]:
+        """Make the repairs of these findings, each edit once, and return them.
+
+        Prims are moved last: the other edits name them where they were found.
+        """
+        asked = (each for each in findings if site_of(each) not in self.left_out)
+        repairs = [fix for each in asked if (fix := _repair_of(each, self.options))]
+        edits = dict.fromkeys(edit for each in repairs for edit in each.edits)
+        for edit in sorted(edits, key=lambda each: isinstance(each, MovePrim)):
+            apply_edit(self.session, edit)
+        return repairs
 
 
 @quiet()
@@ -144,6 +199,6 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
             found = fixed.after
     finally:
         temporary.unlink(missing_ok=True)
-    if _weight(found) > _weight(fixed.before):
+    if weight(found) > weight(fixed.before):
         message = f"{target}: the repaired stage would be worse than before; nothing was written"
         raise StageError(message)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from msgspec.structs import replace
 
@@ -41,6 +42,17 @@ def without_ignored(result: StageResult) -> StageResult:
             kept += unused if note.written else located(list(unused), path, stage)
     findings = ordered(kept)
     return replace(result, findings=findings, verdict=verdict_of(findings, result.crashes))
+
+
+def heeded(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:  # noqa: ANN401
+    """Return what no note in an open stage ignores, of findings that have no places yet."""
+    from lab3_usd.stage.read.ignore_notes import read_ignore_notes  # noqa: PLC0415 - pxr
+
+    notes = read_ignore_notes(stage, str(path))
+    if not notes:
+        return tuple(findings)
+    pairs = zip(findings, located(findings, path, stage), strict=True)
+    return tuple(each for each, placed in pairs if not any(note.covers(placed) for note in notes))
 
 
 def _unused(note: IgnoreNote) -> Iterator[Finding]:

@@ -1,0 +1,71 @@
+"""Which of the repairs of a stage are made together, so that none of them does harm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from msgspec import Struct
+
+from lab3_usd.model.finding import Finding, Site, site_of
+from lab3_usd.model.repair import Repair
+
+WORSE = "would make the stage worse"
+
+
+class Attempt(Struct, frozen=True):
+    """What came of some repairs: the findings afterwards, and the new bytes of each file.
+
+    `error` says why the result cannot be used; '' where it can.
+    """
+
+    after: tuple[Finding, ...]
+    repairs: tuple[Repair, ...] = ()
+    files: dict[Path, bytes] = {}
+    error: str = ""
+
+
+class Chosen(Struct, frozen=True):
+    """The repairs that were made, and why each of the others was left out."""
+
+    attempt: Attempt
+    left_out: dict[Site, str]
+
+
+def weight(findings: Iterable[Finding]) -> tuple[int, int]:
+    """Count errors and warnings."""
+    severities = [each.severity for each in findings]
+    return severities.count("error"), severities.count("warning")
+
+
+def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Attempt]) -> Chosen:
+    """Repair as many of these findings as do no harm.
+
+    All are tried at once. Where that brings something new to find, or cannot be written, each
+    half is tried by itself, and so on down to a single repair.
+    """
+    kept: frozenset[Site] = frozenset()
+    best, left_out = attempt(kept), {}
+    waiting = [tuple(sites)] if sites else []
+    while waiting:
+        some = waiting.pop(0)
+        tried = attempt(kept.union(some))
+        if _helps(tried, best) or (len(some) == 1 and _is_harmless(tried, best)):
+            kept, best = kept.union(some), tried
+        elif len(some) == 1:
+            left_out[some[0]] = tried.error or WORSE
+        else:
+            half = len(some) // 2
+            waiting[:0] = [some[:half], some[half:]]
+    return Chosen(best, left_out)
+
+
+def _helps(tried: Attempt, best: Attempt) -> bool:
+    """Whether something is repaired, and nothing is found that was not found before."""
+    known = {site_of(each) for each in best.after}
+    is_new = any(site_of(each) not in known for each in tried.after if each.severity != "note")
+    return not (tried.error or is_new) and weight(tried.after) < weight(best.after)
+
+
+def _is_harmless(tried: Attempt, best: Attempt) -> bool:
+    return not tried.error and weight(tried.after) <= weight(best.after)

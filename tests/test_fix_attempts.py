@@ -1,0 +1,65 @@
+"""Which repairs of a stage are made together: all that help, and none that does harm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from lab3_usd.fix.attempts import WORSE, Attempt, most_helpful
+from lab3_usd.model.finding import Finding, Site, site_of
+
+Repaired = Callable[[frozenset[str]], list[str]]
+
+
+def fault(name: str) -> Finding:
+    return Finding(rule=name, name="fault", severity="error", prim="/World", message="")
+
+
+def site(name: str) -> Site:
+    return site_of(fault(name))
+
+
+def chosen(asked: str, left: Repaired) -> tuple[str, dict[str, str], int]:
+    """What is left of faults named by letters, what was left out and why, after how many tries."""
+    tries = 0
+
+    def attempt(kept: frozenset[Site]) -> Attempt:
+        nonlocal tries
+        tries += 1
+        names = left(frozenset(rule for rule, *_ in kept))
+        error = "cannot be written" if "!" in names else ""
+        return Attempt(tuple(fault(each) for each in names), error=error)
+
+    found = most_helpful([site(each) for each in asked], attempt)
+    after = "".join(each.rule for each in found.attempt.after)
+    return after, {rule: why for (rule, *_), why in found.left_out.items()}, tries
+
+
+def without(asked: str, kept: frozenset[str], **more: str) -> list[str]:
+    """The faults that are not repaired, and those which a repair brings."""
+    brought = [letter for name in kept for letter in more.get(name, "")]
+    return [*(each for each in asked if each not in kept), *brought]
+
+
+def test_repairs_that_all_help_are_made_at_once() -> None:
+    assert chosen("abcd", lambda kept: without("abcd", kept)) == ("", {}, 2)
+
+
+@pytest.mark.parametrize("bad", "abcde")
+def test_one_that_makes_it_worse_is_left_out(bad: str) -> None:
+    after, left_out, _ = chosen("abcde", lambda kept: without("abcde", kept, **{bad: "xy"}))
+    assert (after, left_out) == (bad, {bad: WORSE})
+
+
+def test_one_that_cannot_be_written_is_left_out() -> None:
+    after, left_out, _ = chosen("abc", lambda kept: without("abc", kept, b="!"))
+    assert (after, left_out) == ("b", {"b": "cannot be written"})
+
+
+def test_one_that_brings_another_fault_to_light_is_made() -> None:
+    assert chosen("ab", lambda kept: without("ab", kept, a="x"))[:2] == ("x", {})
+
+
+def test_without_repairs_nothing_is_tried() -> None:
+    assert chosen("", lambda _: ["a"]) == ("a", {}, 1)
