@@ -59,12 +59,15 @@ def watch(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
     """Run the command with these saves instead of the events of the system."""
 
     def run(saves: Saves, *arguments: Path | str, command: str = "check") -> Result:
-        def events(_: object) -> Iterator[frozenset[str]]:
-            for save in saves:
-                yield frozenset(os.path.realpath(path) for path in save())
+        coming = iter(saves)
+
+        def events(folders: set[str]) -> Iterator[frozenset[str]]:
+            for save in coming:
+                saved = frozenset(os.path.realpath(path) for path in save())
+                yield frozenset(each for each in saved if str(Path(each).parent) in folders)
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(watching, "_saves", events)
+        monkeypatch.setattr(watching, "saves", events)
         return CliRunner().invoke(cli.lab3, [command, "--watch", "--quiet", *map(str, arguments)])
 
     return run
@@ -85,6 +88,12 @@ def remove(path: Path) -> Callable[[], list[Path]]:
         return [path]
 
     return save
+
+
+def over(text: bytes, layer: str) -> str:
+    """A stage that says nothing by itself above a layer, with the metadata of another stage."""
+    head = text.decode().partition("\ndef ")[0]
+    return re.sub(r"\(\n", f"(\n    subLayers = [@{layer}@]\n", head, count=1) + "\n"
 
 
 def news(result: Result) -> list[str]:
@@ -133,10 +142,43 @@ def test_a_layer_that_the_stage_uses_counts(watch: Callable[..., Result], stage:
     part = stage.parents[1] / "parts" / "part.usda"
     part.parent.mkdir()
     part.write_bytes(RIGHT)
-    head = RIGHT.decode().partition("\ndef ")[0]
-    metadata = re.sub(r"\(\n", "(\n    subLayers = [@../parts/part.usda@]\n", head, count=1)
-    stage.write_text(metadata + "\n")
+    stage.write_text(over(RIGHT, "../parts/part.usda"))
     result = watch([write(part, WRONG)], stage)
+    assert news(result) == ["0 repaired, 1 new; 1 error"]
+
+
+def test_a_layer_counts_from_when_the_stage_begins_to_use_it(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    part = stage.parents[1] / "parts" / "part.usda"
+    begins = write(stage, over(RIGHT, "../parts/part.usda").encode())
+    saves = [write(part, RIGHT), begins, write(part, WRONG), write(part, RIGHT)]
+    told = [
+        "0 repaired, 0 new; nothing",
+        "0 repaired, 1 new; 1 error",
+        "1 repaired, 0 new; nothing",
+    ]
+    assert news(watch(saves, stage)) == told
+
+
+def test_folders_that_are_new_in_a_submission_are_watched(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    maps = stage.parents[1] / "maps"
+
+    def make() -> list[Path]:
+        maps.mkdir()
+        return [maps]
+
+    told = news(watch([make, write(maps / "turtlebot3_map.yaml", b"")], stage.parents[1]))
+    assert len(told) == 2
+    assert told[0] != told[1]
+
+
+def test_a_save_that_was_judged_already_is_told_once(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    result = watch([write(stage, WRONG), lambda: [stage]], stage)
     assert news(result) == ["0 repaired, 1 new; 1 error"]
 
 

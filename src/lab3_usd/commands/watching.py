@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,15 +13,17 @@ import click
 
 from lab3_usd.commands.news import clock, news_between, news_lines
 from lab3_usd.commands.reporting import write_report
+from lab3_usd.commands.saves import folders_of, saves
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.model.finding import Report
 
-# Milliseconds without another event before a save counts as over, and at most.
-STEP, DEBOUNCE = 5, 100
 PATIENCE = 0.5  # seconds in which a file that is gone or cannot be read may still be written
 _PAUSE = 0.01
 # A binary stage is read, not mapped: mapped pages of a file that is cut short end the process.
 _ENVIRONMENT = {"USDC_USE_ASSET": "1", "TF_ENV_SETTING_ALERTS_ENABLED": "0"}
+
+
+_Stamp = tuple[int, int, int]
 
 
 class Watched(NamedTuple):
@@ -59,37 +61,17 @@ def prepare(options: Mapping[str, Any]) -> None:
 
 def watch(paths: Iterable[str], watched: Watched, options: Mapping[str, Any]) -> int:
     """Judge, report, and do both again after each save; return the exit code after Ctrl-C."""
-    folders = [*paths, *watched.shared]
+    given = [*paths, *watched.shared]
     session = _Session(watched, options)
     try:
         session.judge_all()
-        for changed in _saves(folders):
-            session.judge_changed(changed)
+        while True:
+            session.judge_until_others_count(given)
     except KeyboardInterrupt:
         pass
     finally:
         session.close()
     return 0
-
-
-def _saves(paths: Iterable[str]) -> Iterator[frozenset[str]]:
-    """Yield the files that were written, moved or removed, save by save.
-
-    Folders are watched rather than files: whoever saves by renaming makes another file.
-    """
-    from watchfiles import watch as file_events  # noqa: PLC0415 - see prepare
-
-    roots = {path if Path(path).is_dir() else str(Path(path).resolve().parent) for path in paths}
-    is_deep = any(Path(path).is_dir() for path in paths)
-    events = file_events(
-        *roots,
-        watch_filter=None,
-        step=STEP,
-        debounce=DEBOUNCE,
-        recursive=is_deep,
-    )
-    for changes in events:
-        yield frozenset(os.path.realpath(path) for _, path in changes)
 
 
 class _Session:
@@ -100,6 +82,7 @@ class _Session:
         self._options = options
         self._reports: dict[str, Report] = {}
         self._files: dict[str, frozenset[str]] = {}
+        self._stamps: dict[str, _Stamp | None] = {}  # of the stages as they were judged
         self._version = 0
 
     def judge_all(self) -> None:
@@ -109,8 +92,22 @@ class _Session:
             self._judge(name)
         self._tell([f"{clock()}  watching, Ctrl-C ends"])
 
+    def judge_until_others_count(self, given: Iterable[str]) -> None:
+        """Judge what is saved, until files in other folders count than at first."""
+        watched = self._folders(given)
+        for changed in saves(watched):
+            self.judge_changed(changed)
+            if not self._folders(given) <= watched:
+                self.judge_changed(frozenset())
+                return
+
+    def _folders(self, given: Iterable[str]) -> set[str]:
+        used = (file for files in self._files.values() for file in files)
+        return folders_of([*given, *used])
+
     def judge_changed(self, changed: frozenset[str]) -> None:
-        """Judge what depends on the files that were saved."""
+        """Judge what depends on the files that were saved, and not judged in the meantime."""
+        changed -= {each for each, then in self._stamps.items() if _stamp(Path(each)) == then}
         is_shared = any(_holds(top, changed) for top in self._watched.shared)
         if is_shared:
             self._watched.renew()
@@ -169,6 +166,7 @@ class _Session:
             is_whole = report is not None and (is_over or not _is_unreadable(report))
             if report is not None and is_whole and _stamp(path) == before:
                 self._reports[name] = report
+                self._stamps[str(path.resolve())] = before
                 return
             time.sleep(_PAUSE)
             _forget([str(path.resolve())])
@@ -225,7 +223,7 @@ class _Session:
         write_report(version_script(self._version), str(version_file(path)))
 
 
-def _stamp(path: Path) -> tuple[int, int, int] | None:
+def _stamp(path: Path) -> _Stamp | None:
     """Return what changes when a file is written; None where there is none."""
     try:
         found = path.stat()
