@@ -9,7 +9,9 @@ from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
 
-from lab3_usd.check.registry import FAMILIES, Rule, all_rules
+from lab3_usd.check.manual import rules_in
+from lab3_usd.check.registry import FAMILIES, Rule
+from lab3_usd.spec.load.loader import load_lab
 
 PAGE = Path(__file__).with_name("rules.md")
 LINT_PAGE = Path(__file__).with_name("lint.md")
@@ -73,7 +75,7 @@ def lint_page() -> str:
 
 def _families() -> Iterator[tuple[str, list[Rule]]]:
     rules = sorted(
-        all_rules().values(), key=lambda rule: (list(FAMILIES).index(rule.id[0]), rule.id)
+        rules_in(load_lab()).values(), key=lambda rule: (list(FAMILIES).index(rule.id[0]), rule.id)
     )
     for letter, members in groupby(rules, key=lambda rule: rule.id[0]):
         yield letter, list(members)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from inspect import getdoc
 from pathlib import Path
 
 from lab3_usd.check.registry import Rule
@@ -200,4 +201,4 @@ def _missing_wire(subject: object) -> Iterator[Problem]:
     yield from ()
 
 
-RULES = {"W01": Rule("W01", "missing-wire", "error", "graph", _missing_wire)}
+RULES = {"W01": Rule("W01", "missing-wire", "error", "graph", _missing_wire, getdoc(_missing_wire) or "")}

@@ -54,7 +54,7 @@ def findings_of(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
     lab = load_lab()
     subject = StageSubject(lab, lab.checkpoints[checkpoint], model_of(stage), {})
     return [
-        finding_of(rule, problem)
+        finding_of(rule, problem, lab)
         for rule in stage_rules().values()
         for problem in rule.check(subject)
     ]

@@ -231,16 +231,16 @@ def test_a_rule_that_crashes_is_never_a_pass(
 
 def test_a_problem_takes_severity_and_hint_from_its_rule() -> None:
     found = all_rules()["N02"]
-    finding = finding_of(found, Problem("/World/a", "what is wrong"))
+    finding = finding_of(found, Problem("/World/a", "what is wrong"), None)
     assert (finding.rule, finding.name, finding.severity) == ("N02", "extra-node", "warning")
     assert finding.hint == found.section("Fix")
     own = Problem("/World/a", "what is wrong", severity="error", hint="do this")
-    finding = finding_of(found, own)
+    finding = finding_of(found, own, None)
     assert (finding.severity, finding.hint) == ("error", "do this")
 
 
 def test_a_problem_without_a_prim_is_at_the_root() -> None:
-    assert finding_of(all_rules()["N01"], Problem("", "what is wrong")).prim == "/"
+    assert finding_of(all_rules()["N01"], Problem("", "what is wrong"), None).prim == "/"
 
 
 def test_findings_are_sorted_by_place_and_rule() -> None:

@@ -125,7 +125,7 @@ def test_a_fault_in_the_file_gives_its_finding_and_no_other(
     assert list(found) == [rule_id]
     (problem,) = found[rule_id]
     assert (problem.prim, problem.property) == (f"maps/{FACTS.yaml}", site)
-    assert problem.handout
+    assert load_lab().handout.rules[rule_id]
 
 
 REFUSED = "map_server cannot load it"

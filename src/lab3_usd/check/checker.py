@@ -79,7 +79,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         placed = articulated_at_root(placed)
     robot = relocations.get(lab.scene["robot"]["path"], "")
     subjects = [*_graph_subjects(placed, checkpoint, stage, live, robot)]
-    run = _Run([], [])
+    run = _Run(lab, [], [])
     for found in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
             run.rule(found, subject)
@@ -132,14 +132,15 @@ def _without_repeats(findings: list[Finding]) -> list[Finding]:
 
 
 class _Run(Struct, frozen=True):
-    """The findings and crashes of one run, in the order in which the rules speak."""
+    """The findings and crashes of one run by a lab, in the order in which the rules speak."""
 
+    lab: Lab
     findings: list[Finding]
     crashes: list[Crash]
 
     def rule(self, found: Rule, subject: Any) -> None:  # noqa: ANN401 - the scope decides
         """Run one rule and keep what no other graph's subject had it find before."""
-        results = run_rule(found, subject)
+        results = run_rule(found, subject, self.lab)
         self.crashes.extend(results.crashes)
         for finding in results.findings:
             if not any(_is_same(finding, known) for known in self.findings):

@@ -106,18 +106,18 @@ MODULES = {
 
 
 class Rule(Struct, frozen=True):
-    """One rule: a stable id, a name, a usual severity, and the generator that finds problems."""
+    """One rule: a stable id, a name, a usual severity, and the generator that finds problems.
+
+    `manual` is its docstring: what is wrong; `Why:`; `Fix:`; `Example:`. Names of a lab are filled
+    in by `check.manual`.
+    """
 
     id: str
     name: str
     severity: Severity
     scope: Scope
     check: Callable[..., Iterator[Problem]]
-
-    @property
-    def manual(self) -> str:
-        """The docstring: what is wrong; `Why:`; `Fix:`; `Example:`."""
-        return inspect.getdoc(self.check) or ""
+    manual: str = ""
 
     def section(self, title: str) -> str:
         """Return the paragraph of the manual that opens with `title:`, as one line."""
@@ -145,7 +145,7 @@ def rule(
         if known is not None and _origin(known.check) != _origin(check):
             message = f"rule {rule_id} is registered twice"
             raise ValueError(message)
-        _RULES[rule_id] = Rule(rule_id, name, severity, scope, check)
+        _RULES[rule_id] = Rule(rule_id, name, severity, scope, check, inspect.getdoc(check) or "")
         _in_order.cache_clear()
         return check
 

@@ -7,9 +7,11 @@ from typing import Any
 
 from msgspec import Struct
 
+from lab3_usd.check.manual import in_words_of
 from lab3_usd.check.registry import Rule, Scope, rules_of
 from lab3_usd.errors import StageError
 from lab3_usd.model.finding import Crash, Finding, Problem
+from lab3_usd.spec.lab import Lab
 
 
 class RuleResults(Struct, frozen=True):
@@ -19,13 +21,15 @@ class RuleResults(Struct, frozen=True):
     crashes: tuple[Crash, ...] = ()
 
 
-def run_family(scope: Scope, family: str, subject: Any) -> RuleResults:  # noqa: ANN401 - the scope decides
+def run_family(scope: Scope, family: str, subject: Any, lab: Lab) -> RuleResults:  # noqa: ANN401 - the scope decides
     """Run every rule of a family in the order of their ids."""
-    return merge_results(run_rule(each, subject) for each in rules_of(scope, family))
+    return merge_results(run_rule(each, subject, lab) for each in rules_of(scope, family))
 
 
-def run_rule(rule: Rule, subject: Any) -> RuleResults:  # noqa: ANN401 - the scope decides
+def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:  # noqa: ANN401 - the scope decides
     """Run one rule over its subject; a rule that fails itself is a crash, never a pass.
+
+    `lab` gives sections and names for what the rule says; None for a stage of no lab.
 
     Raises:
         StageError: a file turns out to be damaged, which is no fault of the rule.
@@ -33,7 +37,7 @@ def run_rule(rule: Rule, subject: Any) -> RuleResults:  # noqa: ANN401 - the sco
     findings: list[Finding] = []
     crashes: list[Crash] = []
     try:
-        findings.extend(finding_of(rule, problem) for problem in rule.check(subject))
+        findings.extend(finding_of(rule, problem, lab) for problem in rule.check(subject))
     except StageError:
         raise
     except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
@@ -50,8 +54,9 @@ def merge_results(results: Iterable[RuleResults]) -> RuleResults:
     )
 
 
-def finding_of(found: Rule, problem: Problem) -> Finding:
+def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
     """Stamp the rule's id, name and severity on what it yielded."""
+    section = None if lab is None else lab.handout.rules.get(found.id)
     return Finding(
         rule=found.id,
         name=found.name,
@@ -61,7 +66,7 @@ def finding_of(found: Rule, problem: Problem) -> Finding:
         message=problem.message,
         expected=problem.expected,
         actual=problem.actual,
-        handout=problem.handout,
-        hint=problem.hint or found.section("Fix") or None,
+        handout=problem.handout or section,
+        hint=problem.hint or in_words_of(lab, found.section("Fix")) or None,
         related=problem.related,
     )

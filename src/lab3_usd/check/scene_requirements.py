@@ -74,7 +74,7 @@ def _robot_items(lab: Lab, checkpoint: Checkpoint) -> Iterator[SceneItem]:
         "robot rests on the ground",
         path,
         None,
-        "A5",
+        lab.handout.rules.get("S19", robot["handout"]),
         ("S19", "S21"),
         ("physics:body",),
     )

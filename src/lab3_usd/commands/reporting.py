@@ -102,9 +102,9 @@ def rendered(
     form = format_named(options["form"])
     rules = None
     if form.manual or options["verbose"]:
-        from lab3_usd.check.registry import all_rules  # noqa: PLC0415 - only where it is quoted
+        from lab3_usd.check.manual import rules_in  # noqa: PLC0415 - only where it is quoted
 
-        rules = all_rules()
+        rules = rules_in(load_lab())
     to_terminal = options["output"] is None
     render_options = Options(
         color=to_terminal and wants_color(),

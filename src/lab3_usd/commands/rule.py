@@ -8,7 +8,9 @@ from collections.abc import Iterator, Mapping
 
 import click
 
-from lab3_usd.check.registry import FAMILIES, Rule, all_rules
+from lab3_usd.check.manual import rules_in
+from lab3_usd.check.registry import FAMILIES, Rule
+from lab3_usd.spec.load.loader import load_lab
 
 WIDTH = 100
 SUGGESTED = 3
@@ -22,7 +24,9 @@ def command(rule_id: str) -> None:
 
     ID is an id such as W01, or a rule's name.
     """
-    click.echo("\n".join(manual_lines(find_rule(rule_id, all_rules()))))
+    lab = load_lab()
+    found = find_rule(rule_id, rules_in(lab))
+    click.echo("\n".join(manual_lines(found, lab.handout.rules.get(found.id, ""))))
 
 
 def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
@@ -43,8 +47,11 @@ def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
     raise click.UsageError(message)
 
 
-def manual_lines(rule: Rule) -> Iterator[str]:
-    """Yield the manual: a heading, what is wrong, and its named sections, wrapped."""
+def manual_lines(rule: Rule, handout: str = "") -> Iterator[str]:
+    """Yield the manual: a heading, what is wrong, and its named sections, wrapped.
+
+    `handout` is the section of the handout behind the rule, where the lab names one.
+    """
     yield f"{rule.id} {rule.name} ({rule.severity}, {FAMILIES[rule.id[0]]})"
     yield ""
     yield from textwrap.wrap(rule.manual.split("\n\n")[0], WIDTH)
@@ -52,3 +59,6 @@ def manual_lines(rule: Rule) -> Iterator[str]:
         if text := rule.section(title):
             yield ""
             yield from textwrap.wrap(f"{title}: {text}", WIDTH, subsequent_indent="  ")
+    if handout:
+        yield ""
+        yield f"Handout: {handout}"

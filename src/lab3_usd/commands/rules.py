@@ -7,7 +7,9 @@ from itertools import groupby
 
 import click
 
-from lab3_usd.check.registry import FAMILIES, Rule, all_rules
+from lab3_usd.check.manual import rules_in
+from lab3_usd.check.registry import FAMILIES, Rule
+from lab3_usd.spec.load.loader import load_lab
 
 
 @click.command("rules")
@@ -16,7 +18,7 @@ def command() -> None:
 
     `lab3 rule ID` explains one.
     """
-    click.echo("\n".join(rule_lines(list(all_rules().values()))))
+    click.echo("\n".join(rule_lines(list(rules_in(load_lab()).values()))))
 
 
 def rule_lines(rules: list[Rule]) -> Iterator[str]:

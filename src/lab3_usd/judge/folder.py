@@ -87,7 +87,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     until = [*contents.listing.stages][-1] if contents.listing.stages else lab.last
     required = settings.require_evidence
     judged = merge_results((
-        run_family("submission", "X", _subject(contents, results, starters)),
+        run_family("submission", "X", _subject(contents, results, starters), lab),
         judge_maps(contents, settings.maps, _last_stage(results)),
         judge_parameters(contents),
         judge_saved_outputs(

@@ -53,14 +53,18 @@ def judge_maps(contents: FolderContents, maps: Path | None, stage: Path | None) 
         return RuleResults()
     if maps is not None:
         subject = map_subject(find_map(maps, facts), facts)
-        return run_family("maps", "M", _with_walls(subject, maps, stage, contents.lab))
+        return run_family(
+            "maps", "M", _with_walls(subject, maps, stage, contents.lab), contents.lab
+        )
     path = _map_path(contents, facts)
     if path is not None and path.relative_to(contents.root).as_posix() in contents.refused:
         return RuleResults()
     subject = map_subject(path, facts, root=contents.root)
     if subject.image_file in contents.refused:
         return RuleResults()
-    return run_family("maps", "M", _with_walls(subject, contents.root, stage, contents.lab))
+    return run_family(
+        "maps", "M", _with_walls(subject, contents.root, stage, contents.lab), contents.lab
+    )
 
 
 def _map_path(contents: FolderContents, facts: MapFacts) -> Path | None:
@@ -132,7 +136,7 @@ def judge_parameters(contents: FolderContents) -> RuleResults:
         subject = read_params(
             contents.root / path, contents.ros, contents.lab.frames, contents.root
         )
-        runs.append(run_family("navigation", "V", subject))
+        runs.append(run_family("navigation", "V", subject, contents.lab))
     return merge_results(runs)
 
 
@@ -154,7 +158,7 @@ def judge_saved_outputs(
         reached=contents.lab.until(until),
         required=required,
     )
-    return run_family("evidence", "E", subject)
+    return run_family("evidence", "E", subject, contents.lab)
 
 
 def map_findings(maps: Path, lab: Lab) -> tuple[Finding, ...]:
@@ -162,7 +166,7 @@ def map_findings(maps: Path, lab: Lab) -> tuple[Finding, ...]:
     facts = map_facts(lab.scene)
     if facts is None:
         return ()
-    found = run_family("maps", "M", map_subject(find_map(maps, facts), facts))
+    found = run_family("maps", "M", map_subject(find_map(maps, facts), facts), lab)
     return tuple(_at_stage(found.findings, maps))
 
 
@@ -171,7 +175,7 @@ def lone_stage_notes(checkpoint: str, lab: Lab) -> tuple[Finding, ...]:
     facts = map_facts(lab.scene)
     if facts is None or not lab.checkpoints[checkpoint].localization:
         return ()
-    found = run_family("maps", "M", map_subject(None, facts))
+    found = run_family("maps", "M", map_subject(None, facts), lab)
     return tuple(_at_stage(found.findings, None))
 
 

@@ -61,5 +61,5 @@ def _unused(note: IgnoreNote) -> Iterator[Finding]:
         why = "it names no rule"
     elif note.rule not in FAMILIES and note.rule not in all_rules():
         why = "there is no such rule"
-    for each in run_rule(all_rules()[UNUSED], (note, why)).findings:
+    for each in run_rule(all_rules()[UNUSED], (note, why), None).findings:
         yield replace(each, layer=note.layer or None, line=note.written)

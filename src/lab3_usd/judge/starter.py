@@ -159,5 +159,5 @@ def _compared(
     subject = replace(
         found, faulty_sites=reported.faulty_sites, related_prims=reported.related_prims
     )
-    judged = run_family("starter", _FAMILY, subject)
+    judged = run_family("starter", _FAMILY, subject, lab)
     return replace(judged, findings=tuple(located(judged.findings, path, stage)))

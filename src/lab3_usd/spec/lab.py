@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Target
+from lab3_usd.spec.handout import Handout
 from lab3_usd.spec.ros import RosSpec, TopicSpec
 from lab3_usd.spec.submission import SubmissionSpec
 
@@ -135,22 +136,6 @@ class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
     def is_forbidden(self, edge: tuple[str, str]) -> bool:
         """Whether nothing may publish this transform."""
         return self.forbidden is not None and edge == self.forbidden.edge
-
-
-class Handout(Struct, frozen=True, forbid_unknown_fields=True):
-    """The sections of the handout: how many each part has, and those that ask for nothing here."""
-
-    sections: Mapping[str, int]
-    by_hand: tuple[str, ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name every section."""
-        return tuple(
-            f"{part}{number}"
-            for part, count in self.sections.items()
-            for number in range(1, count + 1)
-        )
 
 
 class Lab(Struct, frozen=True, eq=False):

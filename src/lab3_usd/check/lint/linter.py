@@ -16,8 +16,8 @@ def lint(subject: LintSubject) -> RuleResults:
         StageError: the file turns out to be damaged.
     """
     try:
-        files = merge_results(run_rule(each, subject) for each in rules_of("model", "F"))
-        stage = merge_results(run_rule(each, subject) for each in rules_of("lint", "K"))
+        files = merge_results(run_rule(each, subject, None) for each in rules_of("model", "F"))
+        stage = merge_results(run_rule(each, subject, None) for each in rules_of("lint", "K"))
         # What cannot be found leaves the verdict open; whether it should be there is not known.
         notes = RuleResults(
             tuple(replace(each, severity="note") for each in files.findings), files.crashes

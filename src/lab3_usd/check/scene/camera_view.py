@@ -28,7 +28,7 @@ class View(Struct, frozen=True):
     message: str
     expected: str
     actual: str
-    hint: str | None
+    hint: str
 
 
 def camera_misfits(
@@ -67,10 +67,9 @@ def _wrong_view(spec: Mapping[str, Any], prim: Prim, matrix: Matrix, limit: floa
     expected = (vector(spec["looks"]["along"]), vector(spec["looks"]["up"]))
     if _is_same(seen, expected, limit):
         return None
-    message, hint = (
-        f"camera looks along {vector_text(seen[0])} of its link, up {vector_text(seen[1])}",
-        None,
-    )
+    message = f"camera looks along {vector_text(seen[0])} of its link, up {vector_text(seen[1])}"
+    x, y, z = (f"{angle:g}" for angle in vector(spec["pose"]["rotate"]))
+    hint = f"set the rotation to X = {x}, Y = {y}, Z = {z} (rotateXYZ)"
     for slip in spec["slips"]:
         # A slip is recognised within a degree: the numbers were typed, not measured.
         if _is_same(seen, (vector(slip["along"]), vector(slip["up"])), 1.0):

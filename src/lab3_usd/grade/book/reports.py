@@ -6,13 +6,14 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from lab3_usd.check.registry import all_rules
+from lab3_usd.check.manual import rules_in
 from lab3_usd.grade.book.sheet import grade_sheet
 from lab3_usd.grade.scoring.rubric import Item, Rubric
 from lab3_usd.grade.scoring.scoring import Grade, ItemGrade
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.markdown import text
 from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.spec.load.loader import load_lab
 
 HTML, JSON, GRADESCOPE = "report.html", "report.json", "results.json"
 
@@ -22,7 +23,7 @@ def write_reports(report: Report, rubric: Rubric, points: Grade, name: str = "")
     student = report.submissions[0].path if report.submissions else ""
     summary = grade_sheet(rubric, points, student, name)
     return {
-        HTML: render("html", report, all_rules(), Options(grade=summary)),
+        HTML: render("html", report, rules_in(load_lab()), Options(grade=summary)),
         JSON: render("json", report, None, Options()),
         GRADESCOPE: gradescope(report, rubric, points),
     }

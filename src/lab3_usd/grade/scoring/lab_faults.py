@@ -12,6 +12,8 @@ from lab3_usd.grade.scoring.rubric import Rubric
 from lab3_usd.model.finding import Requirement
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.fault import LabFault
+from lab3_usd.spec.lint.sections import RULES
+from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
 from lab3_usd.spec.load.submission import FILE as SUBMISSION
 from lab3_usd.spec.submission import ChecklistSpec
 
@@ -20,6 +22,11 @@ _Asked = Mapping[str, tuple[Requirement, ...]]
 
 def scoring_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield what is wrong with the points and checklists of a lab, and what they leave out."""
+    for rule in lab.handout.rules:
+        if rule not in all_rules():
+            yield LabFault(
+                CHECKPOINTS, f"{RULES}: {rule}", "there is no such rule", "see lab3 rules"
+            )
     asked = everything_asked(lab)
     yield from _checklist_faults(lab, asked[lab.last])
     if not (lab.folder / FILE).is_file():

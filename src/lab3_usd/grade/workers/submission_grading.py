@@ -28,6 +28,7 @@ from lab3_usd.judge.starter import Starter
 from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
 from lab3_usd.model.order import ordered
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.fence.layers import BlockedAsset, Fence
 from lab3_usd.stage.fence.stages import fenced
 
@@ -179,4 +180,4 @@ def _with_fence(
 
 def _finding(rule: Rule, *arguments: str) -> Finding:
     (problem,) = rule.check(*arguments)
-    return finding_of(rule, problem)
+    return finding_of(rule, problem, load_lab())

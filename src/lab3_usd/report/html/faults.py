@@ -1,4 +1,4 @@
-"""The findings of a block for the page, merged over its stages and sorted by severity and section."""
+"""The findings of a block for the page, merged over its stages, by severity and section."""
 
 from __future__ import annotations
 

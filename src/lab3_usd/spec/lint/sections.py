@@ -20,6 +20,7 @@ from lab3_usd.spec.scene import SCENE_FILE
 _SECTION = re.compile(r"[A-Z]\d+")
 _KEYS = ("handout", "rate")  # `rate` names the section that asks for one
 _SECTIONS, _BY_HAND = "handout: sections", "handout: by_hand"
+RULES = "handout: rules"
 
 
 def section_faults(lab: Lab) -> Iterator[LabFault]:
@@ -58,6 +59,8 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
         for key, text in _of_graph(graph):
             yield file_of(graph), key, text
     yield from ((CHECKPOINTS, _BY_HAND, section) for section in lab.handout.by_hand)
+    for rule, section in lab.handout.rules.items():
+        yield CHECKPOINTS, f"{RULES}: {rule}", section
     parts = {
         SCENE_FILE: lab.scene,
         ROS: to_builtins(lab.ros),

@@ -10,7 +10,8 @@ from msgspec import Struct
 
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import Checkpoint, FrameSpec, Handout, Policy
+from lab3_usd.spec.handout import Handout
+from lab3_usd.spec.lab import Checkpoint, FrameSpec, Policy
 from lab3_usd.spec.load.records import record
 
 FILE = "checkpoints.yaml"
@@ -42,7 +43,7 @@ class _File(Struct, forbid_unknown_fields=True):
     policy: Policy
     frames: FrameSpec
     checkpoints: dict[str, Any]  # one by one, so that a missing one is said first
-    handout: Handout = Handout({})
+    handout: Handout = Handout()
 
 
 class CheckpointFile(Struct, frozen=True):

@@ -61,7 +61,7 @@ def _kept_problem(node: Node, spec: NodeSpec, port: Port, actual: str) -> Proble
     expected = display(port.default)
     message = f"{port.name} is {actual}, expected its default {expected}"
     hint = f"select {role_title(spec)} and reset {port.short} in the Property panel"
-    section = dict(spec.keep).get(port.name, "G6" if _is_profile(port) else spec.handout)
+    section = dict(spec.keep).get(port.name, None if _is_profile(port) else spec.handout)
     return Problem(node.path, message, port.name, expected, actual, section, hint=hint)
 
 
@@ -139,8 +139,8 @@ def _aimed(
 def namespace(subject: GraphSubject) -> Iterator[Problem]:
     """A node namespace changes the name of a topic.
 
-    Why: with a namespace, `/scan` becomes `/<namespace>/scan`, and nothing in the lab subscribes to
-    it.
+    Why: with a namespace, `{scan}` becomes `/<namespace>{scan}`, and nothing in the lab subscribes
+    to it.
 
     Fix: select the node and clear nodeNamespace in the Property panel.
 
@@ -178,21 +178,21 @@ def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
 def stamp_reset(subject: StageSubject) -> Iterator[Problem]:
     """The time of a sensor restarts on Stop while the clock continues.
 
-    Why: the handout sets resetOnStop False on the clock. The sensor helpers reset their own time by
-    default. After Stop and Play, scans and images have time stamps in the past. There is one
-    finding for the stage.
+    Why: the clock has resetOnStop False. The sensor helpers reset their own time by default.
+    After Stop and Play, scans and images have time stamps in the past. There is one finding for the
+    stage.
 
     Fix: set resetSimulationTimeOnStop False on the helpers, or restart Isaac Sim between runs. The
     handout does not ask for it.
 
-    Example: /scan has time stamp 2.0 s while /clock is at 95.0 s after a second Play.
+    Example: {scan} has time stamp 2.0 s while /clock is at 95.0 s after a second Play.
     """
     found = [site for roles in subject.roles.values() for site in _resetting(subject, roles)]
     if found:
         (prim, port), others = found[0], found[1:]
         related = tuple(f"{path}.{name}" for path, name in others)
         message = f"{port} is True: stamps restart on Stop, while the clock goes on"
-        yield Problem(prim, message, port, "False", "True", "8.16", related)
+        yield Problem(prim, message, port, "False", "True", related=related)
 
 
 def _resetting(subject: StageSubject, roles: Roles) -> Iterator[tuple[str, str]]:
@@ -209,8 +209,8 @@ def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
     """A namespace on a node, its sensor or a prim above them changes the name of a topic.
 
     Why: Isaac Sim joins the namespaces of the prim and all its ancestors and puts them before the
-    topic name. A sensor helper uses those of its sensor. `/scan` becomes `/<namespace>/scan`
-    although the node says `/scan`.
+    topic name. A sensor helper uses those of its sensor. `{scan}` becomes `/<namespace>{scan}`
+    although the node says `{scan}`.
 
     Fix: select the prim named here and clear its Namespace in the Property panel.
 

@@ -29,7 +29,7 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: select the node in the Action Graph editor and delete it.
 
-    Example: a second ROS2 Context in ROS_Drive.
+    Example: a second ROS2 Context in {next_graph_name}.
     """
     roles = {subject.spec.name: subject.roles}
     told = [node for node, _ in second_commanders(subject.stage, subject.lab, roles)]
@@ -86,7 +86,7 @@ def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: delete the node that the handout does not ask for.
 
-    Example: a second ROS2 Publish Clock in ROS_Clock.
+    Example: a second ROS2 Publish Clock in {graph_name}.
     """
     for node in subject.roles.extra:
         pair = None if _is_script(subject, node) else _published_again(subject, node)
@@ -112,7 +112,7 @@ def script_node(subject: StageSubject) -> Iterator[Problem]:
     Fix: delete the node. If a prim carries the script, remove Python Scripting in the Property
     panel.
 
-    Example: a Script Node that publishes /odom from Python.
+    Example: a Script Node that publishes odometry from Python.
     """
     for script in subject.stage.scripts:
         is_node = subject.lab.catalog.scripts.runs(script.carrier)
@@ -153,7 +153,7 @@ def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
     """A second node commands the wheels of the robot.
 
     Why: both controllers write the wheel velocities in every frame, and the last one wins. The
-    robot stands still or does not follow /cmd_vel.
+    robot stands still or does not follow its commands.
 
     Fix: delete the graph of that node. Isaac Sim's menu for a differential controller creates one.
 

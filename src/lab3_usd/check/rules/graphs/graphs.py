@@ -34,7 +34,7 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
     it in the Stage panel and choose Activate. If its parent is missing too, the finding about the
     parent names the graph.
 
-    Example: no `/World/ROS_Clock` in checkpoint 01.
+    Example: no `{graph}` from the checkpoint on that adds it.
     """
     if subject.roles.graph is not None or subject.missing_with:
         return
@@ -74,7 +74,7 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: rename the graph in the Stage panel, or drag it below the prim that the handout names.
 
-    Example: `/World/ActionGraph` instead of `/World/ROS_Clock`.
+    Example: `/World/ActionGraph` instead of `{graph}`.
     """
     graph, spec = subject.roles.graph, subject.spec
     if graph is not None and graph.path != spec.path and not subject.roles.merged_graphs:
@@ -119,7 +119,7 @@ def graphs_in_one(subject: GraphSubject) -> Iterator[Problem]:
     Fix: create the graphs named here and move the nodes of each part into its graph. Each graph
     needs its own tick, context and time.
 
-    Example: `/World/ActionGraph` holds the nodes of ROS_Clock and of ROS_Drive.
+    Example: `/World/ActionGraph` holds the nodes of {graph_name} and of {next_graph_name}.
     """
     graph, names = subject.roles.graph, subject.roles.merged_graphs
     asked = [name for name in names if name in subject.checkpoint.graphs]
@@ -184,7 +184,7 @@ def graph_in_instance(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: select the prim named here and clear Instanceable in the Property panel.
 
-    Example: `/turtlebot3_burger` is a reference to a robot with its graphs, and is instanceable.
+    Example: `{robot}` is a reference to a robot with its graphs, and is instanceable.
     """
     graph = subject.roles.graph
     instance = None if graph is None else _instance_above(graph.path, subject.stage)
@@ -205,7 +205,7 @@ def early_graph(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: save each checkpoint before you start the next part.
 
-    Example: `/turtlebot3_burger/ROS_Drive` in checkpoint 01.
+    Example: `{next_graph}` in a checkpoint before the one that adds it.
     """
     later = {
         spec.path: spec

@@ -62,7 +62,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
     the connections in the handout's table. For a deactivated prim, right-click it in the Stage
     panel and choose Activate. Drag a node that is outside the graph back into it.
 
-    Example: ROS_Clock without Isaac Read Simulation Time.
+    Example: {graph_name} without Isaac Read Simulation Time.
     """
     graph = subject.roles.graph
     if graph is None:

@@ -114,7 +114,8 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: select the node and type the value named here into its field in the Property panel.
 
-    Example: `topicName` 'scan1' instead of '/scan': Nav2 waits for a scan that never comes.
+    Example: `topicName` 'scan1' instead of '{scan}': a subscriber waits for a scan that never
+    comes.
     """
     swapped = _swapped(subject)
     # Where a wire that belongs elsewhere ends, the rule of that wire speaks.
@@ -197,7 +198,7 @@ def swapped_values(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: exchange the two values in the Property panel.
 
-    Example: the first Constant Token holds wheel_right_joint, the second wheel_left_joint.
+    Example: the first Constant Token holds {other_joint}, the second {joint}.
     """
     swapped = _swapped(subject)
     for found in settings_of(subject):

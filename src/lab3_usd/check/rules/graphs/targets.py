@@ -71,8 +71,8 @@ def wrong_target(subject: GraphSubject) -> Iterator[Problem]:
     Fix: select the node, clear the field in the Property panel and choose the prim named here.
 
     Example: Isaac Create Render Product of the lidar graph with the camera as its camera prim. If
-    the articulation root is on the robot root, `base_footprint` for the Articulation Controller is
-    a warning: the handout asks for it, but Isaac Sim finds no articulation there.
+    the articulation root is on the robot root, `{base}` for the Articulation Controller is a
+    warning: the handout asks for it, but Isaac Sim finds no articulation there.
     """
     for node, _, target in _targets(subject):
         actual = node.targets(target.port)

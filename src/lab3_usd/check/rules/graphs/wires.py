@@ -174,7 +174,8 @@ def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: connect the input to the node of that type in the same graph.
 
-    Example: `ROS_Drive/ros2_subscribe_twist.inputs:context` connected to `ROS_Clock/ros2_context`.
+    Example: `inputs:context` of a node of {next_graph_name} connected to the context of
+    {graph_name}.
     """
     for fault in _faults(subject, "foreign"):
         message = (

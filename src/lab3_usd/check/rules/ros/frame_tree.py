@@ -43,8 +43,7 @@ def two_parents(view: TfView) -> Iterator[Problem]:
     Fix: decide which publisher places the frame, and delete or correct the other. All graphs of the
     stage count, also those under `/Graph`.
 
-    Example: `/Graph/ROS_Odometry` publishes `odom -> base_link` beside the lab's `base_footprint ->
-    base_link`.
+    Example: `/Graph/ROS_Odometry` publishes `{root} -> {link}` beside the lab's `{base} -> {link}`.
     """
     rings = set(frames_in_cycles(_open_edges(view)))
     clashes: dict[str, list[tuple[Edge, list[Edge]]]] = {}
@@ -87,7 +86,7 @@ def transform_published_twice(view: TfView) -> Iterator[Problem]:
     Fix: delete one of the publishers, most often a copy of the whole graph. If two target prims
     have one frame name, remove one of them.
 
-    Example: `ROS_OdomTF` was copied to `/World`, and both publish `odom -> base_footprint`.
+    Example: `{last_graph_name}` was copied to `/World`, and both publish `{root} -> {base}`.
     """
     subject = view.subject
     twice: dict[str, list[tuple[Edge, list[Edge]]]] = {}
@@ -146,8 +145,7 @@ def ring_of_frames(view: TfView) -> Iterator[Problem]:
 
     Fix: delete the transform that closes the cycle. Most often its parent and child are exchanged.
 
-    Example: a second publisher sends `base_link -> base_footprint` beside `base_footprint ->
-    base_link`.
+    Example: a second publisher sends `{link} -> {base}` beside `{base} -> {link}`.
     """
     edges = _open_edges(view)
     ring = frames_in_cycles(edges)
@@ -168,14 +166,14 @@ def ring_of_frames(view: TfView) -> Iterator[Problem]:
 def frames_not_connected(view: TfView) -> Iterator[Problem]:
     """A transform is not connected to the tree of the robot.
 
-    Why: tf2 cannot transform between two trees. From localization on, the one tree begins at `map`
-    and contains map, odom, base_footprint, base_scan.
+    Why: tf2 cannot transform between two trees. From localization on, the one tree begins at the
+    frame of the map.
 
     Fix: publish the frame below a frame of the robot, or delete its publisher. A node with an empty
     Parent Prim puts its frames below `world`, which is not a frame of this lab.
 
     Example: a second Isaac Compute Transform Tree has no parent prim and publishes `world ->
-    Lidar2D`.
+    {link}`.
     """
     subject = view.subject
     edges = _open_edges(view)

@@ -32,17 +32,16 @@ _FAMILY = "T"
 def missing_frame(view: TfView) -> Iterator[Problem]:
     """A frame of the required TF tree is not published.
 
-    Why: RViz, AMCL and Nav2 cannot place data without a transform: without `base_scan` the scan is
-    dropped, without `Camera_1` the image has no place. The robot root as a target gives only the
-    prims below it with IsaacLinkAPI, IsaacSiteAPI or IsaacReferencePointAPI. The links in its robot
-    schema do not matter. A target with the articulation root gives the bodies at and below it. For
-    `base_footprint` that is only itself, because the links are beside it.
+    Why: RViz, AMCL and Nav2 cannot place data without a transform: without the frame of a lidar its
+    scan is dropped, without that of a camera its image has no place. The robot root as a target
+    gives only the prims below it with IsaacLinkAPI, IsaacSiteAPI or IsaacReferencePointAPI. The
+    links in its robot schema do not matter. A target with the articulation root gives the bodies at
+    and below it. Where the links are beside that body, it is only itself.
 
     Fix: select the Isaac Compute Transform Tree node and add the prim of the frame to Target Prims.
     If the prim has a name override, clear it.
 
-    Example: `inputs:targetPrims` names five links, but not
-    `/turtlebot3_burger/base_footprint/Camera_1`. Nothing publishes `Camera_1`.
+    Example: `inputs:targetPrims` names all links but `{robot}/{link}`. Nothing publishes `{link}`.
     """
     for maker in frame_sources(view):
         if not lists_its_parent(maker.node, view) and not lacks_only_the_camera(maker, view):
@@ -103,14 +102,14 @@ def _is_body(path: str, view: TfView) -> bool:
 def wrong_parent_frame(view: TfView) -> Iterator[Problem]:
     """A required frame has another parent than the lab asks for.
 
-    Why: the robot's frames must come together in `base_footprint`, which odometry moves. A frame
-    with another parent stays behind when the robot drives.
+    Why: the robot's frames must come together in `{base}`, which odometry moves. A frame with
+    another parent stays behind when the robot drives.
 
-    Fix: set Parent Prim of Isaac Compute Transform Tree to `base_footprint`, and publish each frame
-    only there. If the parent prim has a name override, clear it.
+    Fix: set Parent Prim of Isaac Compute Transform Tree to `{base}`, and publish each frame only
+    there. If the parent prim has a name override, clear it.
 
-    Example: `/Graph/tf` publishes `base_link -> base_scan`, and the lab's own node no longer names
-    `base_scan`.
+    Example: `/Graph/tf` publishes `world -> {link}`, and the lab's own node no longer names
+    `{link}`.
     """
     wrong: dict[tuple[str, str], list[Edge]] = {}
     for parent, child in view.subject.lab.frames.edges:

@@ -36,11 +36,11 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
     navigation loses the robot. A publisher that nothing triggers is reported too: one connection
     more, and it publishes. A deactivated one is a note.
 
-    Fix: if it is the publisher of F8, set Parent Frame ID to `odom` and Child Frame ID to
-    `base_footprint`. Delete or deactivate any other one. Isaac Sim's menu for odometry creates one
-    named TFWorld2Odom below `/Graph/ROS_Odometry`.
+    Fix: if it is the publisher of the lab, set Parent Frame ID to `{root}` and Child Frame ID to
+    `{base}`. Delete or deactivate any other one. Isaac Sim's menu for odometry creates one named
+    TFWorld2Odom below `/Graph/ROS_Odometry`.
 
-    Example: `/Graph/ROS_Odometry/TFWorld2Odom` publishes `world -> odom`.
+    Example: `/Graph/ROS_Odometry/TFWorld2Odom` publishes `world -> {root}`.
     """
     subject = view.subject
     placements = list(_placements(view)) if view.odom else []
@@ -162,8 +162,9 @@ def competes_with_localization(view: TfView) -> Iterator[Problem]:
     Why: AMCL corrects the robot's pose by moving `odom` in `map`. A second publisher of the same
     transform resets it in every frame, and the robot jumps.
 
-    Fix: if it is the publisher of F8, set Parent Frame ID to `odom` and Child Frame ID to
-    `base_footprint`. Delete any other one from the stage. AMCL publishes `map -> odom` in part H.
+    Fix: if it is the publisher of the lab, set Parent Frame ID to `{root}` and Child Frame ID to
+    `{base}`. Delete any other one from the stage. Localization places this frame while the system
+    runs.
 
     Example: a Publish Raw Transform Tree has Parent Frame ID `map` and Child Frame ID `odom`.
     """

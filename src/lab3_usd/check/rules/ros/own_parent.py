@@ -35,7 +35,7 @@ def frame_is_its_own_parent(view: TfView) -> Iterator[Problem]:
     Fix: remove the parent prim from the Target Prims of Isaac Compute Transform Tree. It is the
     parent of the other frames, and odometry places it.
 
-    Example: Parent Prim is `/turtlebot3_burger/base_footprint`, and so is one of the Target Prims.
+    Example: Parent Prim is `{robot}/{base}`, and so is one of the Target Prims.
     """
     subject = view.subject
     # What a node of the lab would send is judged even where its wires are wrong.
@@ -114,13 +114,13 @@ def robot_root_alone(view: TfView) -> Iterator[Problem]:
     Why: a robot root gives the prims below it with IsaacLinkAPI, IsaacSiteAPI or
     IsaacReferencePointAPI. The links in its robot schema do not matter. A camera has none of these
     schemas by default. Its frame is then missing from the required tree, and RViz cannot place the
-    image. The robot still drives and navigates, and F9 allows this target: it costs no points.
+    image. The robot still drives and navigates, and the handout allows this target: it costs no
+    points.
 
-    Fix: keep `/turtlebot3_burger` and add `/turtlebot3_burger/base_footprint/Camera_1` as a second
-    target prim.
+    Fix: keep `{robot}` and add `{camera}` as a second target prim.
 
-    Example: the Target Prims of Isaac Compute Transform Tree are `/turtlebot3_burger`, as F9
-    allows, and `Camera_1` is not published.
+    Example: the Target Prims of Isaac Compute Transform Tree are `{robot}`, and `{camera_name}` is
+    not published.
     """
     for maker in frame_sources(view):
         missing = missing_frames(maker, view)

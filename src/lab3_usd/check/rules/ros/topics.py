@@ -27,7 +27,7 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
     Fix: delete the second publisher. Most often it is a copy of the whole graph, or was created by
     an Isaac Sim menu under `/Graph`.
 
-    Example: `/Graph/ROS_Clock` publishes `/clock` beside `/World/ROS_Clock`.
+    Example: `/Graph/ROS_Clock` publishes `/clock` beside `{graph}`.
     """
     if not subject.checkpoint.graphs:
         return
@@ -65,9 +65,9 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
     Why: ROS 2 connects only publishers and subscribers of the same type. With two types on one
     name, `ros2 topic echo` and recordings fail.
 
-    Fix: use the message type of the lab (J3), or another topic name.
+    Fix: use the message type of the lab, or another topic name.
 
-    Example: a generic ROS2 Subscriber reads `/cmd_vel` as `geometry_msgs/msg/TwistStamped`.
+    Example: a generic ROS2 Subscriber reads `{commands}` as `geometry_msgs/msg/TwistStamped`.
     """
     if not subject.checkpoint.topics:
         return
@@ -95,7 +95,7 @@ def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
     """A publisher has another durability than the topic needs.
 
     Why: a subscriber that requests stored messages gets none from a volatile publisher. Static
-    transforms on `/tf_static` must be transient local, live data volatile (G6).
+    transforms on `/tf_static` must be transient local, live data volatile.
 
     Fix: clear QoS Profile, and enable Static Publisher for `/tf_static` only.
 
@@ -127,8 +127,8 @@ def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
 def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
     """The QoS profile of a publisher or subscriber of the lab comes through a connection.
 
-    Why: G6 says not to change QoS before the first successful run. A profile with best effort or a
-    short queue loses messages. A profile that Isaac Sim cannot read stops the node.
+    Why: a profile with best effort or a short queue loses messages. A profile that Isaac Sim cannot
+    read stops the node.
 
     Fix: disconnect QoS Profile and leave it empty. The default is reliable and volatile and keeps
     as many messages as Queue Size says.
@@ -150,7 +150,6 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
                 property=PROFILE,
                 expected="the default",
                 actual="a profile Isaac Sim refuses" if endpoint.qos is None else str(endpoint.qos),
-                handout="G6",
                 hint=f"delete the wire from {', '.join(sources)} and leave the profile empty",
             )
 
@@ -164,7 +163,7 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: delete the copy.
 
-    Example: `/Graph/ROS_Drive` subscribes to `/cmd_vel` beside the lab's `ROS_Drive`.
+    Example: `/Graph/ROS_Drive` subscribes to `{commands}` beside the graph of the lab.
     """
     played = role_specs(subject)
     takers = [e for e in endpoints(subject.stage, subject.lab) if e.direction == "subscribes"]
@@ -188,12 +187,12 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
 def topic_of_commands_published(subject: StageSubject) -> Iterator[Problem]:
     """The stage publishes a topic that the lab receives from outside.
 
-    Why: teleop and Nav2 publish /cmd_vel. A publisher in the stage adds its own commands, and the
-    robot follows both in turn.
+    Why: what drives the robot publishes {commands}. A publisher in the stage adds its own commands,
+    and the robot follows both in turn.
 
     Fix: delete the publisher, or give it another topic.
 
-    Example: a ROS2 Publisher publishes geometry_msgs/msg/Twist on `/cmd_vel`.
+    Example: a ROS2 Publisher publishes geometry_msgs/msg/Twist on `{commands}`.
     """
     played = role_specs(subject)
     found = endpoints(subject.stage, subject.lab)

@@ -36,7 +36,7 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
     Fix: select the prim and choose Add > Physics > Articulation Root. Remove another one with the
     cross beside it in the Property panel.
 
-    Example: `PhysicsArticulationRootAPI` removed from `/turtlebot3_burger/base_footprint`.
+    Example: `PhysicsArticulationRootAPI` removed from `{robot}/{base}`.
     """
     spec = subject.lab.scene["robot"]
     target, handout = spec["articulation"]["target"], spec["articulation"]["handout"]
@@ -75,7 +75,7 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
     Fix: undo the deletion of the joint, or start again from the supplied file. The handout says not
     to recreate the robot's physics.
 
-    Example: `/turtlebot3_burger/joints/scan_joint` deleted: `base_scan` falls down.
+    Example: the joint of `{robot}/{link}` deleted: `{link}` falls down.
     """
     robot = subject.lab.scene["robot"]
     wheels = robot["wheels"]["joints"].values()
@@ -112,8 +112,8 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
     Fix: delete the joint, or clear Joint Enabled in the Property panel. The option Static Base of
     the URDF importer creates such a joint. The supplied robot has none.
 
-    Example: `/turtlebot3_burger/joints/root_joint`, a fixed joint with `physics:body1`
-    `base_footprint` and no `physics:body0`.
+    Example: `{robot}/root_joint`, a fixed joint with `physics:body1` `{base}` and no
+    `physics:body0`.
     """
     robot = subject.lab.scene["robot"]["path"]
     for joint, side in _holds(subject):
@@ -126,8 +126,7 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
             BODIES[1 - side],
             "a link of the robot, or no such joint",
             other or "no prim",
-            "A5",
-            (robot,),
+            related=(robot,),
         )
 
 

@@ -28,13 +28,13 @@ DAMPING = "drive:angular:physics:damping"
 def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint has a wrong axis: not the lateral axis of the robot, or inverted.
 
-    Why: with one axis inverted the robot spins instead of driving straight (8.5). With both
-    inverted it drives backward (8.4). About any other axis the wheel does not roll.
+    Why: with one axis inverted the robot spins instead of driving straight. With both inverted it
+    drives backward. About any other axis the wheel does not roll.
 
     Fix: select the joint and restore Axis and the local rotations in the Property panel to the
     values in the supplied file.
 
-    Example: `physics:axis` X on `wheel_left_joint` and Z on `wheel_right_joint`.
+    Example: `physics:axis` X on `{joint}` and Z on `{other_joint}`.
     """
     scene = subject.lab.scene
     wanted, limit = vector(scene["robot"]["wheels"]["axle"]), scene["tolerance"]["axle_angle"]
@@ -57,9 +57,8 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
             _cause(joint, list(axles)),
             vector_text(wanted),
             vector_text(found),
-            "8.4" if is_all_back else "8.5",
-            joint.related,
-            severity,
+            related=joint.related,
+            severity=severity,
         )
 
 
@@ -89,7 +88,7 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
     Fix: select the joint, and under Drive > Angular set Stiffness to 0 and Damping to the value in
     the supplied file. If the drive is missing, choose Add > Physics > Angular Drive.
 
-    Example: `drive:angular:physics:damping` 0 on `wheel_left_joint`.
+    Example: `drive:angular:physics:damping` 0 on `{joint}`.
     """
     handout = subject.lab.scene["robot"]["wheels"]["handout"]
     for joint in turning_joints(subject):

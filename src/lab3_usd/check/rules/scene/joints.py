@@ -40,7 +40,7 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     Fix: undo the deletion or the change of the joint, rename it in the Stage panel, or start again
     from the supplied file.
 
-    Example: `/turtlebot3_burger/joints/wheel_left_joint` deactivated.
+    Example: `{joint_path}` deactivated.
     """
     handout = subject.lab.scene["robot"]["wheels"]["handout"]
     if has_no_joints(subject):
@@ -109,7 +109,7 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: select the joint and set Body 0 to the base and Body 1 to the wheel in the Property panel.
 
-    Example: `physics:body1` of `wheel_left_joint` names `wheel_right_link`.
+    Example: `physics:body1` of `{joint}` names `{other_wheel}`.
     """
     for joint in turning_joints(subject):
         for name, actual in wrong_ends(joint, subject):
@@ -119,7 +119,7 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
             expected = joint.link if is_wheel else "a link of the robot that is no wheel"
             message = f"{name} is {actual or 'the world'}, expected {expected}"
             is_ = actual or "no prim"
-            yield Problem(joint.site, message, name, expected, is_, "8.4", joint.related)
+            yield Problem(joint.site, message, name, expected, is_, related=joint.related)
 
 
 @rule("S23", "second-wheel-joint", scope="stage")
@@ -131,7 +131,7 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: delete the joint, or clear Joint Enabled in the Property panel. Each wheel has one joint.
 
-    Example: `/turtlebot3_burger/joints/lock`, a fixed joint from `base_link` to `wheel_left_link`.
+    Example: `{robot}/lock`, a fixed joint from `{base}` to `{wheel}`.
     """
     wheels = wheel_joints(subject)
     own = [wheel.prim for wheel in wheels]
@@ -146,8 +146,7 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
                 None,
                 f"{wheel.name} alone",
                 joint.type,
-                "8.4",
-                (wheel.link, wheel.path),
+                related=(wheel.link, wheel.path),
             )
 
 
@@ -173,7 +172,7 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     Fix: select the joint and restore its local positions in the Property panel, or start again from
     the supplied file.
 
-    Example: `physics:localPos0` (0, 0.1, 0.023) on `wheel_left_joint`.
+    Example: `physics:localPos0` (0, 0.1, 0.023) on `{joint}`.
     """
     scene = subject.lab.scene
     wheels, limit = scene["robot"]["wheels"], scene["tolerance"]["link_position"]

@@ -24,15 +24,15 @@ from lab3_usd.model.stage import Prim
 
 @rule("S18", "starter-not-empty", scope="stage")
 def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
-    """Checkpoint 00 holds parts of later checkpoints.
+    """The first checkpoint holds parts of later checkpoints.
 
     Why: the first checkpoint shows the supplied scene. Leftovers of a finished lab publish beside
     the student's own graphs: two clocks, two odometries, two parents of one frame.
 
-    Fix: open the supplied file and save it as checkpoint 00 before adding anything. Delete the
-    prims named here.
+    Fix: open the supplied file and save it as the first checkpoint before adding anything. Delete
+    the prims named here.
 
-    Example: `/World/ActionGraph` in `Lab3_00_student_start.usda`.
+    Example: `/World/ActionGraph` in `{stage0}`.
     """
     if subject.checkpoint.graphs:
         return
@@ -63,12 +63,12 @@ def _prims_and_nodes(subject: StageSubject) -> Iterator[tuple[str, str]]:
 def early_lidar(subject: StageSubject) -> Iterator[Problem]:
     """The stage holds a lidar before the handout asks for one.
 
-    Why: the file may have been saved late, after work on Part D had begun. Checkpoint 00 must not
-    contain a lidar (A2).
+    Why: the file may have been saved late, after work on a later part had begun. A starter scene
+    must not contain a lidar.
 
     Fix: save each checkpoint before you start the next part.
 
-    Example: `/turtlebot3_burger/base_scan/Lidar2D` in checkpoint 02.
+    Example: `{lidar}` in a checkpoint before the one that adds it.
     """
     later = later_sensors(subject, LIDAR)
     paths = [subject.lab.sensors[name]["path"] for name in later]
@@ -91,12 +91,12 @@ def _early(subject: StageSubject, prim: Prim) -> Problem:
 def early_camera(subject: StageSubject) -> Iterator[Problem]:
     """The robot has a camera before the handout asks for one.
 
-    Why: the file may have been saved late, after work on Part E had begun. In checkpoint 00 the
-    robot must not have a camera (section 2, A2).
+    Why: the file may have been saved late, after work on a later part had begun. A starter scene
+    must not have the robot's camera.
 
     Fix: save each checkpoint before you start the next part.
 
-    Example: `/turtlebot3_burger/base_footprint/Camera_1` in checkpoint 03.
+    Example: `{camera}` in a checkpoint before the one that adds it.
     """
     yield from _early_on_robot(subject, CAMERA)
 

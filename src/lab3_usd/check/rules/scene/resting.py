@@ -36,9 +36,9 @@ _UP = (0.0, 0.0, 1.0)
 def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
     """A wheel is above the ground, or a part of the robot is below it.
 
-    Why: at Play the robot drops, tips, or is thrown up by the overlap (A5). A lidar below the
-    ground sees nothing (8.7). The collision shapes are judged as saved, if the robot root is at its
-    pose. In later checkpoints, which may be saved after a run, it is a warning.
+    Why: at Play the robot drops, tips, or is thrown up by the overlap. A lidar below the ground
+    sees nothing. The collision shapes are judged as saved, if the robot root is at its pose. In
+    later checkpoints, which may be saved after a run, it is a warning.
 
     Fix: set the transform of the link or ground named here to the value in the supplied file.
 
@@ -68,7 +68,7 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
         message = f"{part} is {abs(low):.3g} m {where} the ground"
         related = (ground if body == spec["path"] else spec["path"],)
         expected, actual = "on the ground", f"{low:.3g} m"
-        yield Problem(body, message, None, expected, actual, "A5", related, severity)
+        yield Problem(body, message, None, expected, actual, related=related, severity=severity)
 
 
 def _root_stands_right(subject: StageSubject) -> bool:
@@ -123,7 +123,7 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     Fix: nothing is required. To start at the pose in the supplied file, open the stage that was
     saved before the run, or reset the transforms of the links.
 
-    Example: `/turtlebot3_burger/base_footprint` at (-1.4, 1.2, 0) on its root, facing 90 degrees.
+    Example: `{robot}/{base}` at (-1.4, 1.2, 0) on its root, facing 90 degrees.
     """
     robot, stage = subject.lab.scene["robot"], subject.stage
     root = stage.prim(robot["path"])

@@ -54,7 +54,7 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
     Fix: select the link, find Mass in the Property panel under Physics and type the value named
     here. Do not recreate the robot's physics.
 
-    Example: `physics:mass` 1.0 on `/turtlebot3_burger/base_link`.
+    Example: `physics:mass` 1.0 on `{robot}/{link}`.
     """
     tolerance = subject.lab.scene["tolerance"]["mass"]
     for prim, spec in _links(subject):
@@ -85,7 +85,7 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
     Fix: select the link, choose Add > Physics > Rigid Body, or tick Rigid Body Enabled and clear
     Kinematic Enabled in the Property panel.
 
-    Example: `PhysicsRigidBodyAPI` removed from `/turtlebot3_burger/wheel_left_link`.
+    Example: `PhysicsRigidBodyAPI` removed from `{robot}/{wheel}`.
     """
     handout = subject.lab.scene["robot"]["handout"]
     for prim, _ in _links(subject):
@@ -110,7 +110,7 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
     Fix: select the wheel's collision geometry, choose Add > Physics > Colliders Preset, or tick
     Collision Enabled in the Property panel.
 
-    Example: `physics:collisionEnabled` False below `/turtlebot3_burger/wheel_left_link`.
+    Example: `physics:collisionEnabled` False below `{robot}/{wheel}`.
     """
     stage = subject.stage
     for prim, spec in _links(subject):
@@ -147,7 +147,7 @@ def link_scale(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: select the link and set Scale to (1, 1, 1) in the Property panel.
 
-    Example: `xformOp:scale` (1, 1, 1.5) on `/turtlebot3_burger/wheel_left_link`.
+    Example: `xformOp:scale` (1, 1, 1.5) on `{robot}/{wheel}`.
     """
     tolerance = subject.lab.scene["tolerance"]["scale"]
     handout = subject.lab.scene["robot"]["handout"]

@@ -31,7 +31,7 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     Fix: undo the deletion, or activate the prim (right-click in the Stage panel, Activate). If it
     was deleted long ago, open the supplied file again and repeat the steps from there.
 
-    Example: `/turtlebot3_burger/base_scan` deactivated in the Stage panel.
+    Example: `{robot}/{link}` deactivated in the Stage panel.
     """
     scene, stage = subject.lab.scene, subject.stage
     root = scene["robot"]
@@ -143,13 +143,13 @@ def scan_offset(subject: StageSubject) -> Iterator[Problem]:
     """The link that carries the lidar is not at its place on the robot.
 
     Why: the scan is taken at that height and published in that frame. At another place the lidar
-    sees the robot's own plates, or the walls do not match the map. Only checkpoint 00 is judged,
+    sees parts of the robot, or the walls do not match the map. Only the first checkpoint is judged,
     because a later stage may have been saved during a run.
 
     Fix: select the link and set Translate to (-0.032, 0, 0.182) in the Property panel, or start
     again from the supplied file.
 
-    Example: `/turtlebot3_burger/base_scan` at (0, 0, 0.182).
+    Example: `{robot}/{link}` 3 cm beside its place.
     """
     spec, stage = subject.lab.scene["robot"], subject.stage
     root = stage.prim(spec["path"])

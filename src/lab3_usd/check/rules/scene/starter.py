@@ -48,7 +48,7 @@ def starter_prim_retyped(subject: StarterSubject) -> Iterator[Problem]:
 
     Fix: undo the change, or open the supplied file again and repeat the steps from there.
 
-    Example: `wheel_left_joint` changed to a `PhysicsFixedJoint`.
+    Example: `{joint}` changed to a `PhysicsFixedJoint`.
     """
     yield from _told(subject, "type")
 
@@ -76,7 +76,7 @@ def starter_physics_changed(subject: StarterSubject) -> Iterator[Problem]:
     slips, tips or drives differently from other submissions.
 
     Fix: enter the values named here in the Property panel. The handout says not to change the
-    robot's physics (5.4).
+    robot's physics.
 
     Example: `physics:staticFriction` of the tyres 0.1 instead of 1.0.
     """
@@ -88,8 +88,8 @@ def starter_prim_moved(subject: StarterSubject) -> Iterator[Problem]:
     """A prim of the supplied scene was moved, turned or scaled.
 
     Why: a moved wall does not match the map. A moved shape touches the ground or another link. The
-    poses of bodies are judged in checkpoint 00 only, because a later stage may have been saved
-    after a run. The robot root has its own rule. Lights and cameras are a warning.
+    poses of bodies are judged in the first checkpoint only, because a later stage may have been
+    saved after a run. The robot root has its own rule. Lights and cameras are a warning.
 
     Fix: undo the move, or enter the transform of the supplied file in the Property panel.
 
@@ -121,7 +121,7 @@ def starter_physics_added(subject: StarterSubject) -> Iterator[Problem]:
 
     Fix: remove what was added, or reset the property in the Property panel.
 
-    Example: `physxRigidBody:linearDamping` 50 on `/turtlebot3_burger/base_link`.
+    Example: `physxRigidBody:linearDamping` 50 on `{robot}/{link}`.
     """
     yield from _told(subject, "added")
 

@@ -25,7 +25,7 @@ from lab3_usd.model.stage import Prim
 def ground(subject: StageSubject) -> Iterator[Problem]:
     """No fixed ground with a collision lies below the robot.
 
-    Why: at Play the robot falls for ever (A5). A ground that is a rigid body falls with it.
+    Why: at Play the robot falls for ever. A ground that is a rigid body falls with it.
 
     Fix: activate the ground plane, tick Collision Enabled on it, or remove its Rigid Body. Restore
     a deleted ground from the supplied file, or create one with Create > Physics > Ground Plane.
@@ -98,7 +98,7 @@ def light(subject: StageSubject) -> Iterator[Problem]:
 def physics_scene(subject: StageSubject) -> Iterator[Problem]:
     """The stage has no physics scene.
 
-    Why: Isaac Sim then uses its own gravity and time step, and A2 asks for the prim.
+    Why: Isaac Sim then uses its own gravity and time step, and the handout asks for the prim.
 
     Fix: activate or restore `physicsScene`, or choose Create > Physics > Physics Scene.
 
@@ -120,7 +120,7 @@ def observation_camera(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: restore it from the supplied file, or choose Create > Camera and place it beside the robot.
 
-    Example: the world's camera dragged onto `base_footprint` and renamed.
+    Example: the world's camera dragged onto `{base}` and renamed.
     """
     robot = subject.lab.scene["robot"]["path"]
     # A world that is missing is S01's.

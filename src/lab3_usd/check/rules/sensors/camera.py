@@ -31,12 +31,12 @@ from lab3_usd.model.stage import Prim
 def missing_camera(subject: StageSubject) -> Iterator[Problem]:
     """The robot's camera is missing, deactivated, or only an over.
 
-    Why: the camera graph renders nothing, and nothing is published on `/camera/image_raw`.
+    Why: the camera graph renders nothing, and no image is published.
 
-    Fix: choose Create > Camera, rename it to `Camera_1` and drag it onto `base_footprint` (E3). For
+    Fix: choose Create > Camera, rename it to `{camera_name}` and drag it onto `{camera_link}`. For
     a deactivated camera, right-click it in the Stage panel and choose Activate.
 
-    Example: no `/turtlebot3_burger/base_footprint/Camera_1` in checkpoint 04.
+    Example: no `{camera}` from the checkpoint on that adds the camera.
     """
     yield from missing_sensors(subject, CAMERA)
 
@@ -48,9 +48,9 @@ def misplaced_camera(subject: StageSubject) -> Iterator[Problem]:
     Why: the camera graph and the TF tree refer to it by its path. Below a prim that does not move,
     the image does not change while the robot drives. Its settings are still judged.
 
-    Fix: rename it in the Stage panel, or drag it onto `base_footprint` and accept the new parent.
+    Fix: rename it in the Stage panel, or drag it onto `{camera_link}` and accept the new parent.
 
-    Example: `/World/Camera_1`.
+    Example: `{world}/{camera_name}`.
     """
     yield from misplaced_sensors(subject, CAMERA)
 
@@ -63,7 +63,7 @@ def camera_type(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: delete the prim and create the camera with Create > Camera.
 
-    Example: an Xform named `Camera_1`.
+    Example: an Xform named `{camera_name}`.
     """
     yield from wrong_type_sensors(subject, CAMERA)
 
@@ -79,11 +79,11 @@ def _wrong(subject: StageSubject) -> Iterator[tuple[PresentSensor, PoseError | V
 def camera_position(subject: StageSubject) -> Iterator[Problem]:
     """The robot's camera has another position, is scaled, or does not move with the robot.
 
-    Why: inside the robot it sees the inside of a plate. At another position the image does not
-    match the TF frame `Camera_1`. With `!resetXformStack!` the camera ignores its link and stays
-    where it is while the robot drives away. As a separate rigid body it falls.
+    Why: inside the robot it sees the inside of a part. At another position the image does not match
+    its TF frame. With `!resetXformStack!` the camera ignores its link and stays where it is while
+    the robot drives away. As a separate rigid body it falls.
 
-    Fix: select the camera and set Translate (0.1, 0, 0.2) and Scale (1, 1, 1). Remove
+    Fix: select the camera and set Translate and Scale to the values expected here. Remove
     `!resetXformStack!` from `xformOpOrder`, and remove Rigid Body.
 
     Example: `xformOp:translate` (0, 0, 0), where the Create menu puts it.
@@ -98,11 +98,11 @@ def camera_position(subject: StageSubject) -> Iterator[Problem]:
 def camera_view(subject: StageSubject) -> Iterator[Problem]:
     """The robot's camera does not look ahead with the sky on top.
 
-    Why: the image shows the side, the back or the floor. The viewing direction is judged (robot +X,
-    up +Z), not the way in which the rotation is written. A USD camera looks along its own -Z.
+    Why: the image shows the side, the back or the floor. The viewing direction is judged, not the
+    way in which the rotation is written. A USD camera looks along its own -Z.
 
-    Fix: set the rotation to X = 90, Y = 0, Z = -90 (rotateXYZ), which is the quaternion (0.5, 0.5,
-    -0.5, -0.5) with w first.
+    Fix: set the rotation to the value expected here. The Orient field of the Property panel turns
+    about Z first; a quaternion has w first.
 
     Example: `xformOp:orient` (0.5, 0.5, 0.5, -0.5), from (90, 0, -90) typed into the Orient field.
     """
@@ -129,7 +129,7 @@ def camera_lens(subject: StageSubject) -> Iterator[Problem]:
     Why: the field of view and the camera info depend on the lens. USD's default near plane of 1 m
     hides everything close to the robot.
 
-    Fix: select the camera and set Focal Length 18 and Clipping Range 0.01 and 100.
+    Fix: select the camera and set Focal Length and Clipping Range to the values expected here.
 
     Example: `focalLength` 18.147562, as Create > Camera writes it.
     """
@@ -144,7 +144,7 @@ def camera_rate(subject: StageSubject) -> Iterator[Problem]:
     a missing rate is right. If the camera has `OmniSensorAPI` without a rate, the default 0 gives
     an image for every rendered frame: a warning.
 
-    Fix: select the camera, search the Property panel for the name given here and type 10.
+    Fix: select the camera, search the Property panel for the name given here and type the value.
 
     Example: `omni:sensor:tickRate` 30.
     """
@@ -193,7 +193,7 @@ def _attributes(subject: StageSubject, is_asked: Callable[[bool | str], bool]) -
 
 @rule("C08", "camera-aperture", scope="stage", severity="warning")
 def camera_aperture(subject: StageSubject) -> Iterator[Problem]:
-    """The aperture of the robot's camera was changed, but E5 asks for the default.
+    """The aperture of the robot's camera was changed, but the handout asks for the default.
 
     Why: aperture and focal length determine the field of view.
 

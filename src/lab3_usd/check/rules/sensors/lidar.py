@@ -27,13 +27,13 @@ from lab3_usd.model.stage import Prim
 def missing_lidar(subject: StageSubject) -> Iterator[Problem]:
     """The lidar is missing, deactivated, or only an over.
 
-    Why: the lidar graph renders nothing, and nothing is published on `/scan`.
+    Why: the lidar graph renders nothing, and no scan is published.
 
-    Fix: choose Create > Sensors > RTX Lidar > NVIDIA > Example Rotary 2D, rename the prim to
-    `Lidar2D` and drag it onto `base_scan` (D3). For a deactivated lidar, right-click it in the
-    Stage panel and choose Activate.
+    Fix: create the lidar of the handout with Create > Sensors > RTX Lidar{lidar_menu}, rename the
+    prim to `{lidar_name}` and drag it onto `{lidar_link}`. For a deactivated lidar, right-click it
+    in the Stage panel and choose Activate.
 
-    Example: no `/turtlebot3_burger/base_scan/Lidar2D` in checkpoint 03.
+    Example: no `{lidar}` from the checkpoint on that adds the lidar.
     """
     yield from missing_sensors(subject, LIDAR)
 
@@ -42,12 +42,12 @@ def missing_lidar(subject: StageSubject) -> Iterator[Problem]:
 def misplaced_lidar(subject: StageSubject) -> Iterator[Problem]:
     """The lidar has another name or parent than the handout asks for.
 
-    Why: below another prim it scans from the wrong place, and its frame is not `base_scan`. Later
-    steps do not find it under another name. Its settings are still judged.
+    Why: below another prim it scans from the wrong place, and its frame is another. Later steps do
+    not find it under another name. Its settings are still judged.
 
-    Fix: rename it in the Stage panel, or drag it onto `base_scan` and accept the new parent.
+    Fix: rename it in the Stage panel, or drag it onto `{lidar_link}` and accept the new parent.
 
-    Example: `/World/Example_Rotary_2D`, as the Create menu makes it with nothing selected.
+    Example: `{world}/Example_Rotary_2D`, as the Create menu makes it with nothing selected.
     """
     yield from misplaced_sensors(subject, LIDAR)
 
@@ -56,13 +56,11 @@ def misplaced_lidar(subject: StageSubject) -> Iterator[Problem]:
 def lidar_type(subject: StageSubject) -> Iterator[Problem]:
     """The prim at the lidar's path is not an RTX lidar.
 
-    Why: the lidar helper refuses every prim that is not an OmniLidar. Nothing is published on
-    `/scan`.
+    Why: the lidar helper refuses every prim that is not an OmniLidar. No scan is published.
 
-    Fix: delete the prim and create the lidar with Create > Sensors > RTX Lidar > NVIDIA > Example
-    Rotary 2D.
+    Fix: delete the prim and create the lidar with Create > Sensors > RTX Lidar{lidar_menu}.
 
-    Example: an empty Xform named `Lidar2D`.
+    Example: an empty Xform named `{lidar_name}`.
     """
     yield from wrong_type_sensors(subject, LIDAR)
 
@@ -71,14 +69,14 @@ def lidar_type(subject: StageSubject) -> Iterator[Problem]:
 def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
     """The lidar is not at the origin of its link, or does not move with it.
 
-    Why: the scan is published in the frame `base_scan`. If the lidar is moved or turned, the walls
-    are displaced in RViz and on the map (8.7, 8.14). With `!resetXformStack!` it ignores its link
-    and stays where it is while the robot drives away. As a separate rigid body it falls.
+    Why: the scan is published in the frame of the lidar's link. If the lidar is moved or turned,
+    the walls are displaced in RViz and on the map. With `!resetXformStack!` it ignores its link and
+    stays where it is while the robot drives away. As a separate rigid body it falls.
 
-    Fix: select the lidar and set Translate (0, 0, 0), Rotate (0, 0, 0) and Scale (1, 1, 1). Remove
+    Fix: select the lidar and set Translate, Rotate and Scale to the values expected here. Remove
     `!resetXformStack!` from `xformOpOrder`, and remove Rigid Body.
 
-    Example: `xformOp:translate` (0, 0, 0.182), the position of the link entered a second time.
+    Example: `xformOp:translate` with the position of the link, which is so entered a second time.
     """
     yield from left_behind_sensors(subject, LIDAR)
     yield from misposed_sensors(subject, LIDAR)
@@ -125,14 +123,13 @@ def _rates(
 def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
     """The lidar lacks the schema of a generic RTX lidar.
 
-    Why: the lidar helper refuses it with a warning in the console, and nothing is published on
-    `/scan`. If the lidar refers to an asset that cannot be found, nothing is reported: the asset
-    may bring the schema.
+    Why: the lidar helper refuses it with a warning in the console, and no scan is published. If the
+    lidar refers to an asset that cannot be found, nothing is reported: the asset may bring the
+    schema.
 
-    Fix: delete the prim and create it with Create > Sensors > RTX Lidar > NVIDIA > Example Rotary
-    2D.
+    Fix: delete the prim and create it with Create > Sensors > RTX Lidar{lidar_menu}.
 
-    Example: a prim typed by hand, `def OmniLidar "Lidar2D"`, without a reference.
+    Example: a prim typed by hand, `def OmniLidar "{lidar_name}"`, without a reference.
     """
     for name, place, prim in present_sensors(subject, LIDAR):
         spec = subject.lab.sensors[name]
@@ -147,11 +144,11 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
     """The stage holds a second lidar.
 
     Why: a second lidar that a graph uses costs frame rate. Its graph or frame may be confused with
-    those of the right lidar. D4 forbids it.
+    those of the right lidar. The handout forbids it.
 
     Fix: delete or deactivate the prim named here.
 
-    Example: `/World/Example_Rotary_2D` beside `/turtlebot3_burger/base_scan/Lidar2D`.
+    Example: `/World/Example_Rotary_2D` beside `{lidar}`.
     """
     found = [*present_sensors(subject, LIDAR)]
     handout = subject.lab.scene["forbidden"][LIDAR]["handout"]

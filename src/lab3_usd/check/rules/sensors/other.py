@@ -29,7 +29,7 @@ def missing_sensor(subject: StageSubject) -> Iterator[Problem]:
     Fix: create the sensor as the handout says, rename it and drag it onto its link. For a
     deactivated sensor, right-click it in the Stage panel and choose Activate.
 
-    Example: no `/World/Jetbot/chassis/Imu` in the checkpoint that asks for an IMU.
+    Example: no `{sensor}` from the checkpoint on that adds it.
     """
     yield from missing_sensors(subject, OTHER)
 
@@ -43,7 +43,7 @@ def misplaced_sensor(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: rename it in the Stage panel, or drag it onto its link and accept the new parent.
 
-    Example: `/World/Jetbot/Imu` instead of `/World/Jetbot/chassis/Imu`.
+    Example: `{world}/{sensor_name}` instead of `{sensor}`.
     """
     yield from misplaced_sensors(subject, OTHER)
 

@@ -48,7 +48,7 @@ def no_scan(subject: StageSubject) -> Iterator[Problem]:
     """A value of the lidar prevents any scan: a rate of 0, no emitter, or an empty range.
 
     Why: the lidar helper computes the beams of a scan from these values. Without beams, or with a
-    near range beyond the far range, `/scan` is silent or holds no distances.
+    near range beyond the far range, the scan is silent or holds no distances.
 
     Fix: select the lidar, search the Property panel for the name given here and type a value above
     0, or delete the lidar and create it with Create > Sensors > RTX Lidar > NVIDIA > Example Rotary
@@ -154,7 +154,7 @@ def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
     """The lidar refers to another lidar asset of the vendor than the handout names.
 
     Why: the menu lists lidars with similar names. Another one may also look up and down, or rotate
-    differently, so `/scan` is silent or not flat. The check cannot open the asset, but it sees the
+    differently, so the scan is silent or not flat. The check cannot open the asset, but it sees the
     name.
 
     Fix: delete the lidar and create it with Create > Sensors > RTX Lidar > NVIDIA > Example Rotary

@@ -21,7 +21,7 @@ def evidence_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     Fix: run `lab3 collect -o collect.sh`, then `bash collect.sh` in the submission folder while
     Isaac Sim plays and Nav2 runs, or save the output of the commands by hand.
 
-    Example: a folder `results` without the output of `ros2 topic hz /scan`.
+    Example: a folder `{shown}` without the output of `ros2 topic hz {scan}`.
     """
     missing: dict[str, list[Command]] = {}
     asked = [c for c in subject.ros.commands if not c.extra and subject.asks_from(c.since)]
@@ -32,7 +32,7 @@ def evidence_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     folder = subject.evidence.folder
     if sum(map(len, missing.values())) == len(asked) and asked:
         message = "no output of a diagnostic command was found"
-        yield Problem(folder, message, handout="J1", severity=severity)
+        yield Problem(folder, message, severity=severity)
         return
     for commands in missing.values():
         lines = ", ".join(f"`{command.line}`" for command in commands)
@@ -84,7 +84,7 @@ def node_not_running(subject: EvidenceSubject) -> Iterator[Problem]:
     Why: without its lifecycle manager nothing is configured. Without the behaviour server a goal
     fails at the first recovery.
 
-    Fix: save `ros2 node list` while both launches of H2 and I1 run.
+    Fix: save `ros2 node list` while localization and navigation run.
 
     Example: `/velocity_smoother` is missing, although Nav2 sends its commands through it.
     """
@@ -102,7 +102,7 @@ def node_not_running(subject: EvidenceSubject) -> Iterator[Problem]:
         yield Problem(file, message, missing[0], handout=handout)
     else:
         message = f"{len(missing)} nodes are not in the list of nodes; was it saved early?"
-        yield Problem(file, message, expected=", ".join(missing), handout="J1")
+        yield Problem(file, message, expected=", ".join(missing))
 
 
 @rule("E15", "forbidden-publisher", scope="evidence")
@@ -113,7 +113,7 @@ def forbidden_publisher(subject: EvidenceSubject) -> Iterator[Problem]:
     robot jumps on the map.
 
     Fix: delete the node TFWorld2Odom, or the graph `/Graph/ROS_Odometry` that Isaac Sim's own menu
-    created, and save the stage (8.11).
+    created, and save the stage.
 
     Example: `ros2 topic info /tf --verbose` names it among the publishers.
     """
@@ -158,7 +158,7 @@ def goal_not_reached(subject: EvidenceSubject) -> Iterator[Problem]:
 def software_missing(subject: EvidenceSubject) -> Iterator[Problem]:
     """A required software package is missing from the list of installed packages.
 
-    Why: 4.1 asks for it, and a part of the lab cannot be shown without it.
+    Why: the handout asks for it, and a part of the lab cannot be shown without it.
 
     Fix: install it, for Humble `sudo apt install ros-humble-` and its name with dashes.
 

@@ -19,8 +19,8 @@ def forbidden_transform_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     Why: with AMCL's `map -> odom` the frame `odom` has two parents. tf2 jumps between them and
     localization fails.
 
-    Fix: delete or deactivate the transform publisher with parent `world` and child `odom` (8.11),
-    then run `view_frames` again.
+    Fix: delete or deactivate the transform publisher with parent `world` and child `{root}`, then
+    run `view_frames` again.
 
     Example: `"world" -> "odom"` in frames.gv.
     """
@@ -28,17 +28,17 @@ def forbidden_transform_shown(subject: EvidenceSubject) -> Iterator[Problem]:
         for each in filter(subject.frames.is_forbidden, shown.fact):
             edge = " -> ".join(each)
             message = f"the TF tree contains {edge}"
-            yield Problem(shown.file, message, edge, handout="J5")
+            yield Problem(shown.file, message, edge)
 
 
 @rule("E11", "transform-not-shown", scope="evidence")
 def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     """The saved TF tree lacks a required frame, or the frame has another parent.
 
-    Why: a component that needs the transform from `map` to `base_scan`, as Nav2 does for every
-    scan, waits for ever. A tree that only lacks `map -> odom` may have been saved before
-    localization, as F11 and F14 ask: a note, or an error if evidence is required, because it does
-    not show J5.
+    Why: a component that needs the transform from `{above}` to `{lidar_link}`, as Nav2 does for
+    every scan, waits for ever. A tree that only lacks `{above} -> {root}` may have been saved
+    before localization, with the stage: a note, or an error if evidence is required, because it
+    does not show the final tree.
 
     Fix: set the initial pose if `map -> odom` is missing. Repair the odometry and TF graph if a
     frame of the robot is missing. Then run `view_frames` again while Isaac Sim plays.
@@ -52,7 +52,7 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 
     def judge(shown: Observation[tuple[Edge, ...]]) -> list[Problem]:
         if not shown.fact:
-            return [Problem(shown.file, "the TF tree is empty", handout="J5")]
+            return [Problem(shown.file, "the TF tree is empty")]
         parents = {child: parent for parent, child in shown.fact}
         found = list(_missing(required, parents, subject.frames.deeper_under, shown.file))
         return [_before_localization(subject, each) for each in found]
@@ -77,12 +77,12 @@ def _missing(
         actual = parents.get(child)
         edge = f"{parent} -> {child}"
         if actual is None:
-            yield Problem(file, f"the TF tree lacks {edge}", edge, handout="J5")
+            yield Problem(file, f"the TF tree lacks {edge}", edge)
         elif actual != parent and not (
             parent == deeper_under and parent in _ancestors(child, parents)
         ):
             message = f"{child} hangs below {actual}, expected {edge}"
-            yield Problem(file, message, edge, parent, actual, "J5")
+            yield Problem(file, message, edge, parent, actual)
 
 
 def _ancestors(frame: str, parents: Mapping[str, str]) -> list[str]:
@@ -113,9 +113,7 @@ def frame_with_two_parents(subject: EvidenceSubject) -> Iterator[Problem]:
             # Two files may be from before and after a repair, one file may not.
             severity: Severity = "error" if file == shown.file else "warning"
             message = f"{child} hangs below {known} and below {parent}"
-            yield Problem(
-                shown.file, message, child, handout="J7", related=(file,), severity=severity
-            )
+            yield Problem(shown.file, message, child, related=(file,), severity=severity)
 
 
 @rule("E13", "transform-lookup-failed", scope="evidence")
@@ -125,9 +123,9 @@ def transform_lookup_failed(subject: EvidenceSubject) -> Iterator[Problem]:
     Why: the two frames are not connected, or no simulation time arrives. Localization and
     navigation need the same transform.
 
-    Fix: check `odom -> base_footprint` first, then AMCL and the initial pose (8.12).
+    Fix: check `{root} -> {base}` first, then AMCL and the initial pose.
 
-    Example: the output repeats `Waiting for transform map -> base_footprint`.
+    Example: the output repeats `Waiting for transform {above} -> {base}`.
     """
     asked = [c for c in subject.ros.commands if c.to and not c.extra and subject.asks_from(c.since)]
     for command in asked:
@@ -137,6 +135,6 @@ def transform_lookup_failed(subject: EvidenceSubject) -> Iterator[Problem]:
                 return []
             edge = f"{command.of} -> {command.to}"
             message = f"no transform {edge} was printed"
-            return [Problem(shown.file, message, edge, handout="J6")]
+            return [Problem(shown.file, message, edge)]
 
         yield from judge_best(subject.evidence.tf2_echo.get(command.target, ()), judge)

@@ -49,14 +49,14 @@ def _judged(
 
 @rule("E02", "topic-type-shown", scope="evidence")
 def topic_type_shown(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A topic has another message type than the table of J3, or did not exist.
+    """A topic has another message type than the handout's table, or did not exist.
 
     Why: a subscriber never receives messages from a publisher of another type. Neither reports an
     error.
 
     Fix: set the type of the publishing node in the graph, press Play, and save the output again.
 
-    Example: `ros2 topic type /scan` says `sensor_msgs/msg/PointCloud2`.
+    Example: `ros2 topic type {scan}` says `sensor_msgs/msg/PointCloud2`.
     """
     yield from _judged(subject, subject.evidence.topic_type, _wrong_type)
 
@@ -66,15 +66,14 @@ def _wrong_type(shown: Observation[tuple[str, ...]], topic: TopicSpec) -> Iterat
         actual = " and ".join(shown.fact) or "no type"
         message = f"{topic.name} has {actual}, expected {topic.type}"
         hint = None if shown.fact else _source(topic)
-        yield Problem(shown.file, message, topic.name, topic.type, actual, "J3", hint=hint)
+        yield Problem(shown.file, message, topic.name, topic.type, actual, hint=hint)
 
 
 @rule("E03", "topic-not-listed", scope="evidence", severity="warning")
 def topic_not_listed(subject: EvidenceSubject) -> Iterator[Problem]:
     """Topics of the lab are missing from all saved topic lists.
 
-    Why: the final list (J2) is saved while everything runs. A topic that is not in it was not
-    published.
+    Why: the final list is saved while everything runs. A topic that is not in it was not published.
 
     Fix: save `ros2 topic list` again while Isaac Sim plays and localization runs.
 
@@ -94,7 +93,7 @@ def topic_not_listed(subject: EvidenceSubject) -> Iterator[Problem]:
     elif missing:
         absent = ", ".join(topic.name for topic in missing)
         message = f"{len(missing)} topics are not in the list of topics; was it saved early?"
-        yield Problem(lists[-1].file, message, expected=absent, handout="J2")
+        yield Problem(lists[-1].file, message, expected=absent)
 
 
 @rule("E04", "topic-rate", scope="evidence")
@@ -106,7 +105,7 @@ def topic_rate(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Fix: press Play, check the execution connections of the graph, and measure again.
 
-    Example: `WARNING: topic [/scan] does not appear to be published yet`.
+    Example: `WARNING: topic [{scan}] does not appear to be published yet`.
     """
     yield from _judged(subject, subject.evidence.topic_hz, _without_rate)
 
@@ -127,7 +126,7 @@ def message_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Fix: set the frame id of the publishing node, and echo one message again.
 
-    Example: `header.frame_id` of `/scan` is `sim_lidar` instead of `base_scan`.
+    Example: `header.frame_id` of `{scan}` is `sim_lidar` instead of `{lidar_link}`.
     """
     yield from _judged(subject, subject.evidence.topic_echo, _wrong_message)
 
@@ -147,7 +146,7 @@ def map_message(subject: EvidenceSubject) -> Iterator[Problem]:
     Why: map_server loaded another file than the one handed in, or a changed one, and AMCL matches
     the scan with it.
 
-    Fix: start localization with the path of the supplied map file (H2), and echo `/map` again.
+    Fix: start localization with the path of the supplied map file, and echo `{map_topic}` again.
 
     Example: `info.width` is 384 instead of 177.
     """
@@ -176,15 +175,15 @@ def _differing(
 
 @rule("E07", "qos-durability", scope="evidence")
 def qos_durability(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A publisher has another durability than the table of G6.
+    """A publisher has another durability than the handout's table.
 
     Why: a subscriber that requests transient local receives nothing from a volatile publisher. A
     volatile map never reaches an RViz that was started later.
 
-    Fix: leave `qosProfile` at its default in the graphs. `/map` comes from map_server, which needs
-    no setting.
+    Fix: leave `qosProfile` at its default in the graphs. `{map_topic}` comes from map_server, which
+    needs no setting.
 
-    Example: `/scan` is published transient local.
+    Example: `{scan}` is published transient local.
     """
     yield from _judged(subject, subject.evidence.topic_info, _wrong_durability)
 
@@ -198,20 +197,20 @@ def _wrong_durability(
         if each.publishes and actual in _DURABILITIES and actual != wanted:
             message = f"{each.node} publishes {topic.name} with durability {actual}, "
             message += f"expected {wanted}"
-            yield Problem(shown.file, message, topic.name, wanted, actual, "G6")
+            yield Problem(shown.file, message, topic.name, wanted, actual)
 
 
 @rule("E14", "topic-publishers", scope="evidence")
 def topic_publishers(subject: EvidenceSubject) -> Iterator[Problem]:
     """A topic has no publisher, or more than one.
 
-    Why: two sources of `/odom` or `/scan` disagree, and subscribers jump between them. Several
+    Why: two sources of odometry or of a scan disagree, and subscribers jump between them. Several
     publishers of `/tf` are normal.
 
     Fix: find the second graph that publishes it and delete it. Often a menu of Isaac Sim created
     it.
 
-    Example: `Publisher count: 2` for `/odom`.
+    Example: `Publisher count: 2` for `{odometry}`.
     """
     yield from _judged(subject, subject.evidence.topic_info, _wrong_publishers)
 
@@ -227,7 +226,6 @@ def _wrong_publishers(
             shown.file,
             f"{topic.name} has {len(publishers)} publishers, expected {most or least}",
             topic.name,
-            handout="J7",
             related=tuple(node for node in publishers if node),
             actual=str(len(publishers)),
             hint=None if publishers else _source(topic),

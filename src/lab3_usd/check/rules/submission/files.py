@@ -61,12 +61,12 @@ def missing_sublayer(subject: ModelSubject) -> Iterator[Problem]:
     Fix: hand in the sublayer beside the stage with a relative path, or open the stage in Isaac Sim
     and choose File > Save Flattened As.
 
-    Example: `subLayers = [@/home/ana/RAS545/Lab3/work/edits.usda@]`.
+    Example: `subLayers = [@/home/ana/{stages}/edits.usda@]`.
     """
     for missing in subject.stage.unresolved:
         if missing.kind == "sublayer":
             message = f"sublayer {missing.asset} cannot be found"
-            yield Problem("/", message, actual=missing.asset, handout="6.1")
+            yield Problem("/", message, actual=missing.asset)
 
 
 @rule("F04", "muted-sublayer", scope="stage", severity="warning")
@@ -79,13 +79,13 @@ def muted_sublayer(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: open Window > Layer, click the eye of the layer named here to unmute it, and save.
 
-    Example: `ROS_Drive` is in `drive.usda`, which is muted.
+    Example: `{next_graph_name}` is in `drive.usda`, which is muted.
     """
     for muted in subject.stage.muted:
         parts = _lab_parts(subject, muted.prims)
         if parts:
             message = f"sublayer {muted.asset} is muted and holds {', '.join(parts)}"
-            yield Problem("/", message, actual=muted.asset, handout="6.1", related=parts)
+            yield Problem("/", message, actual=muted.asset, related=parts)
 
 
 @rule("F06", "unused-ignore", scope="file", severity="warning")
@@ -129,9 +129,9 @@ def file_left_out(path: str, reason: str) -> Iterator[Problem]:
 
     Fix: hand in plain files, in a folder or a .zip archive without a password.
 
-    Example: `work/Lab3_05_odometry_tf.usda` is a symbolic link to a file in somebody's home.
+    Example: `{stages}/{stage3}` is a symbolic link to a file in somebody's home.
     """
-    yield Problem(path, f"this file is left out: {reason}", handout="6.1")
+    yield Problem(path, f"this file is left out: {reason}")
 
 
 @rule("Z02", "reference-left-out", scope="file")
@@ -144,6 +144,6 @@ def reference_left_out(asset: str, reason: str) -> Iterator[Problem]:
     Fix: keep the graphs in the stage itself, and hand in assets beside it, with relative paths that
     stay inside the submission. File > Collect As in Isaac Sim does that.
 
-    Example: `references = @../../solution/Lab3_05_odometry_tf.usda@`.
+    Example: `references = @../../solution/{stage3}@`.
     """
-    yield Problem("/", f"{asset} is not opened: {reason}", actual=asset, handout="6.1")
+    yield Problem("/", f"{asset} is not opened: {reason}", actual=asset)

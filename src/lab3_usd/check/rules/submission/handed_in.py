@@ -14,14 +14,14 @@ _SHOWN = 3  # titles that a message names
 
 @rule("X06", "starter-not-there", scope="submission", severity="note")
 def starter_not_there(subject: SubmissionSubject) -> Iterator[Problem]:
-    """The supplied starter is missing from the folder assets.
+    """The supplied starter is missing from the folder of the starter.
 
     Why: without it nobody can see whether it was overwritten, and the stages are not compared with
     it.
 
-    Fix: put the supplied file into `assets`, or give it with `--starter`.
+    Fix: put the supplied file into `{assets}`, or give it with `--starter`.
 
-    Example: a submission without the folder `assets`.
+    Example: a submission without the folder `{assets}`.
     """
     if subject.starter is None and subject.listing.stage_folder:
         name = f"{subject.spec.stages.starter}{subject.spec.stages.endings[0]}"
@@ -33,12 +33,12 @@ def starter_not_there(subject: SubmissionSubject) -> Iterator[Problem]:
 def starter_overwritten(subject: SubmissionSubject) -> Iterator[Problem]:
     """The starter holds parts of the lab, or can no longer be opened.
 
-    Why: the handout says not to overwrite it (A5, 6.1). It is the file to return to, and the stages
-    are compared with it.
+    Why: the handout says not to overwrite it. It is the file to return to, and the stages are
+    compared with it.
 
-    Fix: put the supplied file into `assets` again.
+    Fix: put the supplied file into `{assets}` again.
 
-    Example: `ROS_Clock` in `assets/student_handout_turtlebot3_ros2_scene.usda`.
+    Example: `{graph_name}` in `{starter}`.
     """
     starter = subject.starter
     if starter is None:
@@ -60,7 +60,7 @@ def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
 
     Fix: open the previous checkpoint, repeat the last part there, and save it under this name.
 
-    Example: `Lab3_04_camera.usda` was made from `Lab3_02_ros_drive.usda`: the lidar is missing.
+    Example: `{stage4}` was made from `{stage2}`: what `{stage3}` adds is missing.
     """
     results = [each for each in subject.results.items() if each[1].verdict != "unreadable"]
     for (before, earlier), (number, later) in pairwise(results):
@@ -89,12 +89,12 @@ def _lost(earlier: StageResult, later: StageResult) -> list[str]:
 def same_file_twice(subject: SubmissionSubject) -> Iterator[Problem]:
     """The stages of two checkpoints are the same file, although a part is between them.
 
-    Why: each part up to odometry adds something. A copy under another name shows nothing. From
-    checkpoint 05 on, stages may be the same.
+    Why: each of these checkpoints adds something to the one before. A copy under another name shows
+    nothing.
 
     Fix: save the stage at the end of each part under its own name.
 
-    Example: `Lab3_01_ros_clock.usda` and `Lab3_02_ros_drive.usda` have the same bytes.
+    Example: `{stage1}` and `{stage2}` have the same bytes.
     """
     for number, first in _copies(subject.digests, subject.spec.stages.differ).items():
         stages = subject.listing.stages
@@ -118,8 +118,8 @@ def _copies(digests: Mapping[str, str], differ: tuple[str, ...]) -> dict[str, st
 def deliverable_not_found(subject: SubmissionSubject) -> Iterator[Problem]:
     """A deliverable beside the stages was not found.
 
-    Why: report, images, video, configuration and logs are deliverables (6.2 to 6.4). They may have
-    been handed in elsewhere, so this is only a note.
+    Why: report, images, video, configuration and logs are deliverables. They may have been handed
+    in elsewhere, so this is only a note.
 
     Fix: put them into the submission: a report as PDF, the images in a folder, the link to the
     video in a text file.

@@ -19,17 +19,15 @@ _DEFAULTS = {"mode": "trinary"}  # what map_server takes where the file says not
 def map_file_unreadable(subject: MapSubject) -> Iterator[Problem]:
     """The YAML file of the map is missing, or is not a map file.
 
-    Why: map_server fails to configure, so there is no `/map`. AMCL waits for ever, and `map ->
-    odom` never appears.
+    Why: map_server fails to configure, so there is no map. AMCL waits for ever, and `{above} ->
+    {root}` never appears.
 
-    Fix: copy the supplied `turtlebot3_map.yaml` into `maps/` again, without editing it.
+    Fix: copy the supplied `{map}` into `{maps}/` again, without editing it.
 
-    Example: `ls maps` shows `turtlebot3_map (1).yaml.txt`.
+    Example: `ls {maps}` shows `{map}.txt`.
     """
     if subject.given and subject.fault is not None:
-        yield Problem(
-            subject.file, f"map file {subject.fault}", handout="H1", expected=subject.facts.yaml
-        )
+        yield Problem(subject.file, f"map file {subject.fault}", expected=subject.facts.yaml)
 
 
 @rule("M02", "map-image-path", scope="maps")
@@ -39,9 +37,9 @@ def map_image_path(subject: MapSubject) -> Iterator[Problem]:
     Why: the map loads only on the computer where that path exists. On another computer map_server
     refuses to configure.
 
-    Fix: write `image: turtlebot3_map.pgm` and put the image into the folder of the YAML file.
+    Fix: write `image: {map_image}` and put the image into the folder of the YAML file.
 
-    Example: `image: /home/ana/RAS545/Lab3/maps/turtlebot3_map.pgm`.
+    Example: `image: /home/ana/{maps}/{map_image}`.
     """
     if subject.values is None:
         return
@@ -50,13 +48,13 @@ def map_image_path(subject: MapSubject) -> Iterator[Problem]:
     if not isinstance(image, str) or not image:
         given = "image" in subject.values
         message = f"'image' is {_quoted(image)}" if given else "'image' is missing"
-        yield Problem(subject.file, message, "image", expected, handout="8.13")
+        yield Problem(subject.file, message, "image", expected)
     elif subject.image_absolute:
         message = f"'image' is the absolute path '{image}', which exists on one computer only"
-        yield Problem(subject.file, message, "image", expected, image, "8.13")
+        yield Problem(subject.file, message, "image", expected, image)
     elif normpath(image) != PurePosixPath(image).name:
         message = f"'image' is '{image}', in another folder than the map file"
-        yield Problem(subject.file, message, "image", expected, image, "8.13")
+        yield Problem(subject.file, message, "image", expected, image)
 
 
 @rule("M03", "map-image-name", scope="maps")
@@ -66,7 +64,7 @@ def map_image_name(subject: MapSubject) -> Iterator[Problem]:
     Why: another image is another map. Its walls do not match the scene, and the robot is never
     where RViz shows it.
 
-    Fix: write `image: turtlebot3_map.pgm`, the image supplied with the lab.
+    Fix: write `image: {map_image}`, the image supplied with the lab.
 
     Example: `image: my_map.pgm`.
     """
@@ -76,7 +74,7 @@ def map_image_name(subject: MapSubject) -> Iterator[Problem]:
     name = PureWindowsPath(image).name
     if name != subject.facts.image:
         message = f"'image' names '{name}', expected '{subject.facts.image}'"
-        yield Problem(subject.file, message, "image", subject.facts.image, name, "4.2")
+        yield Problem(subject.file, message, "image", subject.facts.image, name)
 
 
 @rule("M04", "map-image-missing", scope="maps")
@@ -85,36 +83,35 @@ def map_image_missing(subject: MapSubject) -> Iterator[Problem]:
 
     Why: map_server fails to configure and `ros2 lifecycle get /map_server` stays `unconfigured`.
 
-    Fix: copy `turtlebot3_map.pgm` into the folder of the map file. File names on Linux are
-    case-sensitive.
+    Fix: copy `{map_image}` into the folder of the map file. File names on Linux are case-sensitive.
 
-    Example: `image: turtlebot3_map.pgm` beside a file `turtlebot3_map.png`.
+    Example: `image: {map_image}` beside a file `{map_image}.png`.
     """
     missing = bool(subject.image_file) and not subject.image_exists
     # Another name is M03's to say.
     if missing and PurePosixPath(subject.image_file).name == subject.facts.image:
-        yield Problem(subject.image_file, "map image does not exist", handout="H1")
+        yield Problem(subject.image_file, "map image does not exist")
 
 
 @rule("M05", "map-image-unreadable", scope="maps")
 def map_image_unreadable(subject: MapSubject) -> Iterator[Problem]:
     """The image of the map is not a readable PGM file.
 
-    Why: map_server refuses a damaged or truncated image, and there is no `/map`. It detects the
-    format from the content: a PNG or a PPM with the name of a PGM is loaded, and is a warning.
+    Why: map_server refuses a damaged or truncated image, and there is no map. It detects the format
+    from the content: a PNG or a PPM with the name of a PGM is loaded, and is a warning.
 
-    Fix: copy the supplied `turtlebot3_map.pgm` again. A renamed PNG is still a PNG.
+    Fix: copy the supplied `{map_image}` again. A renamed PNG is still a PNG.
 
     Example: an image of 28,674 cells of which the last thousand are missing.
     """
     if subject.image_fault is not None:
-        yield Problem(subject.image_file, f"map image {subject.image_fault}", handout="4.2")
+        yield Problem(subject.image_file, f"map image {subject.image_fault}")
     elif subject.image_format:
         ending = PurePosixPath(subject.image_file).suffix
         message = (
             f"map image is a {subject.image_format} that ends in '{ending}'; map_server loads it"
         )
-        yield Problem(subject.image_file, message, handout="4.2", severity="warning")
+        yield Problem(subject.image_file, message, severity="warning")
 
 
 @rule("M06", "map-value", scope="maps")
@@ -124,7 +121,7 @@ def map_value(subject: MapSubject) -> Iterator[Problem]:
     Why: the resolution scales all walls, `negate` exchanges free and occupied, and the thresholds
     decide which grey is a wall. AMCL then matches the scan with the wrong places.
 
-    Fix: restore the values of 4.2 in the YAML file. The handout says not to change them.
+    Fix: restore the supplied values in the YAML file. The handout says not to change them.
 
     Example: `resolution: 0.5` instead of `0.05`.
     """
@@ -141,7 +138,7 @@ def map_value(subject: MapSubject) -> Iterator[Problem]:
         message = f"'{name}' {said}, expected {expected}"
         message += f"; {REFUSED}" if value is None else ""
         actual_said = in_short(actual) if given else None
-        yield Problem(subject.file, message, name, str(expected), actual_said, "4.2")
+        yield Problem(subject.file, message, name, str(expected), actual_said)
 
 
 @rule("M07", "map-origin", scope="maps")
@@ -149,7 +146,7 @@ def map_origin(subject: MapSubject) -> Iterator[Problem]:
     """The origin of the map differs from the handout's.
 
     Why: the whole map is shifted or turned relative to the scene. The scan is beside the walls,
-    wherever the initial pose is set (8.14).
+    wherever the initial pose is set.
 
     Fix: write `origin: [-6.2, -3.32, 0]`. Set the initial pose in RViz instead of moving the map.
 
@@ -165,7 +162,7 @@ def map_origin(subject: MapSubject) -> Iterator[Problem]:
     said = in_short(actual)
     message = f"'origin' is {said}, expected {_numbers(expected)}"
     message += f"; {REFUSED}" if len(values) != len(expected) or None in values else ""
-    yield Problem(subject.file, message, "origin", _numbers(expected), said, "8.14")
+    yield Problem(subject.file, message, "origin", _numbers(expected), said)
 
 
 @rule("M08", "map-size", scope="maps")
@@ -175,7 +172,7 @@ def map_size(subject: MapSubject) -> Iterator[Problem]:
     Why: it is another map, or it was cropped or scaled. Rows and columns no longer match resolution
     and origin.
 
-    Fix: copy the supplied `turtlebot3_map.pgm` again.
+    Fix: copy the supplied `{map_image}` again.
 
     Example: an image of 384 x 384 cells, the map of another world.
     """
@@ -183,7 +180,7 @@ def map_size(subject: MapSubject) -> Iterator[Problem]:
     if subject.size is not None and subject.size != wanted:
         actual, expected = (f"{width} x {height}" for width, height in (subject.size, wanted))
         message = f"map image has {actual} cells, expected {expected}"
-        yield Problem(subject.image_file, message, None, expected, actual, "H4")
+        yield Problem(subject.image_file, message, None, expected, actual)
 
 
 @rule("M09", "map-agreement", scope="maps", severity="note")
@@ -206,7 +203,6 @@ def map_agreement(subject: MapSubject) -> Iterator[Problem]:
         subject.file,
         f"walls of the map and the stage agree to {figures}",
         actual=f"{closest.figure:.3f}",
-        handout="8.14",
     )
 
 
@@ -218,10 +214,10 @@ def map_not_given(subject: MapSubject) -> Iterator[Problem]:
 
     Fix: check the whole submission folder, or name the folder of the map with `--maps`.
 
-    Example: `lab3 check Lab3_07_localization.usda`.
+    Example: `lab3 check {last_stage}`.
     """
     if not subject.given:
-        yield Problem(subject.file, "not handed in, so not checked", handout="4.2")
+        yield Problem(subject.file, "not handed in, so not checked")
 
 
 def _quoted(value: object) -> str:

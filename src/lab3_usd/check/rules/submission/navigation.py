@@ -24,7 +24,7 @@ def parameters_unreadable(subject: NavigationSubject) -> Iterator[Problem]:
     Example: a tab in the indentation.
     """
     if subject.fault is not None:
-        yield Problem(subject.file, f"parameter file {subject.fault}", handout="I3")
+        yield Problem(subject.file, f"parameter file {subject.fault}")
 
 
 @rule("V02", "not-simulation-time", scope="navigation")
@@ -33,8 +33,8 @@ def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
 
     Why: the `use_sim_time:=true` of Humble's launch files replaces the value of an existing key,
     and never adds the key. A node without the key uses a clock that is decades ahead of Isaac
-    Sim's. Every transform and scan is too old for it, and Nav2 reports timing errors continuously
-    (8.16). A key with another value than true is replaced: a note.
+    Sim's. Every transform and scan is too old for it, and Nav2 reports timing errors continuously.
+    A key with another value than true is replaced: a note.
 
     Fix: write `use_sim_time: true` under the `ros__parameters` of the node, and start both launch
     files with `use_sim_time:=true`.
@@ -52,13 +52,13 @@ def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
             f"line {other[0].line}: {name} is {kind}{actual}{more}; "
             "right only where the launch replaces it by use_sim_time:=true"
         )
-        yield Problem(subject.file, message, other[0].site, "true", actual, "8.16", severity="note")
+        yield Problem(subject.file, message, other[0].site, "true", actual, severity="note")
     if said.keys() & {"*", "**"}:
         return
     for node in dict.fromkeys(p.node for p in subject.parameters):
         if _last(node) in subject.navigation.timed and node not in said:
             message = f"{name} is absent in {node}, expected true; the launch cannot add it"
-            yield Problem(subject.file, message, f"{node}.{name}", "true", handout="8.16")
+            yield Problem(subject.file, message, f"{node}.{name}", "true")
 
 
 @rule("V03", "wrong-base-frame", scope="navigation")
@@ -67,7 +67,7 @@ def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
 
     Why: tf2 cannot find it, AMCL never publishes, and the costmaps stay empty.
 
-    Fix: write `base_footprint`. Any frame of the robot at or below it works.
+    Fix: write `{base}`. Any frame of the robot at or below it works.
 
     Example: `robot_base_frame: base` of another robot.
     """
@@ -78,15 +78,15 @@ def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
                 continue
             message = f"{parameter.name} is {in_short(parameter.value)}, no frame of the robot"
             expected = subject.frames.deeper_under
-            yield parameter_problem(subject, parameter, message, expected=expected, handout="8.12")
+            yield parameter_problem(subject, parameter, message, expected=expected)
 
 
 @rule("V04", "wrong-frame", scope="navigation")
 def wrong_frame(subject: NavigationSubject) -> Iterator[Problem]:
     """A node uses another fixed frame than the lab's.
 
-    Why: the TF tree contains `map -> odom -> base_footprint`. A costmap in `world`, or an AMCL that
-    publishes `map -> odom_combined`, is not connected to it.
+    Why: the TF tree contains `{above} -> {root} -> {base}`. A costmap in `world`, or an AMCL that
+    publishes `{above} -> odom_combined`, is not connected to it.
 
     Fix: write the frame of the lab: `map` for AMCL, planner and global costmap, `odom` for odometry
     and the local costmap.
@@ -99,17 +99,16 @@ def wrong_frame(subject: NavigationSubject) -> Iterator[Problem]:
             if _last(parameter.node) != node or parameter.name != name or parameter.value == frame:
                 continue
             message = f"{name} is {in_short(parameter.value)}, expected {frame}"
-            yield parameter_problem(subject, parameter, message, expected=frame, handout="H6")
+            yield parameter_problem(subject, parameter, message, expected=frame)
 
 
 @rule("V05", "wrong-scan-topic", scope="navigation")
 def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
-    """AMCL or a costmap subscribes to another scan topic than `/scan`.
+    """AMCL or a costmap subscribes to another scan topic than the lab's.
 
-    Why: nothing publishes that topic. AMCL never corrects the pose, and obstacles never appear
-    (8.15).
+    Why: nothing publishes that topic. AMCL never corrects the pose, and obstacles never appear.
 
-    Fix: write `scan` or `/scan`. The handout forbids `/scan_fixed`.
+    Fix: write `{scan}`.
 
     Example: `scan_topic: scan_fixed`.
     """
@@ -120,16 +119,15 @@ def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
             continue
         said = ", which the handout forbids" if topic == navigation.wrong_scan_topic else ""
         message = f"{parameter.name} is {in_short(parameter.value)}{said}"
-        yield parameter_problem(
-            subject, parameter, message, expected=navigation.scan_topic, handout="I3"
-        )
+        yield parameter_problem(subject, parameter, message, expected=navigation.scan_topic)
 
 
 @rule("V06", "wrong-map-topic", scope="navigation")
 def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
-    """AMCL or the static layer listens to another map than `/map`.
+    """AMCL or the static layer listens to another map than the map server's.
 
-    Why: the map server publishes `/map`; without it AMCL waits and the global costmap is empty.
+    Why: the map server publishes `{map_topic}`; without it AMCL waits and the global costmap is
+    empty.
 
     Fix: write `map_topic: map`, or remove the line.
 
@@ -139,19 +137,17 @@ def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
     for parameter in _named(subject, navigation.parameters.map):
         if _topic(parameter.value) not in {navigation.map_topic, "/"}:
             message = f"{parameter.name} is {in_short(parameter.value)}"
-            yield parameter_problem(
-                subject, parameter, message, expected=navigation.map_topic, handout="H4"
-            )
+            yield parameter_problem(subject, parameter, message, expected=navigation.map_topic)
 
 
 @rule("V07", "other-speed", scope="navigation", severity="note")
 def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
     """A speed limit of Nav2 differs from that of the Differential Controller.
 
-    Why: the graph limits the robot to 0.22 m/s and 1.0 rad/s (C8). With a higher limit in Nav2 the
-    robot is slower than Nav2 expects. A lower limit only makes it slower.
+    Why: the graph limits the speed of the robot. With a higher limit in Nav2 the robot is slower
+    than Nav2 expects. A lower limit only makes it slower.
 
-    Fix: nothing is required. Write 0.22 and 1.0 to use the same limits.
+    Fix: nothing is required. Write the values expected here to use the same limits.
 
     Example: `max_vel_x: 0.26`, the default of Nav2.
     """
@@ -166,10 +162,10 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
         limit = limits.get(parameter.last)
         if limit is not None and parameter.kind != "string" and not _close(parameter.value, limit):
             message = f"{parameter.name} is {in_short(parameter.value)}, the graph allows {limit}"
-            yield parameter_problem(subject, parameter, message, expected=str(limit), handout="C8")
+            yield parameter_problem(subject, parameter, message, expected=str(limit))
         elif parameter.last in names.speeds and _other_list(parameter.value, wanted):
             message = f"{parameter.name} is {in_short(parameter.value)}, the graph allows {wanted}"
-            yield parameter_problem(subject, parameter, message, expected=str(wanted), handout="C8")
+            yield parameter_problem(subject, parameter, message, expected=str(wanted))
 
 
 @rule("V08", "stamped-velocity", scope="navigation", severity="warning")
@@ -187,7 +183,7 @@ def stamped_velocity(subject: NavigationSubject) -> Iterator[Problem]:
     for parameter in subject.parameters:
         if parameter.last == name and parameter.value is True:
             message = f"{name} is true, expected plain Twist commands"
-            yield parameter_problem(subject, parameter, message, expected="false", handout="C5")
+            yield parameter_problem(subject, parameter, message, expected="false")
 
 
 def _named(subject: NavigationSubject, names: tuple[str, ...]) -> list[Parameter]:

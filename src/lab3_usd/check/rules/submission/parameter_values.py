@@ -11,7 +11,7 @@ from lab3_usd.model.lab_files import NavigationSubject, Parameter
 
 
 def parameter_problem(
-    subject: NavigationSubject, parameter: Parameter, message: str, *, expected: str, handout: str
+    subject: NavigationSubject, parameter: Parameter, message: str, expected: str
 ) -> Problem:
     """Say what is wrong with a parameter, with its line."""
     return Problem(
@@ -20,7 +20,6 @@ def parameter_problem(
         parameter.site,
         expected,
         in_short(parameter.value),
-        handout,
     )
 
 
@@ -45,7 +44,7 @@ def plugin_of_another_release(subject: NavigationSubject) -> Iterator[Problem]:
         name = ours.get(_plain(value), value)
         if value != name:
             message = f"{parameter.name} is {in_short(value)}, here it is called {name}"
-            yield parameter_problem(subject, parameter, message, expected=name, handout="4.1")
+            yield parameter_problem(subject, parameter, message, expected=name)
 
 
 def _plain(plugin: str) -> str:
@@ -65,7 +64,7 @@ def parameters_refused(subject: NavigationSubject) -> Iterator[Problem]:
     """
     for refusal in subject.refusals:
         message = f"line {refusal.line}: {refusal.why}, which ROS 2 refuses"
-        yield Problem(subject.file, message, refusal.name, handout="I3")
+        yield Problem(subject.file, message, refusal.name)
 
 
 @rule("V11", "parameter-of-another-type", scope="navigation")
@@ -86,7 +85,7 @@ def parameter_of_another_type(subject: NavigationSubject) -> Iterator[Problem]:
             continue
         said = in_short(parameter.value)
         message = f"{parameter.name} is {said} ({_words(actual)}), expected {_words(kind)}"
-        yield parameter_problem(subject, parameter, message, expected=kind, handout="I3")
+        yield parameter_problem(subject, parameter, message, expected=kind)
 
 
 def _words(kind: str) -> str:

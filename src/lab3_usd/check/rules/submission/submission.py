@@ -16,11 +16,10 @@ def missing_stage(subject: SubmissionSubject) -> Iterator[Problem]:
     Why: each part of the lab is judged by the stage that was saved at its end. Later stages do not
     show that earlier ones worked.
 
-    Fix: save the stage under the name in the handout into the folder work. If it was forgotten,
-    open the next stage, delete what its part added, and save it under the missing name.
+    Fix: save the stage under the name in the handout into the folder `{stages}`. If it was
+    forgotten, open the next stage, delete what its part added, and save it under the missing name.
 
-    Example: `work` holds `Lab3_02_ros_drive.usda` and `Lab3_04_camera.usda`, but no
-    `Lab3_03_lidar.usda`.
+    Example: `{stages}` holds `{stage2}` and `{stage4}`, but no `{stage3}`.
     """
     handout, ending = subject.spec.stages.handout, subject.spec.stages.endings[0]
     unusable = {entry.name.partition(".")[0] for entry in subject.listing.entries if entry.why_not}
@@ -44,7 +43,7 @@ def misnamed_stage(subject: SubmissionSubject) -> Iterator[Problem]:
 
     Fix: rename the file to the name given here.
 
-    Example: `Lab3_3_lidar.usda` instead of `Lab3_03_lidar.usda`.
+    Example: `{stage3}.txt` instead of `{stage3}`.
     """
     for stage, name in _stages(subject, "misnamed"):
         message = f"seems to be the stage of checkpoint {stage.checkpoint}, which is called {name}"
@@ -53,15 +52,15 @@ def misnamed_stage(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X03", "misplaced-stage", scope="submission", severity="warning")
 def misplaced_stage(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A stage has its right name, but is not in the folder work.
+    """A stage has its right name, but is not in the folder of stages.
 
-    Why: the handout asks for one folder of stages (6.1). Relative paths to textures and references
-    break in another folder.
+    Why: the handout asks for one folder of stages. Relative paths to textures and references break
+    in another folder.
 
-    Fix: open the stage and save it into the folder work, so that Isaac Sim updates its relative
-    paths.
+    Fix: open the stage and save it into the folder `{stages}`, so that Isaac Sim updates its
+    relative paths.
 
-    Example: `Lab3_03_lidar.usda` beside the folder `work`.
+    Example: `{stage3}` beside the folder `{stages}`.
     """
     for stage, name in _stages(subject, "misplaced"):
         place = subject.listing.stage_folder or "the submission itself"
@@ -73,17 +72,17 @@ def misplaced_stage(subject: SubmissionSubject) -> Iterator[Problem]:
 def no_usd_ending(subject: SubmissionSubject) -> Iterator[Problem]:
     """A stage has the extension `.uda`, which USD does not have.
 
-    Why: neither Isaac Sim nor USD opens it. The handout warns that `.usda` is probably meant (4.4).
+    Why: neither Isaac Sim nor USD opens it. `.usda` is probably meant.
 
     Fix: rename the file to end in `.usda`, and open it once in Isaac Sim to check that it is
     complete.
 
-    Example: `Lab3_01_ros_clock.uda`.
+    Example: `{stem1}.uda`.
     """
     for stage, name in _stages(subject, "slip"):
         ending = stage.path.rpartition(".")[2]
         message = f"'.{ending}' is no ending of USD; '{subject.spec.stages.endings[0]}' is meant"
-        yield _named(stage, message, name, "4.4")
+        yield _named(stage, message, name)
 
 
 @rule("X05", "stage-in-two-forms", scope="submission", severity="warning")
@@ -91,12 +90,12 @@ def stage_in_two_forms(subject: SubmissionSubject) -> Iterator[Problem]:
     """A checkpoint has more than one stage.
 
     Why: the submission does not say which of the two counts. One is judged: the one with the name
-    in the handout in the folder work, with the handout's own extension. It is a note if the other
-    is in another folder or has another name.
+    in the handout in the folder `{stages}`, with the handout's own extension. It is a note if the
+    other is in another folder or has another name.
 
     Fix: delete the older of the two.
 
-    Example: `Lab3_03_lidar.usda` and `Lab3_03_lidar.usd`.
+    Example: `{stem3}.usda` and `{stem3}.usd`.
     """
     handout = subject.spec.stages.handout
     for stage in subject.listing.stages.values():
@@ -117,7 +116,7 @@ def file_not_opened(subject: SubmissionSubject) -> Iterator[Problem]:
 
     Fix: put the file itself into the submission, readable for everybody.
 
-    Example: `maps/turtlebot3_map.pgm` is a link to `/home/ana/turtlebot3_map.pgm`.
+    Example: `{stages}/{stage3}` is a link to a file in somebody's home.
     """
     handout = subject.spec.folders.handout
     for entry in subject.listing.entries:
@@ -148,6 +147,6 @@ def _stages(subject: SubmissionSubject, how: str) -> Iterator[tuple[StageFile, s
             yield stage, f"{subject.lab.checkpoints[number].file}{ending}"
 
 
-def _named(stage: StageFile, message: str, name: str, handout: str) -> Problem:
+def _named(stage: StageFile, message: str, name: str, handout: str | None = None) -> Problem:
     actual = stage.path.rpartition("/")[2]
     return Problem(stage.path, message, None, name, actual, handout)

@@ -1,0 +1,159 @@
+"""Fills the names of a lab into the manuals of the rules: `{lidar_link}` is its lidar's link."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+from msgspec.structs import replace
+
+from lab3_usd.check.registry import Rule, all_rules
+from lab3_usd.check.scene.sensor_location import CAMERA, LIDAR
+from lab3_usd.spec.lab import Lab
+
+_NAME = re.compile(r"\{(\w+)\}")
+_LAST_STAGE = 4  # as many as examples tell apart
+_MESSAGES = {  # what tells the topics that manuals name
+    "scan": "sensor_msgs/msg/LaserScan",
+    "commands": "geometry_msgs/msg/Twist",
+    "odometry": "nav_msgs/msg/Odometry",
+    "map_topic": "nav_msgs/msg/OccupancyGrid",
+}
+# What manuals say where there is no lab, or the lab has no such thing.
+PLAIN: Mapping[str, str] = {
+    "robot": "/World/Robot",
+    "base": "base_link",
+    "link": "arm_link",
+    "wheel": "left_wheel",
+    "other_wheel": "right_wheel",
+    "joint": "left_wheel_joint",
+    "other_joint": "right_wheel_joint",
+    "joint_path": "/World/Robot/joints/left_wheel_joint",
+    "world": "/World",
+    "lidar": "/World/Robot/base_link/Lidar",
+    "lidar_name": "Lidar",
+    "lidar_link": "base_link",
+    "lidar_menu": "",
+    "camera": "/World/Robot/base_link/Camera",
+    "camera_name": "Camera",
+    "camera_link": "base_link",
+    "sensor": "/World/Robot/base_link/Imu",
+    "sensor_name": "Imu",
+    "graph": "/World/Clock",
+    "graph_name": "Clock",
+    "next_graph": "/World/Drive",
+    "next_graph_name": "Drive",
+    "last_graph_name": "Odometry",
+    "stages": "stages",
+    "maps": "maps",
+    "shown": "output",
+    "assets": "supplied",
+    "starter": "supplied/starter.usda",
+    "map": "map.yaml",
+    "map_image": "map.pgm",
+    "scan": "/scan",
+    "commands": "/cmd_vel",
+    "odometry": "/odom",
+    "map_topic": "/map",
+    "root": "odom",
+    "above": "map",
+    **{f"stage{n}": f"stage_{n}.usda" for n in range(_LAST_STAGE + 1)},
+    **{f"stem{n}": f"stage_{n}" for n in range(_LAST_STAGE + 1)},
+    "last_stage": "stage_9.usda",
+}
+
+
+def rules_in(lab: Lab) -> dict[str, Rule]:
+    """Return every rule by id, in the words of a lab."""
+    return {
+        name: replace(rule, manual=in_words_of(lab, rule.manual))
+        for name, rule in all_rules().items()
+    }
+
+
+def in_words_of(lab: Lab | None, manual: str) -> str:
+    """Return a text of a manual with the names of a lab, or with plain ones."""
+    if "{" not in manual:
+        return manual
+    words = PLAIN if lab is None else _words(lab)
+    return _NAME.sub(lambda found: words[found[1]], manual)
+
+
+@lru_cache(maxsize=4)
+def _words(lab: Lab) -> Mapping[str, str]:
+    said = (*_of_robot(lab), *_of_sensors(lab), *_of_graphs(lab), *_of_files(lab), *_of_ros(lab))
+    return {**PLAIN, **{name: word for name, word in said if word}}
+
+
+def _at(words: Sequence[str], number: int) -> str:
+    """Return one of several, the last where there are fewer, '' where there is none."""
+    return words[min(number, len(words) - 1)] if words else ""
+
+
+def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
+    robot: Mapping[str, Any] = lab.scene["robot"]
+    joints: Mapping[str, str] = robot["wheels"]["joints"]
+    wheels = list(joints.values())
+    links = [name for name in robot["links"] if name not in (robot["base_frame"], *wheels)]
+    placed = [name for name in links if "offset" in robot["links"][name]]
+    yield "robot", robot["path"]
+    yield "base", robot["base_frame"]
+    yield "link", _at(placed, 0) or _at(links[::-1], 0) or _at(wheels, 0)
+    yield "wheel", _at(wheels, 0)
+    yield "other_wheel", _at(wheels, 1)
+    yield "joint", _at(list(joints), 0)
+    yield "other_joint", _at(list(joints), 1)
+    below = "/".join(filter(None, (robot["path"], robot["wheels"].get("joints_below", ""))))
+    yield "joint_path", f"{below}/{_at(list(joints), 0)}" if joints else ""
+    yield "world", lab.scene["world"]["graph_parent"]["path"]
+
+
+def _of_sensors(lab: Lab) -> Iterator[tuple[str, str]]:
+    kinds = {each["kind"]: "sensor" for each in lab.sensors.values()}
+    kinds |= {LIDAR: "lidar", CAMERA: "camera"}
+    for kind, word in kinds.items():
+        for each in lab.sensors_of(kind)[:1]:
+            link, _, name = each["path"].rpartition("/")
+            yield word, each["path"]
+            yield f"{word}_name", name
+            yield f"{word}_link", link.rpartition("/")[2]
+            yield f"{word}_menu", _menu(each["asset_suffix"])
+
+
+def _menu(asset: str) -> str:
+    """Return vendor and name of a sensor's asset, as the Create menu has them."""
+    vendor, _, file = asset.rpartition("/")
+    name = file.partition(".")[0].replace("_", " ")
+    return f" > {vendor.rpartition('/')[2]} > {name}" if name else ""
+
+
+def _of_graphs(lab: Lab) -> Iterator[tuple[str, str]]:
+    graphs = list(lab.graphs.values())
+    for word, number in (("graph", 0), ("next_graph", 1), ("last_graph", len(graphs))):
+        yield word, _at([each.path for each in graphs], number)
+        yield f"{word}_name", _at([each.name for each in graphs], number)
+
+
+def _of_files(lab: Lab) -> Iterator[tuple[str, str]]:
+    folders, files = lab.submission.folders, lab.submission.stages
+    stems, ending = list(lab.files.values()), files.endings[0]
+    for number in range(_LAST_STAGE + 1):
+        yield f"stem{number}", _at(stems, number)
+        yield f"stage{number}", f"{_at(stems, number)}{ending}"
+    yield "last_stage", f"{stems[-1]}{ending}"
+    yield "stages", folders.stages
+    yield "maps", folders.maps
+    yield "shown", _at(folders.shown, 0)
+    yield "assets", folders.starter
+    yield "starter", f"{folders.starter}/{files.starter}{ending}"
+    yield "map", lab.scene.get("map", {}).get("yaml", "")
+    yield "map_image", lab.scene.get("map", {}).get("image", "")
+
+
+def _of_ros(lab: Lab) -> Iterator[tuple[str, str]]:
+    for word, message in _MESSAGES.items():
+        yield word, next((name for name, each in lab.topics.items() if each.type == message), "")
+    yield "root", lab.frames.root
+    yield "above", lab.frames.above
