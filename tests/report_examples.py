@@ -201,4 +201,6 @@ def _missing_wire(subject: object) -> Iterator[Problem]:
     yield from ()
 
 
-RULES = {"W01": Rule("W01", "missing-wire", "error", "graph", _missing_wire, getdoc(_missing_wire) or "")}
+RULES = {
+    "W01": Rule("W01", "missing-wire", "error", "graph", _missing_wire, getdoc(_missing_wire) or "")
+}
