@@ -15,7 +15,7 @@ from lab3_usd.spec.load.loader import load_lab
 
 PAGE = Path(__file__).with_name("rules.md")
 LINT_PAGE = Path(__file__).with_name("lint.md")
-LINT = "K"
+LINT = ("K", "UV")
 _MARK = "<!-- Below: written by docs/make_rules.py from the docstrings of the rules. -->\n"
 SECTIONS = {"Why": "Why it matters", "Fix": "How to repair it", "Example": "Example"}
 FAMILY_TITLES = {
@@ -38,6 +38,7 @@ FAMILY_TITLES = {
     "submission": "the folder as a whole",
     "fence": "what a grader leaves unopened",
     "lint": "any stage of Isaac Sim, without a spec (`lab3 lint`)",
+    "native": "OpenUSD's own validators (with `--native`)",
 }
 INTRODUCTION = """\
 # Rules
@@ -64,7 +65,7 @@ def page() -> str:
 def lint_page() -> str:
     """Return the page of the linter: what is written by hand, and its rules."""
     by_hand = LINT_PAGE.read_text(encoding="utf-8").partition(_MARK)[0]
-    rules = next(members for letter, members in _families() if letter == LINT)
+    rules = [rule for family, members in _families() if family in LINT for rule in members]
     lines = ["| rule | severity | what |", "|---|---|---|"]
     for rule in rules:
         opening = " ".join(rule.manual.split("\n\n")[0].split())
@@ -75,20 +76,20 @@ def lint_page() -> str:
 
 def _families() -> Iterator[tuple[str, list[Rule]]]:
     rules = sorted(
-        rules_in(load_lab()).values(), key=lambda rule: (list(FAMILIES).index(rule.id[0]), rule.id)
+        rules_in(load_lab()).values(), key=lambda rule: (list(FAMILIES).index(rule.family), rule.id)
     )
-    for letter, members in groupby(rules, key=lambda rule: rule.id[0]):
-        yield letter, list(members)
+    for family, members in groupby(rules, key=lambda rule: rule.family):
+        yield family, list(members)
 
 
 def _contents() -> Iterator[str]:
     yield "| | Family | Rules |"
     yield "|---|---|---|"
-    for letter, members in _families():
-        name = FAMILIES[letter]
-        page = LINT_PAGE.name if letter == LINT else ""
+    for family, members in _families():
+        name = FAMILIES[family]
+        page = LINT_PAGE.name if family in LINT else ""
         links = " ".join(f"[{rule.id}]({page}#{anchor(rule)})" for rule in members)
-        yield f"| {letter} | **{name}**: {FAMILY_TITLES.get(name, name)} | {links} |"
+        yield f"| {family} | **{name}**: {FAMILY_TITLES.get(name, name)} | {links} |"
     yield ""
 
 
@@ -98,12 +99,11 @@ def anchor(rule: Rule) -> str:
 
 
 def _manuals() -> Iterator[str]:
-    for letter, members in _families():
-        if letter == LINT:
-            yield f"## {letter}: {FAMILIES[letter]}\n"
+    for family, members in _families():
+        yield f"## {family}: {FAMILIES[family]}\n"
+        if family in LINT:
             yield "See [the linter's page](lint.md).\n"
             continue
-        yield f"## {letter}: {FAMILIES[letter]}\n"
         for rule in members:
             yield from _manual(rule)
 

@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted([*ROOT.glob("*.md"), *DOCS.glob("*.md"), ROOT / "schema" / "README.md"])
 BEFORE = re.compile(r"<!-- before:\s+(.+?)\s*-->", re.DOTALL)
-RULE = re.compile(r"`([A-Z]\d\d)`|\b([A-Z]\d\d) [a-z]+-[a-z-]+\b")
+RULE = re.compile(r"`([A-Z]{1,2}\d\d)`|\b([A-Z]{1,2}\d\d) [a-z]+-[a-z-]+\b")
 
 
 def name_of(page: Path) -> str:

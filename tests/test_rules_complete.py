@@ -30,9 +30,9 @@ TESTS = Path(__file__).resolve().parent
 CASES = TESTS / "cases"
 GRAPH_FAMILIES = "GNPRW"
 RULES = list(all_rules().values())
-IN_CASES = [rule for rule in RULES if rule.id[0] in GRAPH_FAMILIES]
-LINT_FAMILY = "K"  # see test_lint_rules.py
-ELSEWHERE = [rule for rule in RULES if rule.id[0] not in GRAPH_FAMILIES + LINT_FAMILY]
+IN_CASES = [rule for rule in RULES if rule.family in GRAPH_FAMILIES]
+OTHERS = ("K", "UV")  # see test_lint_rules.py and test_native.py
+ELSEWHERE = [rule for rule in RULES if rule.family not in (*GRAPH_FAMILIES, *OTHERS)]
 _NAMED = re.compile(r"^([A-Z]\d\d)(?: |$)")
 
 
@@ -50,8 +50,8 @@ def test_a_rule_has_a_manual(rule: Rule) -> None:
 
 @pytest.mark.parametrize("rule", RULES, ids=by_id)
 def test_a_rule_has_an_id_of_its_family_and_a_name(rule: Rule) -> None:
-    assert re.fullmatch(r"[A-Z]\d\d", rule.id)
-    assert rule.id[0] in FAMILIES
+    assert re.fullmatch(r"[A-Z]+\d\d", rule.id)
+    assert rule.family in FAMILIES
     assert re.fullmatch(r"[a-z]+(-[a-z]+)*", rule.name)
 
 
@@ -130,12 +130,12 @@ print(json.dumps([[each.id for each in rules_of(scope, family)] for scope in sco
 """
 
 
-@pytest.mark.parametrize("family", ["C", "L", "N", "S", "T"])
+@pytest.mark.parametrize("family", ["C", "L", "N", "S", "T", "U"])
 def test_a_family_asked_for_alone_is_whole_and_alone(family: str) -> None:
     scopes = sorted({rule.scope for rule in RULES})
     asked = [sys.executable, "-c", ALONE, family, *scopes]
     done = subprocess.run(asked, capture_output=True, text=True, check=True)
-    of_family = [rule for rule in RULES if rule.id[0] == family]
+    of_family = [rule for rule in RULES if rule.family == family]
     wanted = [[rule.id for rule in of_family if rule.scope == scope] for scope in scopes]
     assert json.loads(done.stdout) == wanted
 

@@ -11,17 +11,19 @@ from typing import Literal, TypeVar
 from msgspec import Struct
 
 from lab3_usd.errors import UsageError
-from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.finding import Problem, Severity, family_of
 
 # What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, its
 # transforms (from the checkpoint on that asks for them), what came out of judging it, the stage
 # beside its starter, the map files, the saved output of the running system, the folder. Rules of
-# the scope `model` look at a stage with or without a spec, those of `lint` at one without.
+# the scope `model` look at a stage with or without a spec, those of `lint` at one without, those of
+# `native` at what OpenUSD's validators say of it.
 Scope = Literal[
     "graph",
     "stage",
     "model",
     "lint",
+    "native",
     "frames",
     "outcome",
     "starter",
@@ -53,6 +55,7 @@ FAMILIES = {
     "X": "submission",
     "Z": "fence",
     "K": "lint",
+    "UV": "native",
 }
 # The modules below check/rules that hold the rules of each family.
 MODULES = {
@@ -102,6 +105,7 @@ MODULES = {
         "lint.wheels",
         "lint.sensors",
     ),
+    "UV": ("native.core", "native.geometry", "native.shading", "native.assets"),
 }
 
 
@@ -118,6 +122,11 @@ class Rule(Struct, frozen=True):
     scope: Scope
     check: Callable[..., Iterator[Problem]]
     manual: str = ""
+
+    @property
+    def family(self) -> str:
+        """The letters that the id begins with."""
+        return family_of(self.id)
 
     def section(self, title: str) -> str:
         """Return the paragraph of the manual that opens with `title:`, as one line."""
@@ -159,7 +168,7 @@ def all_rules() -> dict[str, Rule]:
 
 
 def check_rule_names(names: Iterable[str], where: str = "") -> tuple[str, ...]:
-    """Return ids of rules and letters of families, in capitals; `where` opens the message.
+    """Return ids of rules and names of families, in capitals; `where` opens the message.
 
     Raises:
         UsageError: there is no such rule or family; left out, it would hide every fault.
@@ -191,4 +200,4 @@ def _import(families: Iterable[str]) -> None:
 @cache
 def _in_order(scope: Scope, families: tuple[str, ...]) -> tuple[Rule, ...]:
     rules = (found for _, found in sorted(_RULES.items()) if found.scope == scope)
-    return tuple(found for found in rules if found.id[0] in families)
+    return tuple(found for found in rules if found.family in families)

@@ -21,7 +21,12 @@ class RuleResults(Struct, frozen=True):
     crashes: tuple[Crash, ...] = ()
 
 
-def run_family(scope: Scope, family: str, subject: Any, lab: Lab) -> RuleResults:  # noqa: ANN401 - the scope decides
+def run_family(
+    scope: Scope,
+    family: str,
+    subject: Any,  # noqa: ANN401 - the scope decides
+    lab: Lab | None,
+) -> RuleResults:
     """Run every rule of a family in the order of their ids."""
     return merge_results(run_rule(each, subject, lab) for each in rules_of(scope, family))
 

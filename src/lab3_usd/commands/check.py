@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from lab3_usd.commands.configuring import config_options, with_config
-from lab3_usd.commands.report_options import report_options, view_options
+from lab3_usd.commands.report_options import native_option, report_options, view_options
 
 
 @click.command("check")
@@ -17,6 +17,7 @@ from lab3_usd.commands.report_options import report_options, view_options
 @click.option("--starter", type=click.Path(), help="The supplied starter, to compare with.")
 @click.option("--maps", type=click.Path(), help="Folder that holds the map files.")
 @click.option("--sim", is_flag=True, help="Also play each stage, and note what goes wrong.")
+@native_option
 @report_options
 @click.option("--require-evidence", is_flag=True, help="Missing evidence is an error.")
 @config_options

@@ -18,6 +18,7 @@ from lab3_usd.commands.reporting import (
     refuse_output,
     rendered,
     wanted,
+    wants_native,
     write_report,
 )
 from lab3_usd.judge.entries import (
@@ -51,6 +52,7 @@ def run(paths: list[str], options: Mapping[str, Any]) -> int:
         require_evidence=options["require_evidence"],
         config=options["config"],
         heeds_ignores=True,
+        native=wants_native(options),
     )
     if options["watch"]:
         return _watched(paths, settings, {**options, "dry_runs": {}})

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from lab3_usd.commands.configuring import config_options, with_config
-from lab3_usd.commands.report_options import report_options, view_options
+from lab3_usd.commands.report_options import native_option, report_options, view_options
 
 
 @click.command("lint")
@@ -19,6 +19,7 @@ from lab3_usd.commands.report_options import report_options, view_options
     metavar="RELEASE",
     help="Judge by this release of Isaac Sim (5.0, 5.1, 6.0), where defaults and ports differ.",
 )
+@native_option
 @report_options
 @config_options
 @view_options

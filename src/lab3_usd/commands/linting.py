@@ -14,6 +14,7 @@ from lab3_usd.commands.reporting import (
     refuse_output,
     rendered,
     wanted,
+    wants_native,
     write_report,
 )
 from lab3_usd.judge.lint import LintSettings, find_stages, lint_lab, lint_stages
@@ -32,7 +33,9 @@ def run(paths: list[str], options: Mapping[str, Any]) -> int:
     format_named(options["form"])
     refuse_missing(paths)
     refuse_output(options["output"], paths)
-    settings = LintSettings(options["release"] or NEWEST, heeds_ignores=True)
+    settings = LintSettings(
+        options["release"] or NEWEST, heeds_ignores=True, native=wants_native(options)
+    )
     lint_lab(settings.release)
     if options["watch"]:
         return _watched(paths, settings, options)

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Collection, Iterable
 
 from lab3_usd.errors import UsageError
+from lab3_usd.model.finding import is_among
 
 
 def split_rules(values: Iterable[str]) -> tuple[str, ...]:
@@ -42,10 +43,8 @@ def _is_same_number(one: str, other: str) -> bool:
 
 
 def chosen(rule: str, select: tuple[str, ...], ignore: tuple[str, ...]) -> bool:
-    """Whether the findings of a rule are wanted; a family letter means all of its rules."""
-    if select and not rule.startswith(select):
-        return False
-    return not (ignore and rule.startswith(ignore))
+    """Whether the findings of a rule are wanted; a family means all of its rules."""
+    return (not select or is_among(rule, select)) and not is_among(rule, ignore)
 
 
 def wants_color() -> bool:

@@ -54,6 +54,11 @@ def report_options(command: Command) -> Command:
     return command
 
 
+native_option = click.option(
+    "--native", is_flag=True, help="Also run the validators that come with OpenUSD (rules UV)."
+)
+
+
 _VIEW_OPTIONS = (
     click.option(
         "--jobs",

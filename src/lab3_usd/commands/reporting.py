@@ -14,7 +14,7 @@ from lab3_usd.config.findings import configured
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.entries import STAGE_ENDINGS
 from lab3_usd.judge.stage import UNREADABLE
-from lab3_usd.model.finding import Finding, Report, StageResult, Submission
+from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
 from lab3_usd.report.formats.registry import Options, format_named, render
 from lab3_usd.spec.load.loader import load_lab
 
@@ -51,6 +51,26 @@ def refuse_output(path: str | None, paths: Iterable[str]) -> None:
     if is_read or output.suffix.lower() in STAGE_ENDINGS:
         message = f"{output}: is, or may be, a file that is checked; write the report elsewhere"
         raise UsageError(message)
+
+
+def wants_native(options: Mapping[str, Any]) -> bool:
+    """Whether OpenUSD's validators are asked for, by the option or by a rule that is selected.
+
+    Raises:
+        UsageError: they are, and the installed usd-core has none.
+    """
+    if not options["native"] and not any(map(_is_native, options["select"])):
+        return False
+    from lab3_usd.judge.native import require_native  # noqa: PLC0415 - pxr, only when it is needed
+
+    require_native()
+    return True
+
+
+def _is_native(rule: str) -> bool:
+    from lab3_usd.model.native import FAMILY  # noqa: PLC0415 - only with --select
+
+    return family_of(rule) == FAMILY
 
 
 def wanted(

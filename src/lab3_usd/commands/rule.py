@@ -52,7 +52,7 @@ def manual_lines(rule: Rule, handout: str = "") -> Iterator[str]:
 
     `handout` is the section of the handout behind the rule, where the lab names one.
     """
-    yield f"{rule.id} {rule.name} ({rule.severity}, {FAMILIES[rule.id[0]]})"
+    yield f"{rule.id} {rule.name} ({rule.severity}, {FAMILIES[rule.family]})"
     yield ""
     yield from textwrap.wrap(rule.manual.split("\n\n")[0], WIDTH)
     for title in SECTIONS:

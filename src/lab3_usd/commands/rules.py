@@ -25,9 +25,9 @@ def rule_lines(rules: list[Rule]) -> Iterator[str]:
     """Yield the lines of the list: one family after the other, columns aligned."""
     width = max((len(rule.name) for rule in rules), default=0)
     families = list(FAMILIES)
-    ordered = sorted(rules, key=lambda rule: (families.index(rule.id[0]), rule.id))
-    for letter, members in groupby(ordered, key=lambda rule: rule.id[0]):
-        yield f"{letter}  {FAMILIES[letter]}"
+    ordered = sorted(rules, key=lambda rule: (families.index(rule.family), rule.id))
+    for family, members in groupby(ordered, key=lambda rule: rule.family):
+        yield f"{family:<2} {FAMILIES[family]}"
         for rule in members:
             yield f"  {rule.id}  {rule.severity:<7}  {rule.name:<{width}}  {first_sentence(rule)}"
 

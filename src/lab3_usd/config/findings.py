@@ -10,7 +10,7 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from lab3_usd.config.config import Config
-from lab3_usd.model.finding import Finding
+from lab3_usd.model.finding import Finding, family_of, is_among
 
 _Value = TypeVar("_Value")
 
@@ -28,8 +28,8 @@ def configured(findings: Iterable[Finding], path: str, config: Config) -> Iterat
     )
     severities = dict(config.severity)
     for finding in findings:
-        if not (ignored and finding.rule.startswith(ignored)):
-            of_family = severities.get(finding.rule[:1], finding.severity)
+        if not is_among(finding.rule, ignored):
+            of_family = severities.get(family_of(finding.rule), finding.severity)
             yield replace(finding, severity=severities.get(finding.rule, of_family))
 
 

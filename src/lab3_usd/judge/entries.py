@@ -36,7 +36,7 @@ class JudgeSettings(Struct, frozen=True):
 
     Without a checkpoint `config` or the name of each file gives one. With `require_evidence`,
     saved output that is missing is an error instead of a note. With `heeds_ignores`, what notes in
-    a stage ignore on purpose is left out.
+    a stage ignore on purpose is left out. With `native`, OpenUSD's own validators judge as well.
     """
 
     checkpoint: str | None = None
@@ -45,6 +45,7 @@ class JudgeSettings(Struct, frozen=True):
     require_evidence: bool = False
     config: Config = Config()
     heeds_ignores: bool = False
+    native: bool = False
 
 
 class Entry(NamedTuple):
@@ -145,6 +146,8 @@ def judge_entry(settings: JudgeSettings, entry: Entry) -> Results:
         result = check_stage(entry.path, checkpoint, lab)
         if settings.starter is not None:
             result = _against_starter(result, settings, lab)
+        if settings.native:
+            result = _with_native(result)
         if settings.heeds_ignores:
             result = _without_ignored(result)
     if lab.checkpoints[checkpoint].localization:
@@ -167,7 +170,11 @@ def _judge_submission(path: str, settings: JudgeSettings) -> Results:
     from lab3_usd.judge.folder import FolderSettings, check_folder  # noqa: PLC0415
 
     folder = FolderSettings(
-        settings.starter, settings.maps, settings.require_evidence, settings.heeds_ignores
+        settings.starter,
+        settings.maps,
+        settings.require_evidence,
+        settings.heeds_ignores,
+        settings.native,
     )
     found = check_folder(Path(path), folder)
     return found.results, (found.submission,)
@@ -177,6 +184,12 @@ def _without_ignored(result: StageResult) -> StageResult:
     from lab3_usd.judge.ignoring import without_ignored  # noqa: PLC0415 - only for lab3 check
 
     return without_ignored(result)
+
+
+def _with_native(result: StageResult) -> StageResult:
+    from lab3_usd.judge.native import with_native  # noqa: PLC0415 - only with --native
+
+    return with_native(result)
 
 
 def _against_starter(result: StageResult, settings: JudgeSettings, lab: Lab) -> StageResult:

@@ -44,13 +44,15 @@ class FolderSettings(Struct, frozen=True):
     """What a folder is judged with: the supplied starter, and a folder of maps beside it.
 
     With `require_evidence`, saved output that is missing is an error instead of a note. With
-    `heeds_ignores`, what notes in a stage ignore on purpose is left out.
+    `heeds_ignores`, what notes in a stage ignore on purpose is left out. With `native`, OpenUSD's
+    own validators judge the stages as well.
     """
 
     starter: Path | Starter | None = None
     maps: Path | None = None
     require_evidence: bool = False
     heeds_ignores: bool = False
+    native: bool = False
 
 
 class FolderResult(Struct, frozen=True):
@@ -82,7 +84,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     spec = lab.submission
     contents = FolderContents(folder, list_submission(folder, lab, spec), lab, lab.ros, spec)
     starters = find_starters(folder, contents.listing, settings.starter, lab)
-    results = dict(_results(contents, starters, heeds_ignores=settings.heeds_ignores))
+    results = dict(_results(contents, starters, settings))
     evidence = read_saved_outputs(contents)
     until = [*contents.listing.stages][-1] if contents.listing.stages else lab.last
     required = settings.require_evidence
@@ -101,7 +103,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
 
 
 def _results(
-    contents: FolderContents, starters: Starters, *, heeds_ignores: bool
+    contents: FolderContents, starters: Starters, settings: FolderSettings
 ) -> Iterator[tuple[str, StageResult]]:
     """Judge the files that USD can open; the others have a finding of their own."""
     endings = (*contents.spec.stages.endings, *contents.spec.stages.openable)
@@ -111,7 +113,11 @@ def _results(
         result = check_stage(str(contents.root / stage.path), number, contents.lab)
         if starters.compared is not None:
             result = against_starter(result, starters.compared, contents.lab)
-        if heeds_ignores:
+        if settings.native:
+            from lab3_usd.judge.native import with_native  # noqa: PLC0415 - only with --native
+
+            result = with_native(result)
+        if settings.heeds_ignores:
             from lab3_usd.judge.ignoring import without_ignored  # noqa: PLC0415 - only for lab3 check
 
             result = without_ignored(result)

@@ -23,10 +23,14 @@ from lab3_usd.spec.load.loader import load_isaac_types, load_lab
 
 
 class LintSettings(NamedTuple):
-    """How to judge: by which release of Isaac Sim, and whether notes in the stage count."""
+    """How to judge: by which release of Isaac Sim, and whether notes in the stage count.
+
+    With `native`, OpenUSD's own validators judge as well.
+    """
 
     release: str = NEWEST
     heeds_ignores: bool = False
+    native: bool = False
 
 
 @lru_cache(maxsize=4)
@@ -48,9 +52,27 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
     """Judge the stage at `path` by what its nodes do, whatever it is for.
 
     Raises:
-        UsageError: the release is not known.
+        UsageError: the release is not known, or the installed usd-core has no validators.
     """
-    release = (settings or LintSettings()).release
+    settings = settings or LintSettings()
+    if not settings.native:
+        return _ignoring(_linted(path, settings.release), settings)
+    from lab3_usd.judge.native import with_native  # noqa: PLC0415 - only with --native
+    from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415
+
+    with kept_open():
+        return _ignoring(with_native(_linted(path, settings.release)), settings)
+
+
+def _ignoring(result: StageResult, settings: LintSettings) -> StageResult:
+    if not settings.heeds_ignores:
+        return result
+    from lab3_usd.judge.ignoring import without_ignored  # noqa: PLC0415 - only for lab3 lint
+
+    return without_ignored(result)
+
+
+def _linted(path: str | Path, release: str) -> StageResult:
     lab = lint_lab(release)
     from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
@@ -64,12 +86,7 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
         return unreadable(str(path), None, str(error))
     findings = ordered(located(found.findings, path, stage))
     verdict = verdict_of(findings, found.crashes)
-    result = StageResult(str(path), None, verdict, Score(0.0, 0.0), findings, crashes=found.crashes)
-    if not (settings and settings.heeds_ignores):
-        return result
-    from lab3_usd.judge.ignoring import without_ignored  # noqa: PLC0415 - only for lab3 lint
-
-    return without_ignored(result)
+    return StageResult(str(path), None, verdict, Score(0.0, 0.0), findings, crashes=found.crashes)
 
 
 def lint_open_stage(stage: Any, release: str = NEWEST) -> RuleResults:  # noqa: ANN401 - pxr has no types

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Literal
 
 from msgspec import Struct, field
@@ -52,6 +53,16 @@ class Finding(Struct, frozen=True):
 
 
 Site = tuple[str, str, str | None]
+
+
+def family_of(rule: str) -> str:
+    """Return the letters that the id of a rule begins with."""
+    return rule.rstrip("0123456789")
+
+
+def is_among(rule: str, names: Collection[str]) -> bool:
+    """Whether a rule is one of these: ids of rules, and families."""
+    return rule in names or family_of(rule) in names
 
 
 def site_of(finding: Finding) -> Site:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from lab3_usd.model.finding import Finding
+from lab3_usd.model.finding import Finding, is_among
 from lab3_usd.model.paths import is_at_or_below
 
 
@@ -25,7 +25,7 @@ class IgnoreNote(Struct, frozen=True):
 
     def covers(self, finding: Finding) -> bool:
         """Whether the note is about a finding."""
-        if not self.rule or not finding.rule.startswith(self.rule):
+        if not is_among(finding.rule, (self.rule,)):
             return False
         if not self.prim:
             return finding.layer == self.layer and finding.line == self.line

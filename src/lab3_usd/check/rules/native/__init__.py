@@ -1,0 +1,1 @@
+"""What OpenUSD's own validators find, one rule for each of them (`--native`)."""

@@ -1,0 +1,46 @@
+"""Adds to the result of a stage what OpenUSD's own validators say of it (`--native`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from lab3_usd.check.rule_runs import run_family
+from lab3_usd.judge.stage import located, with_findings
+from lab3_usd.model.finding import StageResult
+from lab3_usd.model.native import FAMILY, NativeErrors
+
+
+def require_native() -> None:
+    """Refuse to go on where the installed usd-core has no validators.
+
+    Raises:
+        UsageError: it has none; the line says from which release on they come.
+    """
+    from lab3_usd.stage.read.native import native_validation  # noqa: PLC0415 - only with --native
+
+    native_validation()
+
+
+def with_native(result: StageResult) -> StageResult:
+    """Return the result of a stage together with what OpenUSD's validators say.
+
+    Requirements and score stay as they are: no lab asks for these.
+
+    Raises:
+        StageError: the file cannot be opened any more.
+        UsageError: the installed usd-core has no validators.
+    """
+    if result.verdict == "unreadable":
+        return result
+    from lab3_usd.stage.read.native import native_errors  # noqa: PLC0415 - only with --native
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
+
+    path = Path(result.path)
+    stage = open_stage(path)
+    told = run_family("native", FAMILY, NativeErrors(native_errors(stage, result.path)), None)
+    found = located(told.findings, path, stage)
+    return with_findings(
+        replace(result, crashes=(*result.crashes, *told.crashes)), (*result.findings, *found)
+    )
