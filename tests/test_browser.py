@@ -20,8 +20,6 @@ from lab3_usd.grade.scoring.load_rubric import load_rubric
 from lab3_usd.grade.scoring.scoring import grade
 from lab3_usd.report.formats.registry import render
 
-pytestmark = pytest.mark.xdist_group("browser")
-
 ATTACKS = (
     "<script>window.attacked=1</script>",
     "\"'><img src=x onerror=window.attacked=1>",
@@ -271,8 +269,11 @@ def test_the_page_is_used_with_the_keyboard(chromium: Browser, pages: dict[str, 
     chromium.open(pages["faulty"])
     chromium.one("body").send_keys(Keys.TAB)
     assert chromium.driver.switch_to.active_element.text == "Skip to the findings"
-    seen = set()
+    expected = {"severity", "words", "rule", "crop", "show", "frame", "scroll picture"}
+    seen: set[str] = set()
     for _ in range(200):
+        if expected <= seen:
+            break
         chromium.driver.switch_to.active_element.send_keys(Keys.TAB)
         seen.add(
             chromium.run(
@@ -280,7 +281,7 @@ def test_the_page_is_used_with_the_keyboard(chromium: Browser, pages: dict[str, 
                 " ?? (e.className || e.name || e.tagName)"
             )
         )
-    assert {"severity", "words", "rule", "crop", "show", "frame", "scroll picture"} <= seen
+    assert expected <= seen
     link = chromium.one(".picture a")
     chromium.run("arguments[0].focus()", link)
     assert chromium.driver.switch_to.active_element == link
@@ -409,9 +410,16 @@ def test_markup_in_a_report_stays_text(chromium: Browser, tmp_path: Path, text: 
     assert f"found {text}" in visible_messages(chromium)
 
 
-@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded"])
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(
+    ("name", "size", "scheme"),
+    [
+        ("clean", DESKTOP, "light"),
+        ("faulty", DESKTOP, "dark"),
+        ("faulty", PHONE, "light"),
+        ("submission", DESKTOP, "light"),
+        ("graded", PHONE, "dark"),
+    ],
+)
 def test_the_page_is_kept_as_a_picture(
     chromium: Browser, pages: dict[str, Path], name: str, size: tuple[int, int], scheme: str
 ) -> None:

@@ -222,7 +222,7 @@ def test_the_time_of_a_goal_is_measured(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("old", ["", goals(OLD), goals((1, 2)), goals(OLD, (3, 6))])
 def test_an_old_goal_is_not_shown_as_a_new_one(tmp_path: Path, old: str) -> None:
-    assert watch(tmp_path, old, seconds=3) == []
+    assert watch(tmp_path, old, seconds=2) == []
     assert "no new goal" in (tmp_path / "results" / "goal.txt").read_text()
 
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 import runpy
 from pathlib import Path
 
-import pytest
 from two_judges import all_faults, crosscheck, known_rows, silent, unexplained, wrong
 
-PARTS = 4  # so that several processes share the work
-TENTH, FIRST = 10, 3  # every so many of all faults, from so many on
+STEP, FIRST = 20, 3  # every so many of all faults, from so many on
 
 
-@pytest.mark.parametrize("part", range(PARTS))
-def test_both_judges_agree_on_a_tenth_of_all_faults(part: int) -> None:
-    found = list(crosscheck(TENTH * PARTS, FIRST + TENTH * part))
-    assert len(found) >= 15
+def test_both_judges_agree_on_some_of_all_faults() -> None:
+    found = list(crosscheck(STEP, FIRST))
+    assert len(found) >= 30
     assert wrong(found) == []
     assert any(each.robot for each in found)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import runpy
@@ -35,6 +36,7 @@ def name_of(page: Path) -> str:
     return page.relative_to(ROOT).as_posix()
 
 
+@functools.cache
 def tokens(page: Path) -> list[Token]:
     return MarkdownIt("commonmark").enable("table").parse(page.read_text(encoding="utf-8"))
 
@@ -272,6 +274,7 @@ def slug(heading: str) -> str:
     return kept.replace(" ", "-")
 
 
+@functools.cache
 def anchors(page: Path) -> set[str]:
     found = tokens(page)
     return {

@@ -16,8 +16,6 @@ from lab3_usd.grade.scoring.load_rubric import load_rubric
 from lab3_usd.grade.scoring.scoring import grade
 from lab3_usd.spec.load.loader import load_lab
 
-pytestmark = pytest.mark.xdist_group("browser")
-
 ROWS = [
     row("ana", 9.5),
     row("ben", 100.0),

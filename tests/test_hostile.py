@@ -16,8 +16,6 @@ from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.intake.limits import Limits
 from lab3_usd.stage.write.builder import build_checkpoint
 
-pytestmark = pytest.mark.xdist_group("hostile")
-
 GOOD = "a_good_one"
 # Few files are copied before their number is too large, also where the machine is busy.
 LIMITS = Limits(seconds=12, files=900)

@@ -19,7 +19,6 @@ from lab3_usd.report.behaviour.page import render, tree_lines
 from lab3_usd.sim.dry_run import DryRun, dry_run
 
 EVIL = "<script>window.attacked=1</script>"
-pytestmark = pytest.mark.xdist_group("browser")
 
 
 @pytest.fixture(scope="module")

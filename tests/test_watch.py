@@ -454,7 +454,6 @@ def test_a_binary_stage_that_is_written_slowly_in_place_is_judged_when_it_is_who
     assert running.end() == (0, "")
 
 
-@pytest.mark.xdist_group("browser")
 def test_an_open_page_reloads_itself(watcher: Callable[..., Watcher], stage: Path) -> None:
     from browser import started  # noqa: PLC0415 - skips where there is none
 

@@ -15,8 +15,6 @@ import pytest
 from lab3_usd.spec.load.compiled import FILE, TYPES_FILE
 
 # One worker makes the archives and the environment, the others need not make them again.
-pytestmark = pytest.mark.xdist_group("wheel")
-
 DATA = ("graphs", "maps", "schema")
 
 
