@@ -17,6 +17,7 @@ GROUPS = {
         "map": "Make an occupancy map from the walls of a stage.",
         "nav2": "Write launch, parameter and RViz files for localization and navigation.",
         "collect": "Write the script that collects evidence from the running system.",
+        "play": "Write the script that plays the stages in Isaac Sim itself.",
     },
     "graders": {"grade": "Grade a whole class of submissions."},
     "course authors": {

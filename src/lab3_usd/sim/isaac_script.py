@@ -1,0 +1,50 @@
+"""Writes the script that plays the stages in Isaac Sim itself, drives them and records bags."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lab3_usd.errors import UsageError
+from lab3_usd.lab.fill import fill_template
+from lab3_usd.sim.behaviour.asked import interface
+from lab3_usd.sim.drive import COMMANDS, RATE, Leg, fixed_drive
+from lab3_usd.spec.lab import Lab
+
+_NAMES = ("", "-again", "-domain")  # what a bag is called beside its stage, by session
+
+
+def isaac_script(lab: Lab, script: Path) -> str:
+    """Return the script for the Python of Isaac Sim; it has not been run there.
+
+    Raises:
+        UsageError: the lab has no topic to drive its robot by.
+    """
+    topic = interface(lab, [*lab.checkpoints.values()][-1]).commands
+    if not topic:
+        message = f"{lab.title} has no topic of commands to drive a robot by"
+        raise UsageError(message)
+    package, kind = lab.topics[topic].type.rsplit("/", 1)
+    domain = lab.ros.system.domain
+    drives = [
+        (name, session.environment or "0", " ".join(map(_leg, session.legs)))
+        for name, session in zip(_NAMES, fixed_drive(), strict=True)
+    ]
+    return fill_template(
+        "play.py.j2",
+        title=lab.title,
+        script=script.name,
+        stages=[each.file for each in lab.checkpoints.values()],
+        drives=drives,
+        package=package.replace("/", "."),
+        kind=kind,
+        topic=topic,
+        domain=domain,
+        setup=lab.ros.system.setup,
+        rate=round(RATE),
+        every=round(RATE / COMMANDS),
+    )
+
+
+def _leg(leg: Leg) -> str:
+    """Write a leg: its seconds, and what is sent in it."""
+    return ",".join(f"{each:g}" for each in (round(leg.seconds, 4), *(leg.command or ())))
