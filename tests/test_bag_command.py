@@ -25,7 +25,7 @@ from lab3_usd.commands.bag import command
 from lab3_usd.commands.sim import command as sim_command
 from lab3_usd.data import data_folder
 from lab3_usd.report.behaviour.words import LOOKS_OF_A_RECORDING
-from lab3_usd.sim.bag import files, packing
+from lab3_usd.sim.bag import files, gathering, packing
 from lab3_usd.sim.bag.checks import CHECKS
 from lab3_usd.sim.behaviour.judge import CHECKS as SHARED
 
@@ -337,6 +337,18 @@ def test_what_differs_from_the_dry_run_is_told_and_no_fault(plain: Path, tmp_pat
 
 def test_a_stage_that_cannot_be_read_is_one_line(plain: Path) -> None:
     assert "--stage none.usda" in str(bag(plain, "--stage", "none.usda").exception)
+
+
+def test_what_comes_after_the_part_that_is_kept_is_no_part_of_the_drive(
+    plain: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = judged(plain)
+    monkeypatch.setattr(gathering, "MOST_KEPT", 1100)  # ends while the robot is told to turn
+    cut = judged(plain)
+    assert cut["verdict"] == "ok"
+    assert "the first 4 s were judged message by message" in bag(plain).stdout
+    assert cut["topics"] == whole["topics"]
+    assert cut["frames"] == whole["frames"]
 
 
 # ---- recordings that were made, or broken, to stop a reader

@@ -20,12 +20,15 @@ from pxr import Sdf, Usd
 from report_schema import assert_valid
 
 from lab3_usd.check.registry import all_rules
+from lab3_usd.cli import main
 from lab3_usd.commands.check import command as check_command
 from lab3_usd.commands.sim import command
 from lab3_usd.data import data_folder
+from lab3_usd.errors import UsageError
 from lab3_usd.report.behaviour.words import LOOKS
 from lab3_usd.sim.behaviour.asked import interface
 from lab3_usd.sim.behaviour.judge import CHECKS
+from lab3_usd.sim.drive import drive_of
 
 DRIVE, CLOCK = "/turtlebot3_burger/ROS_Drive", "/World/ROS_Clock"
 
@@ -220,6 +223,38 @@ def test_an_arc_is_as_long_and_turns_as_far_as_told(tmp_path: Path) -> None:
     path = saved(broken("02", [swapped]), tmp_path, "Lab3_02.usda")
     said = bad(behaviour(path, "--drive", "0.1,0.5,2"))["follows"]["message"]
     assert f"turn {math.degrees(1.0):.0f} degrees" in said
+
+
+def test_a_long_drive_is_no_name_of_a_file() -> None:
+    (session,) = drive_of(" ".join(["0.1,0,0.5"] * 1000), (1.0, 1.0))
+    assert len(session.legs) == 1001
+
+
+def test_a_file_that_is_no_text_is_wrong_use(tmp_path: Path) -> None:
+    (tmp_path / "drive").write_bytes(b"\xff\xfe")
+    with pytest.raises(UsageError, match="is no text"):
+        drive_of(str(tmp_path / "drive"), (1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [],
+        ["none.usda", "--page", "x.usda"],
+        ["none.usda", "--checkpoint", "99"],
+        ["none.usda", "--drive", "x\0y"],
+        ["none.usda", "--nope"],
+    ],
+)
+def test_wrong_use_leaves_the_output_empty_for_programs(
+    words: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["lab3", "sim", "--format", "json", *words])
+    with pytest.raises(SystemExit) as left:
+        main()
+    printed = capsys.readouterr()
+    assert (left.value.code, printed.out) == (2, "")
+    assert len(printed.err.splitlines()) == 1
 
 
 @pytest.mark.parametrize("drive", ["fast", "1,2", "1,2,0", "nan,0,1", "0,0,9999", "#"])

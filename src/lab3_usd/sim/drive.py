@@ -86,13 +86,24 @@ def drive_of(text: str, limits: tuple[float, float]) -> tuple[Session, ...]:
     Raises:
         UsageError: it is neither a file nor a drive.
     """
-    is_file = Path(text).is_file()
-    lines = Path(text).read_text(encoding="utf-8").splitlines() if is_file else text.split()
-    legs = tuple(_legs(lines, limits))
+    legs = tuple(_legs(_lines(text), limits))
     if not legs or sum(each.seconds for each in legs) > LONGEST:
         message = f"--drive '{text}': is no drive of up to {LONGEST:.0f} seconds"
         raise UsageError(message)
     return (Session((Leg("idle", 0.5), *legs)),)
+
+
+def _lines(text: str) -> list[str]:
+    """Return the legs as they are written, in a file or in the text itself."""
+    try:
+        if Path(text).is_file():
+            return Path(text).read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        message = f"--drive {text}: is no text"
+        raise UsageError(message) from error
+    except (OSError, ValueError):  # no name of a file can be so long, or hold such characters
+        pass
+    return text.split()
 
 
 def _legs(lines: list[str], limits: tuple[float, float]) -> Iterator[Leg]:

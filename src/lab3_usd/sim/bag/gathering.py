@@ -57,7 +57,12 @@ class Topics(Struct, frozen=True):
     def judged(self) -> frozenset[str]:
         """Return the topics whose messages are read as a whole."""
         wanted = self.wanted
-        return frozenset({*wanted.types, wanted.commands, self.goal, *self.static} - {""})
+        return frozenset({*wanted.types, wanted.commands, *self.lasting()} - {""})
+
+    def lasting(self) -> frozenset[str]:
+        """Return those of them that are read to the end."""
+        wanted = self.wanted
+        return frozenset({wanted.clock, wanted.transforms, self.goal, *self.static} - {""})
 
 
 class Gathered(Struct):
@@ -71,7 +76,12 @@ class Gathered(Struct):
     links: dict[tuple[str, str], Link] = field(default_factory=dict)
     frames: dict[Frame, None] = field(default_factory=dict)
     goals: dict[bytes, int] = field(default_factory=dict)
-    cut: bool = False  # whether more came than is kept
+    until: float | None = None  # when more came than is judged message by message
+
+    @property
+    def seconds(self) -> float:
+        """How long it was judged message by message."""
+        return self.timeline.now if self.until is None else self.until
 
     def of_topic(self, name: str) -> list[Tally]:
         """Return what came on a topic, by type."""
@@ -88,9 +98,9 @@ def gather(
     found = Gathered(timeline)
     for key, each in offered.items():
         found.tallies[key] = Tally(offered=each)
-    judged = topics.judged()
+    judged, lasting = topics.judged(), topics.lasting()
     for raw in messages:
-        _take(found, raw, topics, whole=raw.topic in judged)
+        _take(found, raw, topics, whole=raw.topic in (judged if found.until is None else lasting))
     found.recording.messages.sort(key=lambda each: each.at)
     return found
 
@@ -142,24 +152,29 @@ def _keep(found: Gathered, message: Message, topics: Topics) -> None:
     if message.topic == topics.goal and isinstance(data, tuple):
         _goals(found, data)
         return
-    detailed = message.at <= DETAIL and len(found.recording.messages) < MOST_KEPT
+    if message.at > DETAIL or len(found.recording.messages) >= MOST_KEPT:
+        found.until = min(found.until or DETAIL, found.timeline.now)
     if message.topic in {wanted.transforms, *topics.static} and isinstance(data, tuple):
         static = message.topic in topics.static
         inner = _links(found, data, message.at, wanted.root, static=static)
         if static or not inner:
             return
         message.data = inner
-    if not detailed:
-        found.cut = True
-    elif message.topic == wanted.commands:
+    if found.until is None:
+        _keep_whole(found, message, wanted)
+
+
+def _keep_whole(found: Gathered, message: Message, wanted: Interface) -> None:
+    data = message.data
+    if message.topic == wanted.commands:
         if isinstance(data, tuple):
             found.commands.append((message.at, data))
-    else:
-        found.recording.messages.append(message)
-        if isinstance(data, Odometry):
-            turned = heading(Affine(rotation(data.orientation)))
-            x, y, _ = data.position
-            found.places.append((message.at, (x, y, turned)))
+        return
+    found.recording.messages.append(message)
+    if isinstance(data, Odometry):
+        turned = heading(Affine(rotation(data.orientation)))
+        x, y, _ = data.position
+        found.places.append((message.at, (x, y, turned)))
 
 
 def _goals(found: Gathered, goals: tuple[Goal, ...]) -> None:
@@ -177,7 +192,6 @@ def _links(
         link = found.links.get(key)
         if link is None:
             if len(found.links) >= MOST_NAMES:
-                found.cut = True
                 continue
             link = found.links[key] = Link(last=at)
             found.frames[Frame(*key, static)] = None

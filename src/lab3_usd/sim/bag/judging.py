@@ -12,7 +12,7 @@ from lab3_usd.model.behaviour import Behaviour, Check, Topic, Unknown
 from lab3_usd.sim.bag.checks import CHECKS, Recorded
 from lab3_usd.sim.bag.driven import legs, path
 from lab3_usd.sim.bag.files import opened
-from lab3_usd.sim.bag.gathering import DETAIL, Gathered, Topics, gather
+from lab3_usd.sim.bag.gathering import Gathered, Topics, gather
 from lab3_usd.sim.behaviour.asked import interface, map_topic, reached_topics, static_topics
 from lab3_usd.sim.behaviour.evidence import PHYSICAL, Evidence, Fault
 from lab3_usd.sim.behaviour.judge import CHECKS as SHARED
@@ -42,9 +42,8 @@ def judge_recording(recording: Path, lab: Lab, checkpoint: str, *, whole: bool) 
         return Behaviour(
             "", checkpoint, 0.0, "unreadable", not_simulated=reason, recording=str(recording)
         )
-    seconds = min(found.timeline.now, DETAIL)
     found.recording.seconds = found.timeline.now
-    drive = legs(found.commands, seconds, wanted.limits)
+    drive = legs(found.commands, found.seconds, wanted.limits)
     found.recording.path = list(path(found.places, drive))
     evidence = Evidence(found.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
     asked = reached_topics(lab, checkpoint)
@@ -116,8 +115,8 @@ def _remarks(found: Gathered) -> Iterator[str]:
         yield "no clock was recorded: rates are those of arrival"
     else:
         yield f"the simulation ran at {timeline.speed:.2f} of real time"
-    if found.cut:
-        yield f"the first {DETAIL:.0f} s were judged message by message, the rest in sum"
+    if found.until is not None:
+        yield f"the first {found.until:.0f} s were judged message by message, the rest in sum"
     odd = sum(
         not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) for topic, kind in found.tallies
     )
