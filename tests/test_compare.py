@@ -457,6 +457,17 @@ def test_a_shape_on_a_body_stays_in_its_place(starter: Usd.Stage, stage: Usd.Sta
     assert (change.prim, change.body) == (f"{BASE}/collisions/body", BASE)
 
 
+@pytest.mark.parametrize("offset", [(0, 0, 0.5), (0, 0, 0)], ids=["moved", "left where it was"])
+def test_a_first_transform_counts_by_where_it_puts_a_prim(
+    starter: Usd.Stage, stage: Usd.Stage, offset: tuple[float, float, float]
+) -> None:
+    walls = UsdGeom.Xformable(stage.GetPrimAtPath("/Environment/Walls"))
+    assert not walls.GetOrderedXformOps()
+    walls.AddTranslateOp().Set(Gf.Vec3d(offset))
+    moved = [(each.prim, each.differences[0].kind) for each in compared(starter, stage)]
+    assert moved == ([("/Environment/Walls", "place")] if any(offset) else [])
+
+
 # -- files and assets
 
 

@@ -25,6 +25,7 @@ from lab3_usd.stage.compare.terms import (
     pattern,
 )
 from lab3_usd.stage.compare.values import same_value, show
+from lab3_usd.stage.geometry.transforms import ORDER
 
 _SCHEMAS = "apiSchemas"
 
@@ -133,9 +134,9 @@ def _unequal(was: StarterPrim, twin: Usd.Prim) -> Iterator[str]:
         other = twin.GetAttribute(name)
         if name not in was.values or not other or was.values[name] != other.Get():
             yield name
-    # Switching a collision off writes what the starter left at its default.
+    # Switching a collision off writes what the starter left at its default; so does the first move.
     added = (name for name in others if name not in was.names)
-    yield from (name for name in added if _has_default(was.prim, name))
+    yield from (name for name in added if name == ORDER or _has_default(was.prim, name))
 
 
 def _has_default(prim: Usd.Prim, name: str) -> bool:
