@@ -95,6 +95,20 @@ def test_one_comment_may_name_several_rules(wrong: Path) -> None:
     assert told(wrong) == [(UNUSED, "warning", "/"), W01]
 
 
+def test_a_note_for_another_command_is_none_that_is_unused(wrong: Path, tmp_path: Path) -> None:
+    put_comment(wrong, "# lab3: ignore[P01, K64, U04, K]")
+    assert told(wrong) == [W01]
+    starter = tmp_path / "starter.usda"
+    build_starter(starter)
+    assert (UNUSED, "warning", "/") in told("--starter", starter, wrong)
+
+
+def test_a_note_for_check_is_none_that_lint_finds_unused(tmp_path: Path) -> None:
+    path = saved(broken("02", STEPS[:1]), tmp_path)
+    put_comment(path, "# lab3: ignore[P01, P, K01]")
+    assert told(path, command="lint") == [(UNUSED, "warning", "/")]
+
+
 @pytest.mark.parametrize(
     ("comment", "why"),
     [

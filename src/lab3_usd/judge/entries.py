@@ -149,7 +149,7 @@ def judge_entry(settings: JudgeSettings, entry: Entry) -> Results:
         if settings.native:
             result = _with_native(result)
         if settings.heeds_ignores:
-            result = _without_ignored(result)
+            result = _without_ignored(result, settings)
     if lab.checkpoints[checkpoint].localization:
         about_maps = _about_maps(checkpoint, settings.maps, lab)
         result = with_findings(result, (*result.findings, *about_maps))
@@ -180,10 +180,10 @@ def _judge_submission(path: str, settings: JudgeSettings) -> Results:
     return found.results, (found.submission,)
 
 
-def _without_ignored(result: StageResult) -> StageResult:
-    from lab3_usd.judge.ignoring import without_ignored  # noqa: PLC0415 - only for lab3 check
+def _without_ignored(result: StageResult, settings: JudgeSettings) -> StageResult:
+    from lab3_usd.judge.ignoring import ran, without_ignored  # noqa: PLC0415 - only for lab3 check
 
-    return without_ignored(result)
+    return without_ignored(result, ran(starter=settings.starter, native=settings.native))
 
 
 def _with_native(result: StageResult) -> StageResult:

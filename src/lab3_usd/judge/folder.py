@@ -118,9 +118,10 @@ def _results(
 
             result = with_native(result)
         if settings.heeds_ignores:
-            from lab3_usd.judge.ignoring import without_ignored  # noqa: PLC0415 - only for lab3 check
+            from lab3_usd.judge.ignoring import ran, without_ignored  # noqa: PLC0415 - only for lab3 check
 
-            result = without_ignored(result)
+            also = ran(starter=starters.compared, native=settings.native)
+            result = without_ignored(result, also)
         yield number, result
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from msgspec.structs import replace
 
-from lab3_usd.check.registry import FAMILIES, all_rules
+from lab3_usd.check.registry import FAMILIES, Scope, all_rules
 from lab3_usd.check.rule_runs import run_rule
 from lab3_usd.judge.stage import located, verdict_of
 from lab3_usd.model.finding import Finding, StageResult
@@ -16,10 +16,21 @@ from lab3_usd.model.ignore_notes import IgnoreNote
 from lab3_usd.model.order import ordered
 
 UNUSED = "F06"
+_WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint"})
+_WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "frames", "outcome"})
 
 
-def without_ignored(result: StageResult) -> StageResult:
+def ran(*, starter: object, native: bool) -> frozenset[Scope]:
+    """Return the scopes that ran besides: with a starter that is not None, with `--native`."""
+    compared: frozenset[Scope] = frozenset() if starter is None else frozenset({"starter"})
+    return compared | {"native"} if native else compared
+
+
+def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult:
     """Return the result of a stage without what its notes ignore, and with the unused notes.
+
+    A note about rules that did not run is for another command. `more` are the scopes that ran
+    besides those of a check, or of the linter.
 
     Raises:
         StageError: the file cannot be opened any more.
@@ -34,14 +45,20 @@ def without_ignored(result: StageResult) -> StageResult:
     notes = read_ignore_notes(stage, result.path)
     if not notes:
         return result
+    scopes = (_WITHOUT_SPEC if result.checkpoint is None else _WITH_SPEC).union(more)
     used = {note for note in notes for each in result.findings if note.covers(each)}
     kept = [each for each in result.findings if not any(note.covers(each) for note in notes)]
     for note in notes:
-        if note not in used:
+        if note not in used and not _is_for_others(note, scopes):
             unused = _unused(note)
             kept += unused if note.written else located(list(unused), path, stage)
     findings = ordered(kept)
     return replace(result, findings=findings, verdict=verdict_of(findings, result.crashes))
+
+
+def _is_for_others(note: IgnoreNote, scopes: Collection[Scope]) -> bool:
+    named = [each for each in all_rules().values() if note.rule and each.id.startswith(note.rule)]
+    return bool(named) and not any(each.scope in scopes for each in named)
 
 
 def heeded(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:  # noqa: ANN401
