@@ -184,6 +184,12 @@ def _move(stage: Usd.Stage, source: str, target: str) -> None:
     editor.ApplyEdits()
 
 
+def _misspell(stage: Usd.Stage, where: str, name: str) -> None:
+    path, layer = Sdf.Path(place(where)), stage.GetRootLayer()
+    Sdf.CopySpec(layer, path, layer, path.GetPrimPath().AppendProperty(name))
+    stage.GetPrimAtPath(path.GetPrimPath()).RemoveProperty(path.name)
+
+
 def _instanceable(stage: Usd.Stage, where: str) -> None:
     stage.GetPrimAtPath(place(where)).SetInstanceable(True)  # noqa: FBT003 - pxr takes it so
 
@@ -224,6 +230,7 @@ STEPS: dict[str, Callable[..., None]] = {
     "schema": _schema,
     "copy": _copy,
     "move": _move,
+    "misspell": _misspell,
     "instanceable": _instanceable,
     "instance": _instance,
 }

@@ -15,6 +15,7 @@ from lab3_usd.model.repair import (
     MovePrim,
     RemovePrim,
     RemoveSchema,
+    RenameProperty,
     Retarget,
     SetValue,
 )
@@ -200,6 +201,7 @@ def random_edits(layer: Layer, seed: int) -> Iterator[Edit]:
                 SetValue(prim, name, "token", "typed"),
                 SetValue(prim, name, typed, VALUES[typed]),
                 ClearValue(prim, name),
+                RenameProperty(prim, name, "inputs:renamed"),
                 Connect(prim, name, typed, rng.choice(((), ("/P0.p0",)))),
                 ApplySchema(prim, rng.choice(SCHEMAS)),
                 RemoveSchema(prim, rng.choice(SCHEMAS)),

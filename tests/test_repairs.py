@@ -23,6 +23,7 @@ from lab3_usd.model.repair import (
     Connect,
     Edit,
     RemovePrim,
+    RenameProperty,
     Restore,
     Retarget,
     SetValue,
@@ -33,6 +34,7 @@ DRIVE = "/turtlebot3_burger/ROS_Drive"
 CONTROLLER = f"{DRIVE}/differential_controller"
 ARTICULATION = f"{DRIVE}/articulation_controller"
 WHEEL = "/turtlebot3_burger/wheel_left_link"
+BRIDGE = "isaacsim.ros2.bridge"
 JOINT = "/turtlebot3_burger/joints/wheel_left_joint"
 WRONG_RADIUS: Step = {"set": [f"{CONTROLLER}.inputs:wheelRadius", 0.033]}
 
@@ -84,6 +86,19 @@ CASES: dict[str, tuple[Step, tuple[Edit, ...], bool]] = {
     "the shape of a wheel is activated": (
         {"deactivate": f"{WHEEL}/collisions"},
         (Activate(f"{WHEEL}/collisions"),),
+        True,
+    ),
+    "a misspelt input gets its name and its value": (
+        {"misspell": [f"{CONTROLLER}.inputs:wheelRadius", "inputs:wheelRadus"]},
+        (
+            RenameProperty(CONTROLLER, "inputs:wheelRadus", "inputs:wheelRadius"),
+            SetValue(CONTROLLER, "inputs:wheelRadius", "double", 0.025),
+        ),
+        True,
+    ),
+    "a type name of an earlier release is replaced": (
+        {"set": [f"{CLOCK}/ros2_context.node:type", "omni.isaac.ros2_bridge.ROS2Context"]},
+        (SetValue(f"{CLOCK}/ros2_context", "node:type", "token", f"{BRIDGE}.ROS2Context"),),
         True,
     ),
     "a value of the scene is restored": (

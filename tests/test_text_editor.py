@@ -21,6 +21,7 @@ from lab3_usd.model.repair import (
     Edit,
     MovePrim,
     RemovePrim,
+    RenameProperty,
     Retarget,
     SetValue,
 )
@@ -62,6 +63,11 @@ CASES: dict[str, tuple[str, Edit, str]] = {
         'def "A"\n{\n  int x ( # why\n    doc = "y"\n  )\n}\n',
         SetValue("/A", "x", "int", 2),
         'def "A"\n{\n  int x = 2 ( # why\n    doc = "y"\n  )\n}\n',
+    ),
+    "a property is renamed where it stands": (
+        'def "A"\n{\n  int xx = 1 # int xx\n  int y\n  int xx.connect = </A.y>\n}\n',
+        RenameProperty("/A", "xx", "inputs:x"),
+        'def "A"\n{\n  int inputs:x = 1 # int xx\n  int y\n  int inputs:x.connect = </A.y>\n}\n',
     ),
     "where a statement goes, its comment stays in its place": (
         'def "A" (\n  active = false  # why\n)\n{\n}\n',

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from lab3_usd.errors import StageError
 from lab3_usd.fix.text_editor import PrimChange, apply_changes
-from lab3_usd.fix.text_moves import moved_text
+from lab3_usd.fix.text_moves import moved_text, renamed_property
 from lab3_usd.stage.edit.contents import crate_bytes, is_text, layer_from, same_content
 from lab3_usd.stage.edit.rendering import child_names, has_prim, render_prim, render_tree
 from lab3_usd.stage.edit.session import EditedLayer
@@ -38,10 +38,12 @@ def new_bytes(edited: EditedLayer) -> bytes:
 
 def new_text(text: str, edited: EditedLayer) -> str:
     """Return the text of a layer with its edits."""
-    before = edited.before
+    for path, name, to in edited.renames:
+        text = renamed_property(text, path, name, to)
     for path, to in edited.moves:
         text = moved_text(text, path, to)
-        before = layer_from(text) or before
+    is_renamed = bool(edited.renames or edited.moves)
+    before = (layer_from(text) if is_renamed else None) or edited.before
     touched = dict.fromkeys(_now(each, edited.moves) for each in edited.touched)
     return apply_changes(text, _changes(before, edited.layer, touched))
 

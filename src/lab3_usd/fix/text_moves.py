@@ -1,4 +1,4 @@
-"""Moves and renames prims in the text of a layer."""
+"""Moves and renames prims, and renames properties, in the text of a layer."""
 
 from __future__ import annotations
 
@@ -16,6 +16,16 @@ def moved_text(text: str, path: str, to: str) -> str:
     if path in read_blocks(text):
         text = _moved_block(text, path, to)
     return _renamed_paths(text, path, to)
+
+
+def renamed_property(text: str, path: str, name: str, to: str) -> str:
+    """Return the text of a layer with one property of a prim renamed where it stands."""
+    block = read_blocks(text).get(path)
+    renamed = []
+    for each in block.of(name) if block else ():
+        start = text.rindex(name, each.start, each.head)
+        renamed.append(Splice(start, start + len(name), to))
+    return spliced(text, renamed)
 
 
 def _renamed_paths(text: str, path: str, to: str) -> str:

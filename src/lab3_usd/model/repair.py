@@ -42,6 +42,14 @@ class Retarget(Struct, frozen=True, tag="retarget", tag_field="edit"):
     targets: tuple[str, ...] = ()
 
 
+class RenameProperty(Struct, frozen=True, tag="rename-property", tag_field="edit"):
+    """Give a property that is misspelt its right name, with what it holds."""
+
+    prim: str
+    property: str
+    to: str
+
+
 class ApplySchema(Struct, frozen=True, tag="apply-schema", tag_field="edit"):
     """Apply an API schema to a prim."""
 
@@ -102,6 +110,7 @@ Edit: TypeAlias = (
     | ClearValue
     | Connect
     | Retarget
+    | RenameProperty
     | ApplySchema
     | RemoveSchema
     | Activate

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from msgspec.structs import replace
 
-from lab3_usd.check.repairs.nodes import property_edits
+from lab3_usd.check.repairs.nodes import modern_types, property_edits
 from lab3_usd.check.subject import GraphSubject, StageSubject
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.repair import (
@@ -29,6 +29,7 @@ from lab3_usd.model.stage import DEACTIVATED, OVER
 _SCHEMA = re.compile(r"[A-Z]\w+API(:\w+)?")
 _GRAPH_PLACE = "G02"
 _GRAPH_KIND = "G03"
+_OLD_TYPES = "N06"
 _MISSING_GRAPH = "G01"
 _MISSING_NODE = "N01"
 _UNWANTED = ("N02", "N07", "N08", "N09", "N12", "S21", "S23", "L07")
@@ -94,6 +95,8 @@ def _graph_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
     elif graph is not None and finding.prim == graph.path:
         if finding.rule == _GRAPH_KIND:
             yield from _kind_edits(finding, subject)
+        if finding.rule == _OLD_TYPES:
+            yield from modern_types(graph.nodes, subject.lab.catalog)
         if finding.rule == _MISSING_NODE:
             yield from _node_edits(finding, subject)
     else:

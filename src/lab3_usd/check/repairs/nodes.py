@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
+from lab3_usd.check.lint.names import meant
 from lab3_usd.check.match.conformance import setting_matches, source_path
 from lab3_usd.check.subject import GraphSubject
-from lab3_usd.model.repair import ClearValue, Connect, Edit, Retarget, SetValue
+from lab3_usd.model.repair import (
+    ClearValue,
+    Connect,
+    Edit,
+    RenameProperty,
+    Retarget,
+    SetValue,
+)
 from lab3_usd.model.stage import Node, PortState
-from lab3_usd.spec.catalog import Port
+from lab3_usd.spec.catalog import Catalog, NodeType, Port
 from lab3_usd.spec.graph import NodeSpec
 
 TYPE, VERSION = "node:type", "node:typeVersion"
@@ -21,10 +29,11 @@ def property_edits(subject: GraphSubject, role: str, node: Node, name: str) -> I
     if name in {TYPE, VERSION}:
         yield from _type_edits(spec, node)
     elif port is None:
-        yield from _unknown_port_edits(node, name)
+        yield from _unknown_port_edits(subject, role, node, name)
     elif port.is_target:
         yield from _target_edits(spec, node, name)
     else:
+        yield from _renaming(spec, node, name)
         yield from _wire_edits(subject, role, node, port)
         yield from _value_edits(subject, role, node, port)
 
@@ -36,9 +45,35 @@ def _type_edits(spec: NodeSpec, node: Node) -> Iterator[Edit]:
         yield SetValue(node.path, VERSION, "int", spec.type.version)
 
 
-def _unknown_port_edits(node: Node, name: str) -> Iterator[Edit]:
-    if node.sources(name):
+def modern_types(nodes: Iterable[Node], catalog: Catalog) -> Iterator[Edit]:
+    """Yield the names that the types of nodes have now, where they are of an earlier release."""
+    for node in nodes:
+        now = catalog.modern(node.type_name)
+        if now != node.type_name:
+            yield SetValue(node.path, TYPE, "token", now)
+
+
+def _unknown_port_edits(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[Edit]:
+    """Yield what makes a port right that the type does not have: its name, else no connection."""
+    kind = subject.spec.nodes[role].type
+    likely = meant(name, [*kind.ports])
+    if likely is not None and _misspelt(kind, node, likely) == name:
+        yield from property_edits(subject, role, node, likely)
+    elif node.sources(name):
         yield Connect(node.path, name, "token")
+
+
+def _renaming(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:
+    written = _misspelt(spec.type, node, name)
+    if written is not None:
+        yield RenameProperty(node.path, written, name)
+
+
+def _misspelt(kind: NodeType, node: Node, name: str) -> str | None:
+    """Return the property that was likely meant to be a port which the node does not have."""
+    unknown = [each for each in node.ports if kind.port(each) is None]
+    written = meant(name, unknown) if name not in node.ports else None
+    return written if written and meant(written, [*kind.ports]) == name else None
 
 
 def _target_edits(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:

@@ -16,7 +16,13 @@ from lab3_usd.stage.edit.prims import (
     remove_prim,
     remove_schema,
 )
-from lab3_usd.stage.edit.properties import clear_value, connect, set_targets, set_value
+from lab3_usd.stage.edit.properties import (
+    clear_value,
+    connect,
+    rename_property,
+    set_targets,
+    set_value,
+)
 from lab3_usd.stage.edit.restore import restore
 from lab3_usd.stage.edit.session import EditSession
 
@@ -25,6 +31,7 @@ _EDITORS: Mapping[type, Callable[[EditSession, Any], None]] = {
     repair.ClearValue: clear_value,
     repair.Connect: connect,
     repair.Retarget: set_targets,
+    repair.RenameProperty: rename_property,
     repair.ApplySchema: apply_schema,
     repair.RemoveSchema: remove_schema,
     repair.Activate: activate,

@@ -7,7 +7,7 @@ from typing import Any
 
 from pxr import Sdf
 
-from lab3_usd.model.repair import ClearValue, Connect, Retarget, SetValue
+from lab3_usd.model.repair import ClearValue, Connect, RenameProperty, Retarget, SetValue
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.write.author import catalog_value
 
@@ -84,6 +84,18 @@ def clear_value(session: EditSession, edit: ClearValue) -> None:
     if attribute.HasAuthoredValue():  # a weaker layer says one
         kind = str(attribute.GetTypeName())
         _attribute(session, edit.prim, edit.property, kind).default = Sdf.ValueBlock()
+
+
+def rename_property(session: EditSession, edit: RenameProperty) -> None:
+    """Give a property another name in every layer that may be edited and has no such property."""
+    for prim in [*session.specs(edit.prim)]:
+        if edit.property in prim.properties and edit.to not in prim.properties:
+            layer = prim.layer
+            session.touch(layer, edit.prim)
+            session.begin(layer).renames.append((edit.prim, edit.property, edit.to))
+            old = f"{edit.prim}.{edit.property}"
+            Sdf.CopySpec(layer, old, layer, f"{edit.prim}.{edit.to}")
+            prim.RemoveProperty(prim.properties[edit.property])
 
 
 def connect(session: EditSession, edit: Connect) -> None:

@@ -15,12 +15,14 @@ from lab3_usd.stage.write.builder import checkpoint_layer
 class EditedLayer(Struct, eq=False):
     """A layer with its content before the first edit, and the prims that were edited.
 
-    `moves` are the prims that were moved, in order.
+    `renames` are the properties that were renamed, as prim, old and new name; `moves` the prims
+    that were moved afterwards. Both are in order.
     """
 
     layer: Sdf.Layer
     before: Sdf.Layer
     touched: dict[str, None] = field(default_factory=dict)
+    renames: list[tuple[str, str, str]] = field(default_factory=list)
     moves: list[tuple[str, str]] = field(default_factory=list)
 
 
