@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from collections.abc import Collection, Iterable
 
@@ -54,4 +53,6 @@ def wants_color() -> bool:
 
 def width() -> int:
     """Return the columns of the terminal, 100 when there is none."""
+    import shutil  # noqa: PLC0415 - only where a terminal is written to
+
     return shutil.get_terminal_size((100, 24)).columns

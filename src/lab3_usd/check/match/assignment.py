@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from lab3_usd.check.match.conformance import setting_matches, source_path, target_matches
 from lab3_usd.model.stage import GraphModel, Node
@@ -18,8 +19,7 @@ Pairs = dict[str, Node | None]
 _Cost = tuple[int, int, int]
 
 
-@dataclass(slots=True)
-class _Search:
+class _Search(Struct):
     """A branch-and-bound search over the roles in `order`.
 
     `nodes` holds the nodes of each role's type, `spare` how many roles of a type must stay

@@ -6,7 +6,8 @@ A missing or retyped node silences the wires that touch it: the node's own findi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from lab3_usd.check.match.conformance import source_path
 from lab3_usd.check.match.connections import closes_cycle, is_live, types_fit
@@ -15,8 +16,7 @@ from lab3_usd.model.stage import Node
 from lab3_usd.spec.graph import GraphSpec, Wire
 
 
-@dataclass(slots=True)
-class _Work:
+class _Work(Struct):
     """The graph under diagnosis, and the connections that a fault has already explained."""
 
     spec: GraphSpec

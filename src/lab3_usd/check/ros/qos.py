@@ -6,7 +6,6 @@ node that makes such profiles replaces them by those of its preset when the stag
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 
@@ -108,6 +107,8 @@ def _made_by(maker: Node, live: Nodes) -> Qos | None:
 def decode(text: str) -> Qos | None:
     """Read a profile written as JSON; None where Isaac Sim would refuse it."""
     try:
+        import json  # noqa: PLC0415 - only where a profile is written
+
         data = json.loads(text)
     except (ValueError, RecursionError):
         return None

@@ -11,7 +11,6 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from lab3_usd.model.ignore_notes import IgnoreNote
-from lab3_usd.stage.read.source_locations import layer_name
 
 _GROUP, _KEY = "lab3", "ignore"
 NAME = f"{_GROUP}:{_KEY}"
@@ -35,6 +34,8 @@ def read_ignore_notes(stage: Usd.Stage, given: str) -> tuple[IgnoreNote, ...]:
         if data.startswith(b"#"):
             may_hold_data |= any(form in data for form in _IN_TEXT)
             if _GROUP.encode() in data:
+                from lab3_usd.stage.read.source_locations import layer_name  # noqa: PLC0415 - rare
+
                 name = given if layer == root else layer_name(layer, root, given)
                 comments += _comments(data.decode("utf-8", "replace"), name)
         else:

@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Iterable, Iterator
 from typing import Any
-from urllib.parse import quote, unquote
 
 from pxr import Sdf, Usd
 
@@ -125,9 +124,15 @@ def is_in_scene(prim: Usd.Prim, hidden: Iterable[str]) -> bool:
 
 def blocked_path(asset: str) -> str:
     """Return a path that no computer can open and that still tells which asset was asked for."""
+    from urllib.parse import quote  # noqa: PLC0415 - only for what is blocked
+
     return _BLOCKED + quote(asset, safe="")
 
 
 def original_asset(path: str) -> str:
     """Return the asset that a blocked path stands for, any other path as it is."""
-    return unquote(path[len(_BLOCKED) :]) if path.startswith(_BLOCKED) else path
+    if not path.startswith(_BLOCKED):
+        return path
+    from urllib.parse import unquote  # noqa: PLC0415 - only for what is blocked
+
+    return unquote(path[len(_BLOCKED) :])

@@ -7,7 +7,6 @@ everybody who asks for a value finds them.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -39,12 +38,18 @@ def hold_start_values(stage: Usd.Stage) -> None:
     with Sdf.ChangeBlock():
         for attribute, value in held:
             _write(session, attribute, value)
+        import json  # noqa: PLC0415 - few stages have samples
+
         session.customLayerData = {_KEY: json.dumps([astuple(each) for each in changes])}
 
 
 def changes_after_start(stage: Usd.Stage) -> tuple[AnimatedAttribute, ...]:
     """Return what changes after the start, of a stage that was held there."""
-    written = stage.GetSessionLayer().customLayerData.get(_KEY, "[]")
+    written = stage.GetSessionLayer().customLayerData.get(_KEY)
+    if written is None:
+        return ()
+    import json  # noqa: PLC0415 - few stages have samples
+
     return tuple(AnimatedAttribute(*each) for each in json.loads(written))
 
 
