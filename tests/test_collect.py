@@ -16,9 +16,10 @@ from lab3_usd.cli import lab3
 from lab3_usd.lab.evidence.collect import collect_script
 from lab3_usd.lab.evidence.reader import MANIFEST, read_evidence
 from lab3_usd.model.lab_files import GoalRun
-from lab3_usd.spec.load.ros import load_ros
+from lab3_usd.spec.load.loader import load_lab
 
-ROS = load_ros()
+LAB = load_lab()
+ROS = LAB.ros
 FILES = [command.file for command in ROS.commands]
 
 
@@ -27,7 +28,7 @@ def run_script(
 ) -> subprocess.CompletedProcess[str]:
     """Run the script in `folder`, where `bin` may hold a `ros2`; `outputs` is what one prints."""
     script = folder / "collect.sh"
-    script.write_text(collect_script(ROS))
+    script.write_text(collect_script(LAB))
     if outputs is not None:
         fake_ros2(folder / "bin", outputs)
     # A computer that has ROS must not answer in the place of the fake.
@@ -68,7 +69,7 @@ def test_shellcheck_has_nothing_to_say(tmp_path: Path) -> None:
     if not shellcheck:
         pytest.skip("ShellCheck is not installed")
     script = tmp_path / "collect.sh"
-    script.write_text(collect_script(ROS))
+    script.write_text(collect_script(LAB))
     done = subprocess.run([shellcheck, str(script)], capture_output=True, text=True, check=False)
     assert done.stdout == ""
 
@@ -156,7 +157,7 @@ def test_another_shell_is_told_to_use_bash(tmp_path: Path) -> None:
     if not dash:
         pytest.skip("dash is not installed")
     script = tmp_path / "collect.sh"
-    script.write_text(collect_script(ROS))
+    script.write_text(collect_script(LAB))
     done = subprocess.run([dash, script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "bash collect.sh" in done.stderr
@@ -228,8 +229,8 @@ def test_an_old_goal_is_not_shown_as_a_new_one(tmp_path: Path, old: str) -> None
 
 def test_a_spec_without_a_tree_to_draw_draws_none() -> None:
     commands = tuple(c for c in ROS.commands if c.kind.name != "view_frames")
-    assert "record_frames" in collect_script(ROS)
-    assert "record_frames" not in collect_script(replace(ROS, commands=commands))
+    assert "record_frames" in collect_script(LAB)
+    assert "record_frames" not in collect_script(replace(LAB, ros=replace(ROS, commands=commands)))
 
 
 @pytest.mark.parametrize("options", [["--goal"], ["--limit", "soon"], ["somewhere"]])
@@ -242,7 +243,7 @@ def test_options_that_make_no_sense_are_refused(tmp_path: Path, options: list[st
 def test_the_command_writes_a_script_that_can_be_run(tmp_path: Path) -> None:
     script = tmp_path / "collect.sh"
     done = CliRunner().invoke(lab3, ["collect", "-o", str(script)])
-    assert (done.exit_code, script.read_text()) == (0, collect_script(ROS))
+    assert (done.exit_code, script.read_text()) == (0, collect_script(LAB))
     assert os.access(script, os.X_OK)
 
 
@@ -252,3 +253,22 @@ def test_the_command_replaces_nothing_unasked(tmp_path: Path) -> None:
     done = CliRunner().invoke(lab3, ["collect", "-o", str(script)])
     assert done.exit_code != 0
     assert script.read_text() == "mine"
+
+
+def test_a_lab_without_a_goal_says_so(tmp_path: Path, repository: Path) -> None:
+    lab = load_lab(repository / "docs" / "examples" / "labs" / "jetbot")
+    script = tmp_path / "collect.sh"
+    script.write_text(collect_script(lab))
+    for options in (["--goal", "5"], ["--goal"]):
+        done = subprocess.run(
+            ["bash", script, *options],  # noqa: S607 - bash is where the user has it
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == "collect.sh: Week 5 has no navigation goal to wait for\n"
+    assert "goal" not in script.read_text().replace("navigation goal", "").replace("--goal)", "")
+    assert "results=output\n" in script.read_text()
+    assert list(tmp_path.iterdir()) == [script]

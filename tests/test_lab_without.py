@@ -50,6 +50,29 @@ def no_wheels(files: dict[str, dict[str, Any]]) -> None:
     del files["scene"]["robot"]["wheels"]
 
 
+def bolted_down(files: dict[str, dict[str, Any]]) -> None:
+    no_wheels(files)
+    chassis = jetbot(files)["chassis"]
+    bolt = {"type": "PhysicsFixedJoint", "targets": {"physics:body1": ["/World/Jetbot/chassis"]}}
+    chassis["children"]["bolt"] = bolt
+
+
+def no_articulation(files: dict[str, dict[str, Any]]) -> None:
+    del files["scene"]["robot"]["articulation"]
+    chassis = jetbot(files)["chassis"]
+    chassis["apis"] = [name for name in chassis["apis"] if "Articulation" not in name]
+
+
+def no_limit_of_the_pose(files: dict[str, dict[str, Any]]) -> None:
+    del files["scene"]["robot"]["pose_is_error_until"]
+
+
+def jetbot(files: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return the prims of the robot in the starter."""
+    found: dict[str, Any] = files["starter"]["prims"]["World"]["children"]["Jetbot"]["children"]
+    return found
+
+
 def no_frames(files: dict[str, dict[str, Any]]) -> None:
     without_graph(files, "6", "/jetbot/odom", "/tf")
     files["checkpoints"]["frames"] = {"handout": ""}
@@ -72,6 +95,9 @@ LACKS: dict[str, Edit] = {
     "IMU": no_imu,
     "sensors": no_sensors,
     "wheels": no_wheels,
+    "wheels, bolted down": bolted_down,
+    "articulation": no_articulation,
+    "limit of the pose": no_limit_of_the_pose,
     "frames": no_frames,
     "world": no_world,
     "forbidden names": nothing_forbidden,
@@ -123,8 +149,7 @@ def test_a_robot_without_wheels_still_needs_its_joints(repository: Path, tmp_pat
     files = {name: yaml.safe_load((folder / f"{name}.yaml").read_text()) for name in FILES}
     no_wheels(files)
     (folder / "rubric.yaml").unlink()
-    chassis = files["starter"]["prims"]["World"]["children"]["Jetbot"]["children"]["chassis"]
-    del chassis["children"]["mast_joint"]
+    del jetbot(files)["chassis"]["children"]["mast_joint"]
     for name, data in files.items():
         (folder / f"{name}.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
     built = run(folder, "build", "--out", tmp_path / "out", "--only", "1").split()
@@ -132,3 +157,14 @@ def test_a_robot_without_wheels_still_needs_its_joints(repository: Path, tmp_pat
     result = CliRunner().invoke(lab3, arguments)
     (stage,) = json.loads(result.stdout)["results"]
     assert [(f["rule"], f["prim"]) for f in stage["findings"]] == [("S12", "/World/Jetbot/mast")]
+
+
+def test_stamps_that_restart_with_the_clock_are_no_note(repository: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "lab"
+    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
+    for path in folder.glob("*.yaml"):
+        said = path.read_text().replace("resetOnStop: false", "resetOnStop: true")
+        path.write_text(said)
+    built = run(folder, "build", "--out", tmp_path / "out", "--only", "6").split()
+    (stage,) = json.loads(run(folder, "check", "--format", "json", *built))["results"]
+    assert stage["findings"] == []

@@ -122,7 +122,7 @@ def _use_lab(context: click.Context, _option: click.Parameter, folder: str | Non
     help="The folder that describes the lab, in place of the bundled one (or set LAB3_LAB).",
 )
 def lab3() -> None:
-    """Author and check the USD stages of the TurtleBot 3 lab, without Isaac Sim."""
+    """Author and check the USD stages of a robot lab, without Isaac Sim."""
 
 
 def run() -> NoReturn:

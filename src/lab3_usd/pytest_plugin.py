@@ -16,7 +16,7 @@ ENDINGS = (".usd", ".usda", ".usdc")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add `--lab3 PATH`, which may be given more than once."""
-    group = parser.getgroup("lab3", "checkpoints of the TurtleBot 3 lab")
+    group = parser.getgroup("lab3", "checkpoints of the lab")
     group.addoption(
         "--lab3",
         action="append",

@@ -59,25 +59,15 @@ def _robot_items(lab: Lab, checkpoint: Checkpoint) -> Iterator[SceneItem]:
                 ("S17",),
             )
     target = robot["articulation"]
-    yield SceneItem(
-        "Scene/articulation",
-        SCENE,
-        "one articulation root",
-        target["target"],
-        None,
-        target["handout"],
-        ("S11",),
-    )
-    yield SceneItem(
-        "Scene/rest",
-        SCENE,
-        "robot rests on the ground",
-        path,
-        None,
-        lab.handout.rules.get("S19", robot["handout"]),
-        ("S19", "S21"),
-        ("physics:body",),
-    )
+    if target["target"]:
+        title, where = "one articulation root", target["target"]
+        yield SceneItem(
+            "Scene/articulation", SCENE, title, where, None, target["handout"], ("S11",)
+        )
+    if "ground" in lab.scene["world"]:
+        section = lab.handout.rules.get("S19", robot["handout"])
+        title, body = "robot rests on the ground", ("physics:body",)
+        yield SceneItem("Scene/rest", SCENE, title, path, None, section, ("S19", "S21"), body)
 
 
 def _link_items(

@@ -47,7 +47,7 @@ def command(  # noqa: PLR0913, PLR0917 - one parameter per option
     lidar_asset: str | None,
     force: bool,  # noqa: FBT001 - click passes it by name
 ) -> None:
-    """Build the nine checkpoint stages, each holding all that the lab asks for by then.
+    """Build the stage of each checkpoint, holding all that the lab asks for by then.
 
     STARTER is the supplied scene; without it the bundled one is used. It is opened read-only.
     """

@@ -26,7 +26,7 @@ def command(paths: tuple[str, ...], **options: Any) -> None:  # noqa: ANN401 - o
     """Check stages and submissions against the lab.
 
     PATHS are stage files, folders of stages, or submission folders. The checkpoint is read from
-    each file's name (Lab3_03...). Exit status: 0 nothing found, 1 findings, 2 wrong usage or no
+    each file's name. Exit status: 0 nothing found, 1 findings, 2 wrong usage or no
     such path, 3 the tool itself failed.
     """
     from lab3_usd.commands.checking import run  # noqa: PLC0415 - keeps --help fast

@@ -21,12 +21,13 @@ def command(script: Path, *, force: bool) -> None:
     """Write the script that collects evidence from the running system.
 
     Run it with bash beside Isaac Sim, in the submission folder: it saves the output of every
-    diagnostic command of the handout under `results/`, where `lab3 check` reads it.
+    diagnostic command of the handout in the folder (`results` in the bundled lab) where `lab3
+    check` reads it.
     """
     from lab3_usd.files import write_whole  # noqa: PLC0415 - only this command needs these
     from lab3_usd.lab.evidence.collect import collect_script  # noqa: PLC0415
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
-    write_whole(script, collect_script(load_lab().ros).encode(), force=force)
+    write_whole(script, collect_script(load_lab()).encode(), force=force)
     script.chmod(0o755)
     click.echo(script)

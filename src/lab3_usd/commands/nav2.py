@@ -20,8 +20,8 @@ import click
 def command(folder: Path, *, force: bool) -> None:
     """Write launch, parameter and RViz files for localization and navigation.
 
-    For ROS 2 Humble, parts H and I of the handout; the lidar's RViz configuration is for D10.
-    The files have not been run in ROS. Files that exist are kept.
+    For ROS 2 Humble; one of the RViz configurations shows the lidar alone. The files have not been
+    run in ROS. Files that exist are kept.
     """
     from lab3_usd.lab.nav2.files import nav2_files, write_nav2  # noqa: PLC0415 - only this command
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415

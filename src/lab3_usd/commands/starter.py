@@ -1,4 +1,4 @@
-"""`lab3 starter`: write the bundled starter scene."""
+"""`lab3 starter`: write the starter scene of the lab."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ import click
 )
 @click.option("--force", is_flag=True, help="Replace a file that exists.")
 def command(target: Path, *, force: bool) -> None:
-    """Write the bundled starter scene.
+    """Write the starter scene of the lab, as its starter.yaml describes it.
 
-    A robot with physics in a closed room, as the handout's sections 2, 5 and A describe it, with
-    neither graphs nor sensors.
+    In the bundled lab it is a robot with physics in a closed room, with neither graphs nor sensors.
     """
     from lab3_usd.stage.write.starter import build_starter  # noqa: PLC0415 - pxr is slow to import
 

@@ -22,8 +22,8 @@ GROUPS = {
     "graders": {"grade": "Grade a whole class of submissions."},
     "course authors": {
         "lab": "Check the description of a lab, or start one after a stage.",
-        "build": "Build the nine checkpoint stages from a starter scene.",
-        "starter": "Write the bundled starter scene.",
+        "build": "Build the stages of the checkpoints from a starter scene.",
+        "starter": "Write the starter scene of the lab.",
     },
     "everyone": {
         "lint": "Judge any stage of Isaac Sim, without a spec.",
@@ -36,7 +36,7 @@ GROUPS = {
 }
 COMMANDS = {name: text for group in GROUPS.values() for name, text in group.items()}
 EXAMPLES = {
-    "lab3 check work/Lab3_02_ros_drive.usda": "check one stage",
+    "lab3 check STAGE.usda": "check one stage",
     "lab3 check work --format html -o report.html": "check all, with pictures",
     "lab3 rule W01": "explain one rule",
 }

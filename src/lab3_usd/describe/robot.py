@@ -12,7 +12,6 @@ from lab3_usd.errors import UsageError
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import (
     ARTICULATION_API,
-    ARTICULATION_ENABLED,
     BODY_API,
     BODY_ENABLED,
     KINEMATIC,
@@ -49,39 +48,40 @@ def describe_robot(stage: StageModel, graphs: Iterable[GraphSpec], until: str) -
         UsageError: the stage has no articulation, and no graph names a robot.
     """
     graphs = tuple(graphs)
-    target = _articulation(stage, graphs)
+    target, is_articulation = _articulation(stage, graphs)
     root = _root(stage, target)
     prim = stage.prims.get(root)
     local = None if prim is None else prim.local
+    articulation = {"articulation": {"target": target, "handout": PART}}
     return {
         "path": root,
         "handout": PART,
         "pose": {**pose(local, stage.meters_per_unit), "handout": PART},
         "pose_is_error_until": until,
-        "articulation": {
-            "target": target,
-            "api": ARTICULATION_API,
-            "switch": ARTICULATION_ENABLED,
-            "handout": PART,
-        },
+        **(articulation if is_articulation else {}),
         "base_frame": _base(target, root, graphs),
         "links": {link.name: _link(link) for link in _links(stage, root)},
     }
 
 
-def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> str:
-    """Return the prim with the articulation that the graphs move."""
+def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> tuple[str, bool]:
+    """Return the prim with the articulation that the graphs move, and whether it may have one.
+
+    A robot that nothing moves need not be an articulation: it is the prim that the graphs name.
+    """
     asked = list(_asked(graphs))
     found = [each.path for each in stage.with_api(ARTICULATION_API) if is_articulated(each)]
     for path in asked:
         for each in found:
             if is_at_or_below(each, path) or is_at_or_below(path, each):
-                return each
+                return each, True
     known = [path for path in asked if path in stage.prims or stage.unresolved_above(path)]
     if not found and not known:
         message = "the stage has no robot: it has no articulation root, and no graph names a prim"
         raise UsageError(message)
-    return (found or known)[0]
+    if found:
+        return found[0], True
+    return known[0], stage.unresolved_above(known[0]) is not None
 
 
 def _asked(graphs: Iterable[GraphSpec]) -> Iterator[str]:

@@ -77,11 +77,14 @@ class Score(Struct, frozen=True):
     possible: float
 
 
+REQUIREMENT_KINDS = ("node", "setting", "wire", "target", "scene", "frame")
+
+
 class Requirement(Struct, frozen=True):
     """One thing a checkpoint asks for, and whether the stage meets it.
 
     `id` is stable across files (`ROS_Drive/wire/make_array.input0`); `group` is the graph or
-    scene part it belongs to, `kind` one of node, setting, wire, target, scene, frame.
+    scene part it belongs to, `kind` one of `REQUIREMENT_KINDS`.
     """
 
     id: str

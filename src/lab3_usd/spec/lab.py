@@ -178,8 +178,8 @@ class Lab(Struct, frozen=True, eq=False):
         return tuple(order[: order.index(checkpoint) + 1])
 
     def is_after(self, checkpoint: str, other: str) -> bool:
-        """Whether a checkpoint comes after another."""
-        return checkpoint not in self.until(other)
+        """Whether a checkpoint comes after another; none comes after ''."""
+        return other != "" and checkpoint not in self.until(other)
 
     @property
     def sensors(self) -> Mapping[str, Any]:

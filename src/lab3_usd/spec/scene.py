@@ -16,6 +16,11 @@ Number = Annotated[float, Meta(ge=-1e9, le=1e9)]  # finite, and no room is large
 Number3 = tuple[Number, Number, Number]
 # What a part says that is left out: a lab need not have wheels, a scan, slips or forbidden names.
 _NO_WHEELS = {"joints": {}, "joints_below": "", "distance": 0.0, "axle": (0.0, 1.0, 0.0)}
+_NO_ARTICULATION = {
+    "target": "",
+    "api": "PhysicsArticulationRootAPI",
+    "switch": "physxArticulation:articulationEnabled",
+}
 _NOTHING_FORBIDDEN = {"handout": "", "names": (), "paths": ()}
 _PLAIN_SENSOR = {
     "apis": (),
@@ -48,9 +53,9 @@ class _Pose(Struct):
 
 class _Articulation(Struct):
     target: str
-    api: str
-    switch: str
     handout: str
+    api: str = ""
+    switch: str = ""
 
 
 class _Link(Struct):
@@ -71,10 +76,10 @@ class _Robot(Struct):
     path: str
     handout: str
     pose: _Pose
-    pose_is_error_until: str
-    articulation: _Articulation
     base_frame: str
     links: dict[str, _Link]
+    articulation: _Articulation | None = None
+    pose_is_error_until: str = ""
     wheels: _Wheels | None = None
 
 
@@ -135,7 +140,18 @@ def complete_scene(scene: Mapping[str, Any]) -> dict[str, Any]:
         SpecError: it lacks a part that every lab has, or holds a value of the wrong kind.
     """
     check_scene(scene)
-    robot = {"wheels": {"handout": scene["robot"]["handout"], **_NO_WHEELS}, **scene["robot"]}
+    given = scene["robot"]
+    articulation = {
+        "handout": given["handout"],
+        **_NO_ARTICULATION,
+        **given.get("articulation", {}),
+    }
+    robot = {
+        "wheels": {"handout": given["handout"], **_NO_WHEELS},
+        "pose_is_error_until": "",
+        **given,
+        "articulation": articulation,
+    }
     said = scene.get("forbidden", {})
     forbidden = {
         part: {**_NOTHING_FORBIDDEN, **said.get(part, {})} for part in ("starter", "lidar")

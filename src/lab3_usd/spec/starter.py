@@ -69,10 +69,10 @@ class _Attribute(Struct, forbid_unknown_fields=True):
 
 
 class _StarterFile(Struct, forbid_unknown_fields=True):
-    doc: str
     default_prim: str
-    kinds: dict[str, _Data]
     prims: dict[str, _Data]
+    doc: str = ""
+    kinds: dict[str, _Data] = {}
 
 
 class StarterSpec(Struct, frozen=True):

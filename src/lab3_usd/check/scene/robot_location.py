@@ -125,6 +125,8 @@ def _topmost_missing(stage: StageModel, path: str) -> str:
 def is_root_articulated(lab: Lab, stage: StageModel) -> bool:
     """Whether the robot root carries the articulation, and the handout's prim does not."""
     robot = lab.scene["robot"]
+    if not robot["articulation"]["target"]:
+        return False
     root, base = stage.prim(robot["path"]), stage.prim(robot["articulation"]["target"])
     is_on_base = base is not None and is_articulated(base)
     return root is not None and is_articulated(root) and not is_on_base

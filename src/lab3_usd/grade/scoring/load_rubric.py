@@ -16,7 +16,7 @@ from lab3_usd.check.checker import judge
 from lab3_usd.errors import SpecError
 from lab3_usd.grade.scoring.load_items import load_items, one_of
 from lab3_usd.grade.scoring.rubric import Cap, Late, Points, Rubric
-from lab3_usd.model.finding import Requirement
+from lab3_usd.model.finding import REQUIREMENT_KINDS, Requirement
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.records import record
@@ -44,9 +44,8 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     where = file.name
     said = record(data, _RubricFile, where)
     asked = everything_asked(lab)
-    kinds = tuple(dict.fromkeys(each.kind for found in asked.values() for each in found))
     for kind in said.weights:
-        one_of(kind, kinds, f"{where}: weights")
+        one_of(kind, REQUIREMENT_KINDS, f"{where}: weights")
     lines = [line.text for line in lab.submission.checklist]
     items = load_items(said.items, asked, lines, where)
     for number, cap in enumerate(said.caps, start=1):
@@ -54,7 +53,7 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     rubric = Rubric(
         title=said.title,
         digest="",
-        weights=dict.fromkeys(kinds, 1.0) | said.weights,
+        weights=dict.fromkeys(REQUIREMENT_KINDS, 1.0) | said.weights,
         items=items,
         caps=said.caps,
         late=said.late,

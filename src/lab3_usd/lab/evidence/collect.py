@@ -6,6 +6,7 @@ import shlex
 
 from lab3_usd.lab.evidence.reader import MANIFEST
 from lab3_usd.lab.fill import fill_template
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import Command, GoalSpec, RosSpec
 
 SCRIPT = "collect.sh"
@@ -16,19 +17,23 @@ DAEMON_FILE = "daemon.txt"
 ROBOT_BEFORE_FILE = "goal_robot_before.txt"
 
 
-def collect_script(ros: RosSpec) -> str:
-    """Return the script for the commands of `ros.yaml` (B7 to J7), each with its time limit."""
+def collect_script(lab: Lab) -> str:
+    """Return the script for the commands of `ros.yaml`, each with its time limit."""
+    ros = lab.ros
     frames = next((each for each in ros.commands if each.kind.name == "view_frames"), None)
     return fill_template(
         "collect.sh.j2",
         script=SCRIPT,
-        results=RESULTS,
+        lab=lab.title,
+        results=next(iter(lab.submission.folders.shown), RESULTS),
+        navigation=ros.navigation is not None,
         manifest=MANIFEST,
         setup=shlex.quote(ros.system.setup),
         domain=ros.system.domain,
         distribution=ros.system.distribution,
         commands=[_line(command) for command in ros.commands],
         goal=None if ros.goal is None else _goal(ros, ros.goal),
+        no_goal=shlex.quote(f"{SCRIPT}: {lab.title} has no navigation goal to wait for"),
         goal_file=GOAL_FILE,
         pose_file=GOAL_POSE_FILE,
         daemon_file=DAEMON_FILE,

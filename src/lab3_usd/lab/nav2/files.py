@@ -21,7 +21,7 @@ _MAP_SCALE = 70.0
 
 
 def nav2_files(lab: Lab, ros: RosSpec) -> dict[str, str]:
-    """Return the files by name, for the distribution that `ros.yaml` names (H2, H5, I1, D10).
+    """Return the files by name, for the distribution that `ros.yaml` names.
 
     Nothing of it has run in ROS. Velocity commands are plain Twist messages, as Humble sends them.
     """
@@ -29,7 +29,7 @@ def nav2_files(lab: Lab, ros: RosSpec) -> dict[str, str]:
     navigation = {
         **values,
         "file": RVIZ_FILE,
-        "title": "localization and navigation (H5, I4 to I6)",
+        "title": f"localization and navigation of {lab.title}",
         "navigation": True,
         "fixed_frame": values["map_frame"],
         "scale": _MAP_SCALE,
@@ -37,7 +37,7 @@ def nav2_files(lab: Lab, ros: RosSpec) -> dict[str, str]:
     lidar = {
         **values,
         "file": LIDAR_RVIZ_FILE,
-        "title": "the lidar alone (D10)",
+        "title": f"the lidar alone of {lab.title}",
         "navigation": False,
         "fixed_frame": values["lidar_frame"],
         "scale": _MOST_SCALE,
@@ -75,20 +75,23 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
     navigation, goal, facts = ros.navigation, ros.goal, map_facts(lab.scene)
     localization = lab.frames.localization
     if navigation is None or goal is None or facts is None or localization is None:
-        message = f"{lab.title} has no localization and navigation to write files for"
+        parts = {"navigation": navigation, "goal": goal, "map": facts, "localization": localization}
+        lacking = ", ".join(f"no {name}" for name, part in parts.items() if part is None)
+        message = f"{lab.title} has {lacking}, and so no files for Nav2"
         raise UsageError(message)
     map_frame, odom_frame = localization.edge
     return {
+        "lab": lab.title,
         "distribution": ros.system.distribution,
         "folder": ros.system.folder,
         "launch_file": LAUNCH_FILE,
         "params_file": PARAMS_FILE,
         "rviz_file": RVIZ_FILE,
-        "map_yaml": facts.yaml,
+        "map_yaml": "/".join(filter(None, (lab.submission.folders.maps, facts.yaml))),
         "map_frame": map_frame,
         "odom_frame": odom_frame,
-        "base_frame": lab.frames.deeper_under,
-        "lidar_frame": localization.chain[-1],
+        "base_frame": lab.scene["robot"]["base_frame"],
+        "lidar_frame": _frame_of(lab, navigation.scan_topic) or localization.chain[-1],
         "scan_topic": navigation.scan_topic,
         "map_topic": navigation.map_topic,
         "odom_topic": navigation.odom_topic,
@@ -107,3 +110,9 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         "behaviors": navigation.behaviors,
         "topics": navigation.rviz,
     }
+
+
+def _frame_of(lab: Lab, topic: str) -> str:
+    """Return the frame that the messages of a topic name, '' where the lab does not say."""
+    said = lab.topics.get(topic)
+    return "" if said is None else (said.fields or {}).get("header.frame_id", "")

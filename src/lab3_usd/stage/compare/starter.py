@@ -59,7 +59,7 @@ def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool
         mass=tolerance["mass"],
         limits=(length, tolerance["sensor_angle"], tolerance["scale"]),
         root=robot["path"],
-        articulated=(robot["path"], robot["articulation"]["target"]),
+        articulated=tuple(filter(None, (robot["path"], robot["articulation"]["target"]))),
         bodies_rest=bodies_rest,
     )
 

@@ -70,6 +70,8 @@ def is_root_articulated(lab: Lab, stage: Usd.Stage) -> bool:
     """Whether the robot root carries the articulation, and the handout's prim does not."""
     robot = lab.scene["robot"]
     target = robot["articulation"]["target"]
+    if not target:
+        return False
     return _is_articulated(lab, stage, robot["path"]) and not _is_articulated(lab, stage, target)
 
 

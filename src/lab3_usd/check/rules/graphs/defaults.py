@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
 from lab3_usd.check.match.conformance import same_value
-from lab3_usd.check.match.result import Roles
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.lab_topics import role_specs
 from lab3_usd.check.ros.running import live_nodes
@@ -187,20 +186,22 @@ def stamp_reset(subject: StageSubject) -> Iterator[Problem]:
 
     Example: {scan} has time stamp 2.0 s while /clock is at 95.0 s after a second Play.
     """
-    found = [site for roles in subject.roles.values() for site in _resetting(subject, roles)]
-    if found:
+    reset = subject.lab.policy.stamp_reset
+    found = list(_with_value(subject, reset.ports, value=True))
+    if found and any(_with_value(subject, (reset.agree,), value=False)):
         (prim, port), others = found[0], found[1:]
         related = tuple(f"{path}.{name}" for path, name in others)
         message = f"{port} is True: stamps restart on Stop, while the clock goes on"
         yield Problem(prim, message, port, "False", "True", related=related)
 
 
-def _resetting(subject: StageSubject, roles: Roles) -> Iterator[tuple[str, str]]:
-    """Yield the inputs that make a helper's own time restart."""
-    for node in roles.node_of.values():
+def _with_value(
+    subject: StageSubject, ports: Sequence[str], *, value: bool
+) -> Iterator[tuple[str, str]]:
+    """Yield node and input of the lab's graphs where one of some inputs has a value."""
+    for node in (each for roles in subject.roles.values() for each in roles.node_of.values()):
         for port in node.type.ports.values() if node is not None and node.type is not None else ():
-            asked = port.short in subject.lab.policy.stamp_reset.ports
-            if node is not None and asked and node.value(port.name) is True:
+            if node is not None and port.short in ports and node.value(port.name) is value:
                 yield node.path, port.name
 
 

@@ -40,6 +40,8 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
     """
     spec = subject.lab.scene["robot"]
     target, handout = spec["articulation"]["target"], spec["articulation"]["handout"]
+    if not target:  # the lab's robot has none
+        return
     root = subject.stage.prim(spec["path"])
     base = subject.stage.prim(target)
     if root is None or base is None:
@@ -116,6 +118,8 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
     `physics:body0`.
     """
     robot = subject.lab.scene["robot"]["path"]
+    if not subject.lab.scene["robot"]["wheels"]["joints"]:  # an arm may be bolted down
+        return
     for joint, side in _holds(subject):
         ends = bodies(joint)
         other = ends[1 - side]

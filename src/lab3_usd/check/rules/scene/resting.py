@@ -44,7 +44,7 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the ground plane moved to Z = -0.1.
     """
-    if not _root_stands_right(subject):
+    if "ground" not in subject.lab.scene["world"] or not _root_stands_right(subject):
         return
     found = highest_ground(subject)
     if found is None:
