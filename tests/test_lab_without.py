@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import yaml
 from click.testing import CliRunner
+from pxr import Usd
 
 from lab3_usd.cli import lab3
 
@@ -86,6 +87,13 @@ def no_world(files: dict[str, dict[str, Any]]) -> None:
     del prims["PhysicsScene"], prims["Room"]
 
 
+def metres(files: dict[str, dict[str, Any]]) -> None:
+    """Have stages in centimetres, of a robot that stands on nothing: shapes are not converted."""
+    no_wheels(files)
+    no_world(files)
+    files["scene"]["stage"]["meters_per_unit"] = 0.01
+
+
 def nothing_forbidden(files: dict[str, dict[str, Any]]) -> None:
     del files["scene"]["forbidden"]
 
@@ -100,6 +108,7 @@ LACKS: dict[str, Edit] = {
     "limit of the pose": no_limit_of_the_pose,
     "frames": no_frames,
     "world": no_world,
+    "metres": metres,
     "forbidden names": nothing_forbidden,
 }
 
@@ -168,3 +177,28 @@ def test_stamps_that_restart_with_the_clock_are_no_note(repository: Path, tmp_pa
     built = run(folder, "build", "--out", tmp_path / "out", "--only", "6").split()
     (stage,) = json.loads(run(folder, "check", "--format", "json", *built))["results"]
     assert stage["findings"] == []
+
+
+def test_a_stage_in_centimetres_shows_what_its_panel_should_show(
+    repository: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "lab"
+    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
+    files = {name: yaml.safe_load((folder / f"{name}.yaml").read_text()) for name in FILES}
+    metres(files)
+    (folder / "rubric.yaml").unlink()
+    for name, data in files.items():
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    (path,) = run(folder, "build", "--out", tmp_path / "out", "--only", "5").split()
+    stage = Usd.Stage.Open(path)
+    place = stage.GetPrimAtPath("/World/Jetbot/chassis/Imu").GetAttribute("xformOp:translate")
+    assert tuple(place.Get()) == (0.0, 0.0, 5.0)
+    place.Set((0.0, 0.0, 0.05))  # what the file says, in metres
+    stage.GetRootLayer().Save()
+    result = CliRunner().invoke(lab3, ["--lab", str(folder), "check", "--format", "json", path])
+    errors = [
+        (each["rule"], each["actual"], each["expected"])
+        for each in json.loads(result.stdout)["results"][0]["findings"]
+        if each["severity"] == "error"
+    ]
+    assert errors == [("D04", "(0, 0, 0.05)", "(0, 0, 5)")]

@@ -86,7 +86,7 @@ def judged(lab: Lab, starter: Sdf.Layer) -> Judge:
         layer = Sdf.Layer.CreateAnonymous(".usda")
         layer.TransferContent(starter)
         for name in lab.checkpoints[checkpoint].sensors:
-            author_sensor(layer, lab.sensors[name])
+            author_sensor(layer, lab.sensors[name], 1.0)
         stage = Usd.Stage.Open(layer)
         for change in changes:
             change(stage)

@@ -15,6 +15,7 @@ from lab3_usd.model.transform_math import (
     euler_angles,
     rotation_difference,
     rotation_from_euler,
+    scaled,
 )
 
 Kind = Literal["translate", "rotate", "scale"]
@@ -31,17 +32,30 @@ OPERATIONS: Mapping[Kind, tuple[str, ...]] = {
 UNSCALED: Vector = (1.0, 1.0, 1.0)
 
 
+class Units(Struct, frozen=True):
+    """How many metres one unit of a stage has, and how many the lab asks for.
+
+    Where they differ, lengths that are right in either are right.
+    """
+
+    is_: float = 1.0
+    asked: float = 1.0
+
+    def shown(self, metres: Vector) -> Vector:
+        """Return what the Property panel shows in a stage with the units asked for."""
+        return scaled(metres, 1.0 / self.asked)
+
+
 class Tolerance(Struct, frozen=True):
     """What counts as the same pose: lengths in metres, degrees, factors.
 
-    `metres` is the length of one stage unit. The handout gives lengths in metres and its stages
-    have metres for units; where the units are wrong, lengths that are right in either are right.
+    `units` are those of the stage and of the lab, whose files give lengths in metres.
     """
 
     position: float
     angle: float
     scale: float
-    metres: float = 1.0
+    units: Units
 
 
 class PoseError(Struct, frozen=True):
@@ -59,7 +73,7 @@ def sensor_tolerance(scene: Mapping[str, Any], stage: StageModel) -> Tolerance:
     """Return how exactly a sensor must stand."""
     spec = scene["tolerance"]
     return Tolerance(
-        spec["sensor_position"], spec["sensor_angle"], spec["scale"], stage.meters_per_unit
+        spec["sensor_position"], spec["sensor_angle"], spec["scale"], units_of(scene, stage)
     )
 
 
@@ -67,8 +81,13 @@ def root_tolerance(scene: Mapping[str, Any], stage: StageModel) -> Tolerance:
     """Return how exactly the robot must stand."""
     spec = scene["tolerance"]
     return Tolerance(
-        spec["root_position"], spec["root_angle"], spec["scale"], stage.meters_per_unit
+        spec["root_position"], spec["root_angle"], spec["scale"], units_of(scene, stage)
     )
+
+
+def units_of(scene: Mapping[str, Any], stage: StageModel) -> Units:
+    """Return the units of a stage beside those of the lab."""
+    return Units(stage.meters_per_unit, scene["stage"]["meters_per_unit"])
 
 
 def pose_errors(
@@ -80,8 +99,9 @@ def pose_errors(
     """
     pose = decompose(matrix)
     place = vector(expected["translate"])
-    if not is_near(pose.translation, place, tolerance.position, tolerance.metres):
-        yield _misfit(prim, "translate", pose.translation, place, "")
+    if not is_near(pose.translation, place, tolerance.position, tolerance.units):
+        shown = tolerance.units.shown(place)
+        yield _misfit(prim, "translate", pose.translation, shown, "")
     rotation = vector(expected["rotate"])
     if not rotation_difference(pose.rotation, rotation_from_euler(rotation)) <= tolerance.angle:
         yield _misfit(prim, "rotate", euler_angles(pose.rotation), rotation, " degrees")
@@ -98,13 +118,13 @@ def _misfit(prim: Prim, kind: Kind, actual: Vector, expected: Vector, unit: str)
     return PoseError(kind, pose_property(prim, kind), message, should, is_, hint)
 
 
-def is_near(one: Vector, other: Vector, tolerance: float, metres: float = 1.0) -> bool:
+def is_near(one: Vector, other: Vector, tolerance: float, units: Units) -> bool:
     """Whether two points are the same, with `one` in stage units and `other` in metres.
 
-    A stage whose units are wrong is right in one of two ways: in its units, or in metres.
+    A stage whose units are wrong is right in one of two ways: in its units, or in those asked for.
     """
-    in_metres = (one[0] * metres, one[1] * metres, one[2] * metres)
-    return min(distance(one, other), distance(in_metres, other)) <= tolerance
+    ways = (scaled(one, units.asked), scaled(one, units.is_))
+    return min(distance(each, other) for each in ways) <= tolerance
 
 
 def pose_property(prim: Prim, kind: Kind) -> str:

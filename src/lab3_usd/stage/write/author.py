@@ -36,9 +36,12 @@ def author_graph(layer: Sdf.Layer, spec: GraphSpec, catalog: Catalog) -> None:
         layer.GetAttributeAtPath(target).connectionPathList.prependedItems.append(source)
 
 
-def author_sensor(layer: Sdf.Layer, spec: Mapping[str, Any], asset: str | None = None) -> None:
+def author_sensor(
+    layer: Sdf.Layer, spec: Mapping[str, Any], metres: float, asset: str | None = None
+) -> None:
     """Define the sensor of `scene.yaml` with its pose and attributes.
 
+    `metres` is the length of one unit of the stage.
     With `asset`, the prim references the vendor's file as the Create menu does, and only what
     the handout sets is authored over it; without, the prim describes itself.
     """
@@ -52,7 +55,7 @@ def author_sensor(layer: Sdf.Layer, spec: Mapping[str, Any], asset: str | None =
     for name, entry in attributes.items():
         attribute = Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.Find(entry["type"]))
         attribute.default = catalog_value(entry["value"], entry["type"])
-    _author_pose(prim, spec["pose"])
+    _author_pose(prim, spec["pose"], metres)
 
 
 def _define_prim(layer: Sdf.Layer, path: str, type_name: str) -> Sdf.PrimSpec:
@@ -131,14 +134,14 @@ def _declare_uniform(prim: Sdf.PrimSpec, name: str, usd_type: str, value: Value)
     attribute.default = catalog_value(value, usd_type)
 
 
-def _author_pose(prim: Sdf.PrimSpec, pose: Mapping[str, Any]) -> None:
+def _author_pose(prim: Sdf.PrimSpec, pose: Mapping[str, Any], metres: float) -> None:
     """Write translate, orient and scale in double precision, as the Property panel does.
 
     `pose` holds metres, degrees about X, then Y, then Z, and factors.
     """
     types = Sdf.ValueTypeNames
     ops = (
-        ("xformOp:translate", types.Double3, Gf.Vec3d(*pose["translate"])),
+        ("xformOp:translate", types.Double3, Gf.Vec3d(*pose["translate"]) / metres),
         ("xformOp:orient", types.Quatd, quaternion(pose["rotate"])),
         ("xformOp:scale", types.Double3, Gf.Vec3d(*pose["scale"])),
     )

@@ -170,7 +170,7 @@ def _add(layer: Sdf.Layer, lab: Lab, checkpoint: Checkpoint, options: BuildOptio
         for sensor in checkpoint.new_sensors:
             spec = lab.sensors[sensor]
             asset = options.lidar_asset if spec["kind"] == LIDAR else None
-            author_sensor(layer, spec, asset)
+            author_sensor(layer, spec, lab.scene["stage"]["meters_per_unit"], asset)
         for name in checkpoint.new:
             author_graph(layer, lab.graphs[name], lab.catalog)
 

@@ -55,19 +55,19 @@ def starter_layer(folder: Path) -> Sdf.Layer:
     layer.documentation = spec.doc
     layer.defaultPrim = spec.default_prim
     for prim_spec in spec.prims:
-        _write_prim(stage, prim_spec)
+        _write_prim(stage, prim_spec, spec.meters_per_unit)
     _write_library(stage, spec.prims)
     return layer
 
 
-def _write_prim(stage: Usd.Stage, spec: PrimSpec) -> None:
+def _write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
     prim = stage.OverridePrim(spec.path) if spec.over else stage.DefinePrim(spec.path, spec.type)
     if spec.doc:
         prim.SetDocumentation(spec.doc)
     for api in spec.apis:
         prim.AddAppliedSchema(api)
     if spec.pose is not None:
-        _write_pose(prim, spec.pose)
+        _write_pose(prim, spec.pose, metres)
     for attribute in spec.attributes:
         _write_attribute(prim, attribute)
     for name, paths in spec.targets:
@@ -86,11 +86,14 @@ def _write_library(stage: Usd.Stage, prims: tuple[PrimSpec, ...]) -> None:
             stage.GetPrimAtPath(spec.path).GetReferences().AddInternalReference(spec.reference)
 
 
-def _write_pose(prim: Usd.Prim, pose: PoseSpec) -> None:
-    """Write the three operations that Isaac Sim's own editor writes, in its order."""
+def _write_pose(prim: Usd.Prim, pose: PoseSpec, metres: float) -> None:
+    """Write the three operations that Isaac Sim's own editor writes, in its order.
+
+    `metres` is the length of one unit of the stage.
+    """
     xform = UsdGeom.Xformable(prim)
     double = UsdGeom.XformOp.PrecisionDouble
-    xform.AddTranslateOp(double).Set(Gf.Vec3d(pose.translate))
+    xform.AddTranslateOp(double).Set(Gf.Vec3d(pose.translate) / metres)
     xform.AddOrientOp(double).Set(quaternion(pose.rotate))
     xform.AddScaleOp(double).Set(Gf.Vec3d(pose.scale))
 

@@ -10,6 +10,7 @@ from lab3_usd.check.scene.pose_errors import (
     pose_errors,
     pose_property,
     root_tolerance,
+    units_of,
     vector,
     vector_text,
 )
@@ -82,8 +83,9 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     Why: lengths and masses of the handout, gravity and the ROS frames (+Z up, metres) depend on
     these units. A robot in centimetres is a hundred times too small.
 
-    Fix: set Up Axis to Z and Meters Per Unit to 1 in the stage's properties (select the root in the
-    Stage panel), or open the supplied file again and save it under the new name.
+    Fix: set Up Axis and Meters Per Unit to the values expected here in the stage's properties
+    (select the root in the Stage panel), or open the supplied file again and save it under the new
+    name.
 
     Example: `metersPerUnit = 0.01`, which is USD's default. If the given starter has the same
     units, the finding is a warning.
@@ -113,8 +115,8 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
     Why: the map, the initial pose of AMCL and the goals of the handout assume this pose. In later
     checkpoints it is a warning, because the stage may have been saved after a run.
 
-    Fix: select the robot root and set Translate (1.8, 0, 0), Rotate (0, 0, 0) and Scale (1, 1, 1)
-    in the Property panel.
+    Fix: select the robot root and set Translate, Rotate and Scale to the values expected here in
+    the Property panel.
 
     Example: `xformOp:translate` (0, 0, 0).
     """
@@ -135,6 +137,7 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
             wrong.actual,
             spec["pose"]["handout"],
             severity=severity,
+            hint=f"select the robot root and {wrong.hint}",
         )
 
 
@@ -146,8 +149,8 @@ def scan_offset(subject: StageSubject) -> Iterator[Problem]:
     sees parts of the robot, or the walls do not match the map. Only the first checkpoint is judged,
     because a later stage may have been saved during a run.
 
-    Fix: select the link and set Translate to (-0.032, 0, 0.182) in the Property panel, or start
-    again from the supplied file.
+    Fix: select the link and set Translate to the value expected here in the Property panel, or
+    start again from the supplied file.
 
     Example: `{robot}/{link}` 3 cm beside its place.
     """
@@ -164,8 +167,10 @@ def scan_offset(subject: StageSubject) -> Iterator[Problem]:
         if prim is None or seen is None or (prim.local is None and is_unresolved(stage, prim.path)):
             continue
         actual, expected = decompose(seen).translation, vector(link["offset"])
-        if not is_near(actual, expected, tolerance, stage.meters_per_unit):
-            is_, should = vector_text(actual), vector_text(expected)
+        units = units_of(subject.lab.scene, stage)
+        if not is_near(actual, expected, tolerance, units):
+            is_, should = vector_text(actual), vector_text(units.shown(expected))
             message = f"{name} sits at {is_} on the robot, expected {should}"
             where = pose_property(prim, "translate")
-            yield Problem(prim.path, message, where, should, is_, link["handout"])
+            hint = f"in the Property panel of {name}, set Translate to {should}"
+            yield Problem(prim.path, message, where, should, is_, link["handout"], hint=hint)

@@ -51,8 +51,7 @@ def no_scan(subject: StageSubject) -> Iterator[Problem]:
     near range beyond the far range, the scan is silent or holds no distances.
 
     Fix: select the lidar, search the Property panel for the name given here and type a value above
-    0, or delete the lidar and create it with Create > Sensors > RTX Lidar > NVIDIA > Example Rotary
-    2D.
+    0, or delete the lidar and create it with Create > Sensors > RTX Lidar{lidar_menu}.
 
     Example: `omni:sensor:Core:patternFiringRateHz` 0.
     """
@@ -157,8 +156,7 @@ def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
     differently, so the scan is silent or not flat. The check cannot open the asset, but it sees the
     name.
 
-    Fix: delete the lidar and create it with Create > Sensors > RTX Lidar > NVIDIA > Example Rotary
-    2D.
+    Fix: delete the lidar and create it with Create > Sensors > RTX Lidar{lidar_menu}.
 
     Example: a reference to `Example_Rotary.usda`, created with Example Rotary instead of Example
     Rotary 2D.

@@ -18,8 +18,8 @@ def evidence_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     Why: without the output nothing can be judged. The stage alone does not show whether messages
     arrived.
 
-    Fix: run `lab3 collect -o collect.sh`, then `bash collect.sh` in the submission folder while
-    Isaac Sim plays and Nav2 runs, or save the output of the commands by hand.
+    Fix: run `lab3 collect -o collect.sh`, then `bash collect.sh` in the submission folder while the
+    system runs, or save the output of the commands by hand.
 
     Example: a folder `{shown}` without the output of `ros2 topic hz {scan}`.
     """

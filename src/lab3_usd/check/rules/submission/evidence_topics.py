@@ -75,7 +75,7 @@ def topic_not_listed(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Why: the final list is saved while everything runs. A topic that is not in it was not published.
 
-    Fix: save `ros2 topic list` again while Isaac Sim plays and localization runs.
+    Fix: save `ros2 topic list` again while the whole system runs.
 
     Example: `/map` is missing, because the list was saved before the map server was started.
     """

@@ -148,7 +148,7 @@ def map_origin(subject: MapSubject) -> Iterator[Problem]:
     Why: the whole map is shifted or turned relative to the scene. The scan is beside the walls,
     wherever the initial pose is set.
 
-    Fix: write `origin: [-6.2, -3.32, 0]`. Set the initial pose in RViz instead of moving the map.
+    Fix: write the supplied `origin`. Set the initial pose in RViz instead of moving the map.
 
     Example: `origin: [0, 0, 0]`.
     """
