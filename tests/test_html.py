@@ -32,6 +32,7 @@ from report_examples import (
 )
 
 from lab3_usd.model.finding import Report, Score
+from lab3_usd.report.formats import html as html_format
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html import pictures as html_pictures
 from lab3_usd.spec.load.loader import load_lab
@@ -101,6 +102,19 @@ def test_sections_come_in_the_order_of_the_handout() -> None:
     assert [part.one("h4").text for part in tree.all("section", "chapter")] == [
         "Section 4", "Part A: Starter scene", "Part C: Drive", "Part J", "Section 6", "Section 8",
         "Beside the handout",
+    ]  # fmt: skip
+
+
+def test_a_chapter_is_named_after_the_parts_of_the_lab(monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = load_lab()
+    parts = {"00": "Ex 3", "01": "Ex 31", "02": "Ex 31"}
+    points = {name: replace(lab.checkpoints[name], part=part) for name, part in parts.items()}
+    monkeypatch.setattr(html_format, "load_lab", lambda: replace(lab, checkpoints=points))
+    names = (None, "Ex 31.1", "Ex 4", "Ex 3.1", "Ex 3.2")
+    findings = tuple(replace(OLD_NAME, handout=name, prim=f"/{name}") for name in names)
+    tree = shown(Report((replace(FAILED, checkpoint="00", findings=findings),)))
+    assert [part.one("h4").text for part in tree.all("section", "chapter")] == [
+        "Ex 3: Starter scene", "Ex 4", "Ex 31", "Beside the handout",
     ]  # fmt: skip
 
 

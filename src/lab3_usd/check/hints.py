@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from msgspec.structs import replace
 
@@ -21,6 +21,7 @@ def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> 
     in brackets behind the title.
     """
     alike = Counter((_graph(path), node_title(node)) for path, node in nodes.items())
+    graphs = {_graph(path) for path in nodes}
     for finding in findings:
         node = nodes.get(finding.prim)
         if node is None or not finding.hint:
@@ -30,7 +31,7 @@ def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> 
         shown = title
         if alike[_graph(finding.prim), title] > 1:
             shown = f"{title} ({name})"
-        yield replace(finding, hint=_named(finding.hint, title, shown, _graph_name(finding.prim)))
+        yield replace(finding, hint=_named(finding.hint, title, shown, _graph_of(finding, graphs)))
 
 
 def _named(hint: str, title: str, shown: str, graph: str) -> str:
@@ -44,5 +45,12 @@ def _graph(path: str) -> str:
     return path.rpartition("/")[0]
 
 
-def _graph_name(path: str) -> str:
-    return _graph(path).rpartition("/")[2]
+def _graph_of(finding: Finding, graphs: Collection[str]) -> str:
+    return shown_graph(_graph(finding.prim), graphs)
+
+
+def shown_graph(path: str, graphs: Iterable[str]) -> str:
+    """Return the name of a graph as the editor shows it, its path where another has that name."""
+    name = path.rpartition("/")[2]
+    alike = any(each != path and each.rpartition("/")[2] == name for each in graphs)
+    return path if alike else name

@@ -41,9 +41,9 @@ def _excerpt(finding: Finding, excerpts: Excerpts) -> Iterator[ExcerptLine]:
 
 def ranks(found: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
     """Group cards, which are in order already, by severity, part and section of the handout."""
-    titles: dict[str, str] = {}
+    titles: dict[str, list[str]] = {}
     for each in lab.checkpoints.values():
-        titles.setdefault(each.part, each.title)
+        titles.setdefault(each.part, []).append(each.title)
     return tuple(
         Rank(severity, tuple(_chapters(list(inside), titles)))
         for severity, inside in groupby(found, key=_severity)
@@ -54,7 +54,7 @@ def _severity(card: Card) -> Severity | None:
     return None if card.fault.is_cause else card.fault.finding.severity
 
 
-def _chapters(found: Iterable[Card], titles: Mapping[str, str]) -> Iterator[Chapter]:
+def _chapters(found: Iterable[Card], titles: Mapping[str, list[str]]) -> Iterator[Chapter]:
     parts: dict[str, dict[str, list[Card]]] = {}
     for card in found:
         name = card.fault.finding.handout or ""
@@ -65,9 +65,23 @@ def _chapters(found: Iterable[Card], titles: Mapping[str, str]) -> Iterator[Chap
         yield Chapter(title, tuple(inside))
 
 
-def _chapter(section: str, titles: Mapping[str, str]) -> str:
+def _chapter(section: str, titles: Mapping[str, list[str]]) -> str:
+    """Name the part of the handout that a section is in, by the checkpoint of that part."""
+    part = max((each for each in titles if _is_in(section, each)), key=len, default="")
     _, letter, number, _, _ = section_key(section)
+    if part:
+        name = f"Part {part}" if len(part) == 1 else part
+        return f"{name}: {titles[part][0]}" if len(titles[part]) == 1 else name
     if letter:
-        title = titles.get(letter, "")
-        return f"Part {letter}: {title}" if title else f"Part {letter}"
-    return f"Section {number}" if number else "Beside the handout"
+        return f"Part {letter}"
+    return f"Section {number}" if number else section or "Beside the handout"
+
+
+def _is_in(section: str, part: str) -> bool:
+    """Whether a section is of a part: A5 of A, 4.5 of 4, Ex 3.2 of Ex 3, but Ex 31 is not."""
+    if not part or not section.startswith(part):
+        return False
+    last, following = part[-1], section[len(part) : len(part) + 1]
+    return not (last.isdigit() and following.isdigit()) and not (
+        last.isalpha() and following.isalpha()
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.harmless_faults import without_node
+from lab3_usd.check.hints import shown_graph
 from lab3_usd.check.match.result import Roles
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import GraphSubject
@@ -112,12 +113,14 @@ def _below(there: AbsentPrim, subject: GraphSubject) -> str:
 
 def _way_back(subject: GraphSubject, spec: NodeSpec, there: AbsentPrim | None) -> str:
     """Return how to repair a missing node: one that is in the file already is not added again."""
+    graph = subject.roles.graph
     name = subject.spec.name
+    if graph is not None:
+        name = shown_graph(graph.path, (each.path for each in subject.stage.graphs))
     if there is None:
         return f"add {role_title(spec)} to {name} and {_wiring(subject, spec)}"
     if there.reason == DEACTIVATED:
         return f"right-click {there.path} in the Stage panel and choose Activate"
-    graph = subject.roles.graph
     if there.reason == OUTSIDE and graph is not None:
         return f"drag {there.path} back below {graph.path} in the Stage panel and check its wires"
     define = "write def instead of over for" if there.reason == OVER else "delete"

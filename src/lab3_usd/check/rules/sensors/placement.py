@@ -139,15 +139,18 @@ def misposed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
 def pose_problem(subject: StageSubject, found: PresentSensor, error: PoseError) -> Problem:
     """Return one part of a sensor's pose that is wrong."""
     sensor, location, prim = found
+    spec = subject.lab.sensors[sensor]
+    is_only = sensor == spec["kind"]  # `the lidar`, where the lab calls it so
+    name, the = (sensor, "the ") if is_only else (prim.name, "")
     return Problem(
         prim.path,
-        f"{sensor}'s {error.message} relative to its link",
+        f"{name}'s {error.message} relative to its link",
         error.property,
         error.expected,
         error.actual,
-        subject.lab.sensors[sensor]["pose"]["handout"],
+        spec["pose"]["handout"],
         location.related,
-        hint=f"select the {sensor} and {error.hint}",
+        hint=f"select {the}{name} and {error.hint}",
     )
 
 
