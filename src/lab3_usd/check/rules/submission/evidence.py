@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.submission.file_values import in_short
+from lab3_usd.check.rules.submission.file_values import shortened
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.lab_files import EvidenceSubject, Observation, judge_best
 from lab3_usd.spec.ros import Command
@@ -70,7 +70,7 @@ def lifecycle_not_active(subject: EvidenceSubject) -> Iterator[Problem]:
             ) -> list[Problem]:
                 if shown.fact == wanted:
                     return []
-                said = in_short(shown.fact)
+                said = shortened(shown.fact)
                 message = f"{node} is '{said}', expected '{wanted}'"
                 return [Problem(shown.file, message, node, wanted, said, handout)]
 

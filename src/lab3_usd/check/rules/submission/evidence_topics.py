@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.submission.file_values import in_short, same
+from lab3_usd.check.rules.submission.file_values import same, shortened
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.lab_files import (
     Endpoint,
@@ -168,7 +168,7 @@ def _differing(
     for path, wanted in expected.items():
         actual = shown.fact.get(path, wanted)
         if not same(actual, wanted):  # a map's resolution is a float32 in the message
-            said = in_short(actual)
+            said = shortened(actual)
             message = f"{path} of {topic.name} is {said}, expected {wanted}"
             yield Problem(shown.file, message, topic.name, str(wanted), said, topic.handout)
 

@@ -17,7 +17,7 @@ def same(actual: object, expected: object) -> bool:
     return actual == expected
 
 
-def in_short(value: object) -> str:
+def shortened(value: object) -> str:
     """Return a value of a YAML file or a message, as YAML writes it, and not too long to read."""
     if isinstance(value, (list, tuple, dict)):
         return _repr.repr(value)

@@ -7,7 +7,7 @@ from pathlib import PurePosixPath, PureWindowsPath
 from posixpath import normpath
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.submission.file_values import in_short, same
+from lab3_usd.check.rules.submission.file_values import same, shortened
 from lab3_usd.check.rules.submission.map_values import READ, REFUSED, number
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.lab_files import MapSubject
@@ -134,10 +134,10 @@ def map_value(subject: MapSubject) -> Iterator[Problem]:
         if same(value, expected):
             continue
         given = name in subject.values or actual is not None
-        said = f"is {in_short(actual)}" if given else "is missing"
+        said = f"is {shortened(actual)}" if given else "is missing"
         message = f"'{name}' {said}, expected {expected}"
         message += f"; {REFUSED}" if value is None else ""
-        actual_said = in_short(actual) if given else None
+        actual_said = shortened(actual) if given else None
         yield Problem(subject.file, message, name, str(expected), actual_said)
 
 
@@ -159,7 +159,7 @@ def map_origin(subject: MapSubject) -> Iterator[Problem]:
     values = [number(each) for each in actual] if isinstance(actual, list) else []
     if len(values) == len(expected) and all(map(same, values, expected)):
         return
-    said = in_short(actual)
+    said = shortened(actual)
     message = f"'origin' is {said}, expected {_numbers(expected)}"
     message += f"; {REFUSED}" if len(values) != len(expected) or None in values else ""
     yield Problem(subject.file, message, "origin", _numbers(expected), said)
@@ -221,7 +221,7 @@ def map_not_given(subject: MapSubject) -> Iterator[Problem]:
 
 
 def _quoted(value: object) -> str:
-    return "''" if value == "" else in_short(value)
+    return "''" if value == "" else shortened(value)
 
 
 def _numbers(values: Sequence[float]) -> str:

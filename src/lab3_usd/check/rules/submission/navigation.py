@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.submission.file_values import in_short
+from lab3_usd.check.rules.submission.file_values import shortened
 from lab3_usd.check.rules.submission.parameter_values import parameter_problem
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.lab_files import NavigationSubject, Parameter
@@ -45,7 +45,7 @@ def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
     said = {p.node: p for p in subject.parameters if p.name == name}
     other = [parameter for parameter in said.values() if parameter.value is not True]
     if other:
-        actual = in_short(other[0].value)
+        actual = shortened(other[0].value)
         kind = "the text " if isinstance(other[0].value, str) else ""
         more = f" in {len(other)} nodes" if len(other) > 1 else ""
         message = (
@@ -76,7 +76,7 @@ def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
         if parameter.last in subject.navigation.parameters.base_frame:
             if parameter.value in robot:
                 continue
-            message = f"{parameter.name} is {in_short(parameter.value)}, no frame of the robot"
+            message = f"{parameter.name} is {shortened(parameter.value)}, no frame of the robot"
             expected = subject.frames.deeper_under
             yield parameter_problem(subject, parameter, message, expected=expected)
 
@@ -98,7 +98,7 @@ def wrong_frame(subject: NavigationSubject) -> Iterator[Problem]:
         for parameter in subject.parameters:
             if _last(parameter.node) != node or parameter.name != name or parameter.value == frame:
                 continue
-            message = f"{name} is {in_short(parameter.value)}, expected {frame}"
+            message = f"{name} is {shortened(parameter.value)}, expected {frame}"
             yield parameter_problem(subject, parameter, message, expected=frame)
 
 
@@ -118,7 +118,7 @@ def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
         if topic == navigation.scan_topic:
             continue
         said = ", which the handout forbids" if topic == navigation.wrong_scan_topic else ""
-        message = f"{parameter.name} is {in_short(parameter.value)}{said}"
+        message = f"{parameter.name} is {shortened(parameter.value)}{said}"
         yield parameter_problem(subject, parameter, message, expected=navigation.scan_topic)
 
 
@@ -136,7 +136,7 @@ def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
     navigation = subject.navigation
     for parameter in _named(subject, navigation.parameters.map):
         if _topic(parameter.value) not in {navigation.map_topic, "/"}:
-            message = f"{parameter.name} is {in_short(parameter.value)}"
+            message = f"{parameter.name} is {shortened(parameter.value)}"
             yield parameter_problem(subject, parameter, message, expected=navigation.map_topic)
 
 
@@ -161,10 +161,10 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
     for parameter in subject.parameters:
         limit = limits.get(parameter.last)
         if limit is not None and parameter.kind != "string" and not _close(parameter.value, limit):
-            message = f"{parameter.name} is {in_short(parameter.value)}, the graph allows {limit}"
+            message = f"{parameter.name} is {shortened(parameter.value)}, the graph allows {limit}"
             yield parameter_problem(subject, parameter, message, expected=str(limit))
         elif parameter.last in names.speeds and _other_list(parameter.value, wanted):
-            message = f"{parameter.name} is {in_short(parameter.value)}, the graph allows {wanted}"
+            message = f"{parameter.name} is {shortened(parameter.value)}, the graph allows {wanted}"
             yield parameter_problem(subject, parameter, message, expected=str(wanted))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.submission.file_values import in_short
+from lab3_usd.check.rules.submission.file_values import shortened
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.lab_files import NavigationSubject, Parameter
 
@@ -19,7 +19,7 @@ def parameter_problem(
         f"line {parameter.line}: {message}",
         parameter.site,
         expected,
-        in_short(parameter.value),
+        shortened(parameter.value),
     )
 
 
@@ -43,7 +43,7 @@ def plugin_of_another_release(subject: NavigationSubject) -> Iterator[Problem]:
         value = str(parameter.value)
         name = ours.get(_plain(value), value)
         if value != name:
-            message = f"{parameter.name} is {in_short(value)}, here it is called {name}"
+            message = f"{parameter.name} is {shortened(value)}, here it is called {name}"
             yield parameter_problem(subject, parameter, message, expected=name)
 
 
@@ -83,7 +83,7 @@ def parameter_of_another_type(subject: NavigationSubject) -> Iterator[Problem]:
         kind, actual = declared.get(parameter.last), parameter.kind
         if not kind or not actual or actual == kind or parameter.site in refused:
             continue
-        said = in_short(parameter.value)
+        said = shortened(parameter.value)
         message = f"{parameter.name} is {said} ({_words(actual)}), expected {_words(kind)}"
         yield parameter_problem(subject, parameter, message, expected=kind)
 
