@@ -357,3 +357,27 @@ def test_a_change_is_told_once_by_the_rule_of_its_effect(
     edit_stage(stage, edit)
     result = against_starter(check_stage(stage), open_starter(starter, LAB), LAB)
     assert [each.rule for each in result.findings if each.severity == "error"] == [rule]
+
+
+TYRE = f"{ROBOT}/wheel_left_link/collisions/tyre"
+
+
+def larger_tyre(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath(TYRE).GetAttribute("radius").Set(0.05)
+
+
+def lower_link(stage: Usd.Stage) -> None:
+    link = stage.GetPrimAtPath(f"{ROBOT}/wheel_left_link")
+    link.GetAttribute("xformOp:translate").Set(Gf.Vec3d(0, 0.08, -0.1))
+
+
+@pytest.mark.parametrize(("edit", "rules"), [(larger_tyre, ["U04"]), (lower_link, ["S19"])])
+def test_a_link_off_the_ground_is_told_unless_a_changed_shape_is_why(
+    tmp_path: Path, edit: Edit, rules: list[str]
+) -> None:
+    starter = tmp_path / "starter.usda"
+    build_starter(starter)
+    stage = build_checkpoint(starter, "00", tmp_path / "Lab3_00_student_start.usda")
+    edit_stage(stage, edit)
+    result = against_starter(check_stage(stage), open_starter(starter, LAB), LAB)
+    assert [each.rule for each in result.findings if each.severity == "error"] == rules

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ _EXCUSED = "S"  # the family of the scene, which the starter brings
 _UNITS = "S02"
 # The rules that relate to the prim which causes what they tell, and by which of its properties.
 _CAUSES = {"S12": JOINT_ENABLED, "S19": "xformOp:translate"}
+# What another size or place of a link's shape brings about; the change itself tells how to undo it.
+_FOLLOWS = {"S19": re.compile(r"radius|height|size|axis|points|xformOp:\w+")}
 _Fault = tuple[str, str, str | None, str | None]
 
 
@@ -100,6 +103,7 @@ def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageRes
         frozenset(path for each in told for path in each.related),
     )
     judged = _compared(Path(result.path), starter, result.checkpoint or "", lab, reported)
+    kept = tuple(each for each in kept if not _follows(each, judged.findings))
     requirements = result.requirements
     if len(kept) != len(result.findings):
         requirements = tuple(_again(result, kept, lab))
@@ -124,6 +128,16 @@ def _causes(finding: Finding) -> Iterator[Site]:
         while above:
             yield above, _CAUSES[finding.rule]
             above = above.rpartition("/")[0]
+
+
+def _follows(finding: Finding, changes: Collection[Finding]) -> bool:
+    """Whether what is found of a link follows from a change of a shape below it."""
+    cause = _FOLLOWS.get(finding.rule)
+    return cause is not None and any(
+        each.prim.startswith(f"{finding.prim}/") and cause.fullmatch(each.property or "")
+        for each in changes
+        if each.rule.startswith(_FAMILY) and each.severity == "error"
+    )
 
 
 def _is_excused(finding: Finding, starter: Starter) -> bool:
