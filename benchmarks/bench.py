@@ -27,6 +27,7 @@ from lab3_usd import build_checkpoint, build_starter, check_stage
 RUNS = 15
 WARM_UPS = 2
 MANY = 1000  # stages of a folder
+VENDOR = Path(__file__).resolve().parents[1] / "docs" / "examples" / "carter.usda"
 
 OPEN_STAGE = "import sys; from pxr import Usd; Usd.Stage.Open(sys.argv[1])"
 EXPORT_NINE = """
@@ -103,6 +104,15 @@ def bench_check(folder: Path, runs: int) -> Iterator[Ratio]:
         yield in_turn(f"check, {name}", check(stage), opening(stage), runs, aim)
 
 
+def bench_lint(folder: Path, runs: int) -> Iterator[Ratio]:
+    """Time `lab3 lint` on one file against opening it, with and without OpenUSD's validators."""
+    for name, stage in {"lab stage": lab_stage(folder), "stage of somebody else": VENDOR}.items():
+        for options, aim in (((), 1.3), (("--native",), 1.5)):
+            lint = process("-m", "lab3_usd", "lint", "--format", "json", *options, str(stage))
+            title = " ".join(("lint", *options))
+            yield in_turn(f"{title}, {name}", lint, opening(stage), runs, aim)
+
+
 def bench_warm(folder: Path, runs: int) -> Iterator[Ratio]:
     """Time checking in process against opening alone: nothing is imported any more."""
     for name, stage, times, aim in (
@@ -154,6 +164,7 @@ def bench_build(folder: Path, runs: int) -> Iterator[Ratio]:
 
 BENCHES: dict[str, Callable[[Path, int], Iterator[Ratio]]] = {
     "check": bench_check,
+    "lint": bench_lint,
     "warm": bench_warm,
     "starter": bench_starter,
     "html": bench_html,
