@@ -8,14 +8,16 @@ import importlib
 import os
 import sys
 from pathlib import Path
-from typing import Literal, NoReturn
+from typing import TYPE_CHECKING, Literal, NoReturn
 
 import click
-from click.shell_completion import CompletionItem
 
 from lab3_usd.commands.table import COMMANDS, EXAMPLES, GROUPS
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import Lab3Error, UsageError
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
 
 EXIT_USAGE = 2
 EXIT_CRASH = 3
@@ -69,6 +71,8 @@ class LazyGroup(click.Group):
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Complete the names of commands from the table, so that the Tab key imports none."""
+        from click.shell_completion import CompletionItem  # noqa: PLC0415 - only for the Tab key
+
         named = [
             CompletionItem(name, help=text)
             for name, text in COMMANDS.items()

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from lab3_usd.commands.options import chosen
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
-from lab3_usd.judge.stage import with_findings
+from lab3_usd.judge.results import with_findings
 from lab3_usd.model.finding import Finding, Report
 from lab3_usd.report.entries import site
 from lab3_usd.report.fingerprints import fingerprinted

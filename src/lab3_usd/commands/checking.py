@@ -28,7 +28,7 @@ from lab3_usd.judge.entries import (
     judge_entries,
     with_kept_starter,
 )
-from lab3_usd.judge.stage import with_findings
+from lab3_usd.judge.results import with_findings
 from lab3_usd.model.finding import Report, StageResult, Submission
 from lab3_usd.report.formats.registry import format_named
 from lab3_usd.spec.load.loader import load_lab

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lab3_usd.check.registry import all_rules
-from lab3_usd.judge.stage import with_findings
+from lab3_usd.judge.results import with_findings
 from lab3_usd.model.behaviour import Behaviour
 from lab3_usd.model.finding import Finding, StageResult
 from lab3_usd.report.behaviour.still import Still, still

@@ -18,7 +18,7 @@ from lab3_usd.commands.reporting import (
     write_report,
 )
 from lab3_usd.judge.lint import LintSettings, find_stages, lint_lab, lint_stages
-from lab3_usd.judge.stage import with_findings
+from lab3_usd.judge.results import with_findings
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.registry import format_named
 from lab3_usd.spec.isaac import NEWEST

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +13,7 @@ import click
 from lab3_usd.commands.options import chosen, wants_color, width
 from lab3_usd.config.findings import configured
 from lab3_usd.errors import UsageError
-from lab3_usd.judge.entries import STAGE_ENDINGS
-from lab3_usd.judge.stage import UNREADABLE
+from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
 from lab3_usd.report.formats.registry import Options, format_named, render
 from lab3_usd.spec.load.loader import load_lab
@@ -111,8 +111,9 @@ def news(report: Report, options: Mapping[str, Any]) -> Report:
 
 def progress(judged: Iterable[Any], count: int, options: Mapping[str, Any]) -> Any:  # noqa: ANN401
     """Show a bar on standard error while many files are judged, on a terminal only."""
-    hidden = options["quiet"] or count < 3 or not sys.stderr.isatty()  # noqa: PLR2004
-    return click.progressbar(judged, count, label="checking", file=sys.stderr, hidden=hidden)
+    if options["quiet"] or count < 3 or not sys.stderr.isatty():  # noqa: PLR2004
+        return nullcontext(judged)
+    return click.progressbar(judged, count, label="checking", file=sys.stderr)
 
 
 def rendered(
@@ -128,7 +129,7 @@ def rendered(
     to_terminal = options["output"] is None
     render_options = Options(
         color=to_terminal and wants_color(),
-        width=width() if to_terminal else 100,
+        width=width() if to_terminal and options["form"] == "text" else 100,
         verbosity="quiet" if options["quiet"] else "verbose" if options["verbose"] else "normal",
         statistics=options["statistics"],
         source=options["source"],

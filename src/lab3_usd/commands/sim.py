@@ -26,7 +26,7 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     Raises:
         UsageError: the page has the ending of a stage, the bag is there, or the extra is not.
     """
-    from lab3_usd.judge.entries import STAGE_ENDINGS  # noqa: PLC0415
+    from lab3_usd.judge.results import STAGE_ENDINGS  # noqa: PLC0415
 
     message = ""
     if page is not None and page.suffix.lower() in STAGE_ENDINGS:

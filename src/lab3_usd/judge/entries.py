@@ -13,13 +13,8 @@ from msgspec.structs import replace
 from lab3_usd.config.config import Config
 from lab3_usd.config.findings import matching
 from lab3_usd.errors import UsageError
-from lab3_usd.judge.stage import (
-    UNREADABLE,
-    check_stage,
-    checkpoint_of,
-    unreadable,
-    with_findings,
-)
+from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE, unreadable, with_findings
+from lab3_usd.judge.stage import check_stage, checkpoint_of
 from lab3_usd.model.finding import Crash, Finding, StageResult, Submission
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -27,7 +22,6 @@ from lab3_usd.spec.load.loader import load_lab
 if TYPE_CHECKING:
     from lab3_usd.judge.starter import Starter
 
-STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
 Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
 
 

@@ -13,8 +13,7 @@ from lab3_usd.check.lint.linter import lint
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.judge.entries import STAGE_ENDINGS
-from lab3_usd.judge.stage import UNREADABLE, located, unreadable, verdict_of
+from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE, located, unreadable, verdict_of
 from lab3_usd.model.finding import Crash, Score, StageResult
 from lab3_usd.model.order import ordered
 from lab3_usd.spec.isaac import NEWEST

@@ -7,7 +7,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from lab3_usd.check.rule_runs import run_family
-from lab3_usd.judge.stage import located, with_findings
+from lab3_usd.judge.results import located, with_findings
 from lab3_usd.model.finding import StageResult
 from lab3_usd.model.native import FAMILY, NativeErrors
 

@@ -15,7 +15,7 @@ from lab3_usd.check.requirements import score, with_other_faults
 from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_requirements import scene_items
-from lab3_usd.judge.stage import located
+from lab3_usd.judge.results import located
 from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import Finding, Requirement, StageResult
 from lab3_usd.model.order import ordered

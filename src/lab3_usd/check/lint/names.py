@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from difflib import get_close_matches
 
 _ALIKE = 0.8
 
@@ -11,8 +10,7 @@ _ALIKE = 0.8
 def meant(written: str, known: Collection[str]) -> str | None:
     """Return the known name that a name was likely meant to be, None where none is near."""
     same = [name for name in known if name.lower() == written.lower()]
-    near = same or get_close_matches(written, known, 1, _ALIKE)
-    return near[0] if near else None
+    return same[0] if same else _near(written, known, _ALIKE)
 
 
 def meant_type(written: str, known: Collection[str]) -> str | None:
@@ -21,7 +19,13 @@ def meant_type(written: str, known: Collection[str]) -> str | None:
     same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
     if len(same) == 1 and last:
         return same[0]
-    near = get_close_matches(written, known, 1, _NEAR_TYPE)
+    return _near(written, known, _NEAR_TYPE)
+
+
+def _near(written: str, known: Collection[str], least: float) -> str | None:
+    from difflib import get_close_matches  # noqa: PLC0415 - only after a slip
+
+    near = get_close_matches(written, known, 1, least)
     return near[0] if near else None
 
 

@@ -106,6 +106,8 @@ def _made_by(maker: Node, live: Nodes) -> Qos | None:
 
 def decode(text: str) -> Qos | None:
     """Read a profile written as JSON; None where Isaac Sim would refuse it."""
+    import json  # noqa: PLC0415 - few stages write profiles out
+
     try:
         import json  # noqa: PLC0415 - only where a profile is written
 

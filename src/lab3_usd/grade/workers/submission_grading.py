@@ -23,7 +23,7 @@ from lab3_usd.grade.scoring.rubric import Rubric
 from lab3_usd.grade.scoring.scoring import Grade, grade
 from lab3_usd.grade.workers.messages import Json, Task, status_of
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
-from lab3_usd.judge.stage import with_findings
+from lab3_usd.judge.results import with_findings
 from lab3_usd.judge.starter import Starter
 from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
 from lab3_usd.model.order import ordered

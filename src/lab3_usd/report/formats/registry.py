@@ -12,11 +12,11 @@ from lab3_usd.check.registry import Rule
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Report, Site
 from lab3_usd.model.repair import TextChange
-from lab3_usd.report.html.grade_summary import GradeSummary
 from lab3_usd.report.safe_text import truncated_report
 
 if TYPE_CHECKING:
     from lab3_usd.report.behaviour.still import Still
+    from lab3_usd.report.html.grade_summary import GradeSummary
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 Source = Literal["auto", "always", "never"]

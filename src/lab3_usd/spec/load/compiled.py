@@ -12,6 +12,7 @@ import pickle
 import sys
 import zlib
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -84,9 +85,16 @@ def _packed(checksum: int, loaded: Lab | IsaacTypes) -> bytes:
 
 def _checksum(files: Iterable[Path]) -> int:
     """Return what tells these files, and the code that reads them, from all others."""
-    checksum = 0
-    code = (*PACKAGE.glob("spec/*.py"), *PACKAGE.glob("spec/load/*.py"))
-    for file in (*sorted(files), *sorted(code)):
+    return _sum(files, _code_checksum(PACKAGE))
+
+
+@lru_cache(maxsize=1)
+def _code_checksum(package: Path) -> int:
+    return _sum((*package.glob("spec/*.py"), *package.glob("spec/load/*.py")), 0)
+
+
+def _sum(files: Iterable[Path], checksum: int) -> int:
+    for file in sorted(files):
         checksum = zlib.crc32(file.read_bytes(), zlib.crc32(file.name.encode(), checksum))
     return checksum
 
