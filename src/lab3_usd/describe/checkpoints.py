@@ -146,7 +146,8 @@ def _policy() -> str:
     part = text[text.index("\npolicy:") + 1 :]
     lines = part.splitlines()
     end = next(number for number, line in enumerate(lines) if not line)
-    return "\n".join(lines[:end]) + "\n"
+    said = "\n".join(lines[:end]).replace(", see decisions", "")
+    return said.replace('handout: "decisions"', "handout: A1") + "\n"
 
 
 def _tick(lab: Lab) -> str:

@@ -81,7 +81,20 @@ def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> tuple[str, 
         raise UsageError(message)
     if found:
         return found[0], True
-    return known[0], stage.unresolved_above(known[0]) is not None
+    if stage.unresolved_above(known[0]) is not None:
+        return known[0], True
+    return _carrier(stage, known[0]), False
+
+
+def _carrier(stage: StageModel, path: str) -> str:
+    """Return the body that carries a prim, the prim itself where none does."""
+    above = path
+    while above:
+        prim = stage.prims.get(above)
+        if prim is not None and BODY_API in prim.apis:
+            return above
+        above = above.rpartition("/")[0]
+    return path
 
 
 def _asked(graphs: Iterable[GraphSpec]) -> Iterator[str]:

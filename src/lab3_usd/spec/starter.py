@@ -1,4 +1,4 @@
-"""The bundled starter scene as data: its prims, and what the handout fixes about them."""
+"""The starter scene of a lab as data: its prims, and what the handout fixes about them."""
 
 from __future__ import annotations
 
@@ -87,14 +87,17 @@ class StarterSpec(Struct, frozen=True):
 
 
 def load_starter_spec(folder: Path) -> StarterSpec:
-    """Read the bundled starter from `starter.yaml` and `scene.yaml` in `folder`.
+    """Read the starter from `starter.yaml` and `scene.yaml` in `folder`.
 
-    Masses, the robot's pose and the place of the lidar's link are the handout's (5.3, 5.4) and
+    Masses, the robot's pose and the place of the lidar's link are the handout's and
     stand in `scene.yaml` alone.
 
     Raises:
         SpecError: a file cannot be read, or says something that no prim can be made of.
     """
+    if not (folder / STARTER_FILE).is_file():
+        message = f"{folder} has no {STARTER_FILE}: give lab3 build a starter scene of yours"
+        raise SpecError(message)
     starter = record(read_yaml(folder / STARTER_FILE), _StarterFile, STARTER_FILE)
     scene = complete_scene(read_yaml(folder / SCENE_FILE))
     kinds: dict[str, _Data] = {}

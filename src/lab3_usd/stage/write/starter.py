@@ -1,4 +1,4 @@
-"""Writes the bundled starter scene: the stage that a student is given before the first graph."""
+"""Writes the starter scene of a lab: the stage that a student is given before the first graph."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SUFFIX = ".usda"
 
 @quiet()
 def build_starter(target: Path | str, *, force: bool = False) -> None:
-    """Write the bundled starter scene to `target` as text USD.
+    """Write the starter scene of the lab to `target` as text USD.
 
     The file is written whole or not at all, and is the same to the byte every time.
 

@@ -131,6 +131,7 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     if (
         root is None
         or base is None
+        or robot["base_frame"] not in robot["links"]
         or is_pose_unresolved(stage, root)
         or is_pose_unresolved(stage, base)
     ):
