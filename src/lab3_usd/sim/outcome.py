@@ -90,7 +90,9 @@ def _unknown(evidence: Evidence) -> tuple[Unknown, ...]:
 
 
 def told_legs(evidence: Evidence) -> Iterator[Leg]:
-    """Yield what was told and done in each leg of the first session."""
+    """Yield what was told and done in each leg of the first session, if commands are asked for."""
+    if not evidence.wanted.commands:
+        return
     for leg, before, poses in evidence.stretches(*{each.name for each in evidence.drive[0].legs}):
         if leg.command is None or not any(leg.command):
             continue

@@ -7,7 +7,7 @@ from lab3_usd.model.behaviour import Behaviour, Leg
 WHAT_IT_IS = "a dry run from published node source, not Isaac Sim"
 WHAT_A_RECORDING_IS = "a recording of the running system"
 LOOKS = {
-    "topics": "every topic comes, of its type, from one node, in domain 0",
+    "topics": "every topic comes, of its type, from one node, in the lab's domain",
     "rest": "stands still without a command, after one, and when told to go sideways",
     "follows": "follows commands in sense and size",
     "limits": "commands beyond the limits are cut down to them",
