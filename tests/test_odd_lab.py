@@ -88,6 +88,8 @@ COMMANDS = [  # with the exit code
     (["map", LAST, "-o", "map"], 2),
     (["nav2", "-o", "nav2"], 2),
     (["check", "x.usda"], 2),
+    (["--help"], 0),
+    *(([name, "--help"], 0) for name in ("build", "check", "collect", "nav2", "starter", "grade")),
 ]
 
 
@@ -161,3 +163,22 @@ def test_flat_files_of_canvas_are_graded(built: Path, tmp_path: Path) -> None:
     page = (book / "index.html").read_text()
     assert "Yard" in page
     assert not re.search("TurtleBot|Lab 3|Lab3_", page)
+
+
+@pytest.mark.parametrize(
+    ("count", "said"),
+    [
+        (5, ""),
+        (4, "the handout has no section Ex 3.5 (checkpoints.yaml: handout: sections)"),
+        (6, "checkpoints.yaml: handout: sections: Ex 3: no item names section Ex 3.6"),
+    ],
+)
+def test_sections_of_any_form_are_compared(count: int, said: str, tmp_path: Path) -> None:
+    folder = tmp_path / "lab"
+    shutil.copytree(LAB, folder)
+    sections = f'handout: {{sections: {{"Ex 2": 3, "Ex 3": {count}}}}}\n'
+    path = folder / "checkpoints.yaml"
+    path.write_text(path.read_text() + sections)
+    found = run("--lab", folder, "lab", "check").output
+    assert found.count("section Ex") == bool(said)
+    assert said in found

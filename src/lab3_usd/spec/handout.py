@@ -10,6 +10,7 @@ from msgspec import Struct
 class Handout(Struct, frozen=True, forbid_unknown_fields=True):
     """The sections of the handout: how many each part has, and those that ask for nothing here.
 
+    They are called A1 of a part A, 4.1 of a part 4, and Ex 4.1 of a part Ex 4.
     `rules` names the section behind a rule, for findings about what no item of the lab names.
     """
 
@@ -21,7 +22,12 @@ class Handout(Struct, frozen=True, forbid_unknown_fields=True):
     def names(self) -> tuple[str, ...]:
         """Name every section."""
         return tuple(
-            f"{part}{number}"
-            for part, count in self.sections.items()
+            f"{lead}{number}"
+            for lead, count in zip(self.leads.values(), self.sections.values(), strict=True)
             for number in range(1, count + 1)
         )
+
+    @property
+    def leads(self) -> dict[str, str]:
+        """What the names of the sections of each part begin with."""
+        return {part: f"{part}." if part[-1:].isdigit() else part for part in self.sections}

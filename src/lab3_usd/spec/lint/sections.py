@@ -17,7 +17,8 @@ from lab3_usd.spec.load.ros import FILE as ROS
 from lab3_usd.spec.load.submission import FILE as SUBMISSION
 from lab3_usd.spec.scene import SCENE_FILE
 
-_SECTION = re.compile(r"[A-Z]\d+")
+_FORM = r"[A-Z]\d+"  # of sections of parts that the list lacks
+_NUMBER = re.compile(r"\d+$")
 _KEYS = ("handout", "rate")  # `rate` names the section that asks for one
 _SECTIONS, _BY_HAND = "handout: sections", "handout: by_hand"
 RULES = "handout: rules"
@@ -28,23 +29,34 @@ def section_faults(lab: Lab) -> Iterator[LabFault]:
     known = lab.handout.names
     if not known:
         return
+    leads = lab.handout.leads
+    form = re.compile(
+        "|".join([*(rf"(?<!\w){re.escape(each)}\d+" for each in leads.values()), _FORM])
+    )
     named: dict[str, tuple[str, str]] = {}
     for file, key, text in _references(lab):
-        for section in _SECTION.findall(text):
+        for section in form.findall(text):
             named.setdefault(section, (file, key))
     yield from _unknown(lab, named)
     for section in known:
         if section not in named:
             message = f"no item names section {section}"
             other = f"name it in {CHECKPOINTS}: {_BY_HAND} if nothing shows it"
-            yield LabFault(CHECKPOINTS, f"{_SECTIONS}: {section[0]}", message, other, "warning")
+            key = f"{_SECTIONS}: {_part_of(section, lab)}"
+            yield LabFault(CHECKPOINTS, key, message, other, "warning")
+
+
+def _part_of(section: str, lab: Lab) -> str:
+    """Return the part of the handout that a section is in, of a part that it lacks the letter."""
+    leads = lab.handout.leads.items()
+    return next((part for part, lead in leads if _NUMBER.sub("", section) == lead), section[0])
 
 
 def _unknown(lab: Lab, named: Mapping[str, tuple[str, str]]) -> Iterator[LabFault]:
     """Yield sections that the list does not have, and once each part that it does not have."""
     where, parts = f"{CHECKPOINTS}: {_SECTIONS}", set(lab.handout.sections)
     for section, (file, key) in named.items():
-        part = section[0]
+        part = _part_of(section, lab)
         if part not in parts:
             parts.add(part)
             message = f"the handout has no part {part}"
