@@ -13,6 +13,7 @@ from lab3_usd.sim.record import Odometry, Scan, Transform, View
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 LARGEST = 4_000_000  # bytes of a message that is read as a whole
+LONGEST = 200  # characters of the name of a frame
 _NANOSECONDS = 1e9
 _HEADER = "std_msgs/msg/Header"
 
@@ -51,9 +52,9 @@ def header(data: bytes) -> Header | None:
         seconds, fraction, length = struct.unpack_from(f"{order}iII", data, 4)
     except struct.error:
         return None
-    name = data[16 : 16 + length]
-    if not 0 < length == len(name):
+    if not 0 < length <= len(data) - 16:
         return None
+    name = data[16 : 16 + min(length, LONGEST)]
     frame = name.rstrip(b"\0").decode("utf-8", "replace")
     return Header(seconds + fraction / _NANOSECONDS, frame)
 
@@ -94,7 +95,7 @@ def _seconds(stamp: Any) -> float:  # noqa: ANN401 - the library's record
 
 
 def _head(said: Any) -> Header:  # noqa: ANN401
-    return Header(_seconds(said.stamp), said.frame_id)
+    return Header(_seconds(said.stamp), said.frame_id[:LONGEST])
 
 
 def _clock(message: Any) -> Decoded:  # noqa: ANN401
@@ -119,7 +120,7 @@ def _odometry(message: Any) -> Decoded | None:  # noqa: ANN401
     said = (_xyz(pose.position), _wxyz(pose.orientation), _xyz(twist.linear), _xyz(twist.angular))
     if not all(map(_finite, said)):
         return None
-    return Decoded(_head(message.header), Odometry(message.child_frame_id, *said))
+    return Decoded(_head(message.header), Odometry(message.child_frame_id[:LONGEST], *said))
 
 
 def _transforms(message: Any) -> Decoded | None:  # noqa: ANN401
@@ -128,7 +129,8 @@ def _transforms(message: Any) -> Decoded | None:  # noqa: ANN401
         place = (_xyz(each.transform.translation), _wxyz(each.transform.rotation))
         if not all(map(_finite, place)):
             return None
-        found.append(Transform(each.header.frame_id, each.child_frame_id, *place))
+        names = (each.header.frame_id[:LONGEST], each.child_frame_id[:LONGEST])
+        found.append(Transform(*names, *place))
     # It has a header for each transform, and so no frame of its own.
     first = Header(_head(message.transforms[0].header).stamp, "") if found else None
     return Decoded(first, tuple(found))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple, TypeVar
@@ -11,12 +11,16 @@ from typing import Any, NamedTuple, TypeVar
 from msgspec import Struct
 
 from lab3_usd.errors import RecordingError
-from lab3_usd.sim.bag.packing import PACKED, bound_decompression, plain_file, unpacked
+from lab3_usd.sim.bag import packing
+from lab3_usd.sim.bag.packing import PACKED, Bounds, Unpacker, bound_readers, plain_file, too_many
 
 ENDINGS = (".mcap", ".db3")
-MOST_TOPICS = 2000
-MOST_MESSAGES = 20_000_000
+METADATA = "metadata.yaml"
 LARGEST_METADATA = 4_000_000
+_ODD = set("%?#")
+# A view, virtual table or generated column may take for ever to be read.
+_COMPUTED = """SELECT 1 FROM sqlite_master AS each WHERE type NOT IN ('table', 'index')
+OR sql LIKE 'create virtual%' OR sql LIKE '%generated%' OR sql LIKE '% as (%' LIMIT 1"""
 T = TypeVar("T")
 
 
@@ -53,6 +57,8 @@ class Bag(Struct, frozen=True):
 
     readers: tuple[Any, ...]
     by_message: bool
+    unpacker: Unpacker
+    most: int  # messages
 
     @property
     def topics(self) -> dict[tuple[str, str], tuple[Offered, ...]]:
@@ -75,10 +81,10 @@ class Bag(Struct, frozen=True):
         for reader in self.readers:
             for connection, arrival, data in _guarded(iter(reader.messages())):
                 count += 1
-                if count > MOST_MESSAGES:
-                    message = f"has more than {MOST_MESSAGES} messages"
+                if count > self.most:
+                    message = f"has more than {self.most} messages"
                     raise RecordingError(message)
-                plain = unpacked(data) if self.by_message else data
+                plain = self.unpacker.message(data) if self.by_message else data
                 yield Raw(arrival, connection.topic, connection.msgtype, plain)
 
 
@@ -87,49 +93,65 @@ def _offered(qos: Any) -> Offered:  # noqa: ANN401 - the library's record
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Bag]:
-    """Open a recording: a folder of `ros2 bag record`, or one of its files.
+def opened(layout: Layout, bounds: Bounds) -> Iterator[Bag]:
+    """Open a recording.
 
     Raises:
         RecordingError: it is none, damaged, or too large.
     """
-    layout = _layout(path)
-    bound_decompression()
+    unpacker, most = Unpacker(bounds.parts), packing.MOST_TOPICS * len(layout.paths)
     with ExitStack() as stack:
-        plain = [plain_file(each, stack) for each in layout.paths]
+        stack.enter_context(bound_readers(unpacker, most))
+        plain = [plain_file(each, stack, bounds.file) for each in layout.paths]
         readers = [_reader(each) for each in plain]
         for reader in readers:
             stack.callback(reader.close)
-        if sum(len(each.connections) for each in readers) > MOST_TOPICS * len(readers):
-            raise RecordingError(_too_many())
-        yield Bag(tuple(readers), layout.by_message)
+        if sum(len(each.connections) for each in readers) > most:
+            raise RecordingError(too_many())
+        yield Bag(tuple(readers), layout.by_message, unpacker, bounds.messages)
 
 
-def _layout(path: Path) -> Layout:
+def layout_at(path: Path) -> Layout:
+    """Return the files of a recording: a folder of `ros2 bag record`, or one of its files.
+
+    Raises:
+        RecordingError: it is none.
+    """
     if path.is_file():
         return Layout((path,))
     if not path.is_dir():
         message = "there is no such recording"
         raise RecordingError(message)
-    metadata = path / "metadata.yaml"
-    said = _metadata(metadata) if metadata.is_file() else {}
+    return layout_of([each for each in path.iterdir() if each.is_file()])
+
+
+def layout_of(files: Sequence[Path]) -> Layout:
+    """Return which of some files are a recording, in order: what its metadata say, or all.
+
+    Raises:
+        RecordingError: it is none, or a file is missing.
+    """
+    there = {each.name: each for each in files}
+    said = _metadata(there[METADATA]) if METADATA in there else {}
     names = said.get("relative_file_paths")
     if isinstance(names, list) and names:
-        paths = tuple(path / PurePath(str(each)).name for each in names)
-        missing = next((each.name for each in paths if not each.is_file()), None)
+        wanted = [PurePath(str(each)).name for each in names]
+        missing = next((each for each in wanted if each not in there), None)
         if missing is not None:
             message = f"{missing} is missing"
             raise RecordingError(message)
     else:
-        paths = tuple(sorted(each for each in path.iterdir() if _is_file_of_bag(each)))
-    if not paths:
+        wanted = sorted(each for each in there if is_file_of_bag(each))
+    if not wanted:
         message = "holds no .mcap and no .db3 file"
         raise RecordingError(message)
-    return Layout(paths, str(said.get("compression_mode", "")).lower() == "message")
+    by_message = str(said.get("compression_mode", "")).lower() == "message"
+    return Layout(tuple(there[each] for each in wanted), by_message)
 
 
-def _is_file_of_bag(path: Path) -> bool:
-    return path.is_file() and path.name.removesuffix(PACKED).endswith(ENDINGS)
+def is_file_of_bag(name: str) -> bool:
+    """Whether a file has the name of one that messages are recorded in."""
+    return name.removesuffix(PACKED).endswith(ENDINGS)
 
 
 def _metadata(path: Path) -> dict[str, Any]:
@@ -137,7 +159,7 @@ def _metadata(path: Path) -> dict[str, Any]:
     from ruamel.yaml.error import YAMLError  # noqa: PLC0415
 
     if path.stat().st_size > LARGEST_METADATA:
-        raise RecordingError(_too_many())
+        raise RecordingError(too_many())
     try:
         document = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
     except (YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
@@ -147,10 +169,6 @@ def _metadata(path: Path) -> dict[str, Any]:
     return said if isinstance(said, dict) else {}
 
 
-def _too_many() -> str:
-    return f"has more than {MOST_TOPICS} topics"
-
-
 def _reader(path: Path) -> Any:  # noqa: ANN401 - the library's reader
     from rosbags.rosbag2 import Reader  # noqa: PLC0415 - of the extra
 
@@ -158,6 +176,9 @@ def _reader(path: Path) -> Any:  # noqa: ANN401 - the library's reader
         message = f"{path.name} is neither .mcap nor .db3"
         raise RecordingError(message)
     if path.suffix == ".db3":
+        if _ODD & set(str(path)):  # which the library hands to SQLite as part of an address
+            message = f"{path.name} has %, ? or # in its name or folder; rename it"
+            raise RecordingError(message)
         _check_database(path)
 
     def start() -> Iterator[Any]:
@@ -182,12 +203,15 @@ def _check_database(path: Path) -> None:
         raise RecordingError(message)
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)) as base:
+            if base.execute(_COMPUTED).fetchone() is not None:
+                message = f"{path.name} holds what SQLite would have to compute; not opened"
+                raise RecordingError(message)
             (count,) = base.execute("SELECT count(*) FROM topics").fetchone()
     except sqlite3.Error as error:
         message = f"{path.name} is damaged or no recording: {error}"
         raise RecordingError(message) from error
-    if count > MOST_TOPICS:
-        raise RecordingError(_too_many())
+    if count > packing.MOST_TOPICS:
+        raise RecordingError(too_many())
 
 
 def _guarded(items: Iterator[T]) -> Iterator[T]:

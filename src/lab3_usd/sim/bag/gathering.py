@@ -16,6 +16,7 @@ from lab3_usd.sim.record import Message, Odometry, Recording, Transform
 
 DETAIL = 300.0  # seconds of the simulation that are judged message by message
 MOST_KEPT = 60_000  # messages of these
+MOST_TRANSFORMS = 250_000  # in these
 MOST_NAMES = 2000  # frames, goals
 FEW = 5  # frames of one topic that are named
 
@@ -76,12 +77,13 @@ class Gathered(Struct):
     links: dict[tuple[str, str], Link] = field(default_factory=dict)
     frames: dict[Frame, None] = field(default_factory=dict)
     goals: dict[bytes, int] = field(default_factory=dict)
+    transforms: int = 0
     until: float | None = None  # when more came than is judged message by message
 
     @property
     def seconds(self) -> float:
         """How long it was judged message by message."""
-        return self.timeline.now if self.until is None else self.until
+        return min(DETAIL, self.timeline.now) if self.until is None else self.until
 
     def of_topic(self, name: str) -> list[Tally]:
         """Return what came on a topic, by type."""
@@ -152,7 +154,7 @@ def _keep(found: Gathered, message: Message, topics: Topics) -> None:
     if message.topic == topics.goal and isinstance(data, tuple):
         _goals(found, data)
         return
-    if message.at > DETAIL or len(found.recording.messages) >= MOST_KEPT:
+    if _is_enough(found, message):
         found.until = min(found.until or DETAIL, found.timeline.now)
     if message.topic in {wanted.transforms, *topics.static} and isinstance(data, tuple):
         static = message.topic in topics.static
@@ -160,8 +162,14 @@ def _keep(found: Gathered, message: Message, topics: Topics) -> None:
         if static or not inner:
             return
         message.data = inner
+        found.transforms += len(inner)
     if found.until is None:
         _keep_whole(found, message, wanted)
+
+
+def _is_enough(found: Gathered, message: Message) -> bool:
+    kept = len(found.recording.messages)
+    return message.at > DETAIL or kept >= MOST_KEPT or found.transforms > MOST_TRANSFORMS
 
 
 def _keep_whole(found: Gathered, message: Message, wanted: Interface) -> None:

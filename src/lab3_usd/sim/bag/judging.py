@@ -6,15 +6,18 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from lab3_usd.errors import RecordingError
 from lab3_usd.model.affine import HERE
 from lab3_usd.model.behaviour import Behaviour, Check, Topic, Unknown
 from lab3_usd.sim.bag.checks import CHECKS, Recorded
 from lab3_usd.sim.bag.driven import legs, path
-from lab3_usd.sim.bag.files import opened
+from lab3_usd.sim.bag.files import Layout, layout_at, opened
 from lab3_usd.sim.bag.gathering import Gathered, Topics, gather
+from lab3_usd.sim.bag.packing import Bounds
 from lab3_usd.sim.behaviour.asked import interface, map_topic, reached_topics, static_topics
-from lab3_usd.sim.behaviour.evidence import PHYSICAL, Evidence, Fault
+from lab3_usd.sim.behaviour.evidence import PHYSICAL, Evidence, Fault, Interface
 from lab3_usd.sim.behaviour.judge import CHECKS as SHARED
 from lab3_usd.sim.behaviour.judge import verdict
 from lab3_usd.sim.drive import Session
@@ -32,22 +35,50 @@ def judge_recording(recording: Path, lab: Lab, checkpoint: str, *, whole: bool) 
     `whole` asks for localization and a goal although nothing of them was recorded.
     """
     wanted = interface(lab, lab.checkpoints[checkpoint])
-    goal = lab.ros.goal
-    topics = Topics(wanted, static_topics(lab), "" if goal is None else goal.status)
+    topics = _read_topics(lab, wanted)
     try:
-        with opened(recording) as bag:
+        with opened(layout_at(recording), Bounds()) as bag:
             found = gather(bag.messages(), bag.topics, topics)
     except (RecordingError, OSError) as error:
         reason = (Unknown("/", str(error)),)
         return Behaviour(
             "", checkpoint, 0.0, "unreadable", not_simulated=reason, recording=str(recording)
         )
+    return _judged(found, topics, (lab, checkpoint), whole=whole, name=str(recording))
+
+
+def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -> Behaviour:
+    """Judge what was recorded by what the lab asks for; what was not is no fault.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+    wanted = interface(lab, lab.checkpoints[checkpoint])
+    with opened(layout, bounds) as bag:
+        found = gather(bag.messages(), bag.topics, _read_topics(lab, wanted))
+    came = {topic for (topic, _), tally in found.tallies.items() if tally.count}
+    seen = replace(
+        wanted, types={each: kind for each, kind in wanted.types.items() if each in came}
+    )
+    return _judged(found, _read_topics(lab, seen), (lab, checkpoint), whole=False, name="")
+
+
+def _read_topics(lab: Lab, wanted: Interface) -> Topics:
+    goal = lab.ros.goal
+    return Topics(wanted, static_topics(lab), "" if goal is None else goal.status)
+
+
+def _judged(
+    found: Gathered, topics: Topics, asked_by: tuple[Lab, str], *, whole: bool, name: str
+) -> Behaviour:
+    (lab, checkpoint), wanted = asked_by, topics.wanted
     found.recording.seconds = found.timeline.now
     drive = legs(found.commands, found.seconds, wanted.limits)
     found.recording.path = list(path(found.places, drive))
     evidence = Evidence(found.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
     asked = reached_topics(lab, checkpoint)
-    recorded = Recorded(found, topics, evidence, asked, map_topic(lab, checkpoint)[1], goal)
+    map_frame = map_topic(lab, checkpoint)[1]
+    recorded = Recorded(found, topics, evidence, asked, map_frame, lab.ros.goal)
     checks = tuple(_checks(recorded, _left_out(recorded, lab, checkpoint, whole=whole)))
     return Behaviour(
         "",
@@ -60,7 +91,7 @@ def judge_recording(recording: Path, lab: Lab, checkpoint: str, *, whole: bool) 
         tuple(path_rows(evidence)),
         legs=tuple(told_legs(evidence)) if found.places else (),
         remarks=tuple(_remarks(found)),
-        recording=str(recording),
+        recording=name,
     )
 
 
