@@ -138,7 +138,7 @@ def test_a_fault_gives_its_finding_and_no_other(
 
 
 def test_every_rule_has_a_case() -> None:
-    elsewhere = {"E01", "E10"}
+    elsewhere = {"E01", "E10", "E18", "E19"}  # the last two in test_recordings_handed_in.py
     assert {rule_id for rule_id, _, _ in FAULTS} | elsewhere == set(RULES)
 
 

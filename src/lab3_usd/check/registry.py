@@ -90,7 +90,12 @@ MODULES = {
     "U": ("scene.starter",),
     "M": ("submission.maps",),
     "V": ("submission.navigation", "submission.parameter_values"),
-    "E": ("submission.evidence", "submission.evidence_topics", "submission.evidence_frames"),
+    "E": (
+        "submission.evidence",
+        "submission.evidence_topics",
+        "submission.evidence_frames",
+        "submission.evidence_recordings",
+    ),
     "X": ("submission.submission", "submission.handed_in"),
     "Z": ("submission.files",),
     "K": (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
 from msgspec import Struct
@@ -21,6 +21,7 @@ from lab3_usd.judge.folder_checks import (
     read_saved_outputs,
 )
 from lab3_usd.judge.folder_starter import Starters, find_starters
+from lab3_usd.judge.recordings import opens_all, read_recordings
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter
 from lab3_usd.lab.submission.listing import folder_named, list_submission
@@ -45,7 +46,8 @@ class FolderSettings(Struct, frozen=True):
 
     With `require_evidence`, saved output that is missing is an error instead of a note. With
     `heeds_ignores`, what notes in a stage ignore on purpose is left out. With `native`, OpenUSD's
-    own validators judge the stages as well.
+    own validators judge the stages as well. `may_open` is told of each recording before it is
+    opened, and says why it is not to be.
     """
 
     starter: Path | Starter | None = None
@@ -53,6 +55,7 @@ class FolderSettings(Struct, frozen=True):
     require_evidence: bool = False
     heeds_ignores: bool = False
     native: bool = False
+    may_open: Callable[[str], str] = opens_all
 
 
 class FolderResult(Struct, frozen=True):
@@ -85,8 +88,10 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     contents = FolderContents(folder, list_submission(folder, lab, spec), lab, lab.ros, spec)
     starters = find_starters(folder, contents.listing, settings.starter, lab)
     results = dict(_results(contents, starters, settings))
-    evidence = read_saved_outputs(contents)
     until = [*contents.listing.stages][-1] if contents.listing.stages else lab.last
+    entries, may_open = contents.listing.entries, settings.may_open
+    recordings = read_recordings(folder, entries, (lab, until), may_open)
+    evidence = replace(read_saved_outputs(contents), recordings=recordings)
     required = settings.require_evidence
     judged = merge_results((
         run_family("submission", "X", _subject(contents, results, starters), lab),

@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 
 from msgspec import Struct, field
 
+from lab3_usd.model.behaviour import Check
 from lab3_usd.model.finding import Problem
 from lab3_usd.spec.lab import FrameSpec
 from lab3_usd.spec.ros import FROM_THE_FIRST, MapFacts, NavigationSpec, RosSpec
@@ -137,6 +138,28 @@ class GoalRun(Struct, frozen=True):
     seconds: float | None = None
 
 
+class RecordingShown(Struct, frozen=True):
+    """What a recording of the running system shows: what came in it, and what was looked at.
+
+    `unread` says why it was not read; `for_lack` that it lacks an extra of this program.
+    """
+
+    file: str
+    topics: frozenset[str] = frozenset()
+    frames: frozenset[str] = frozenset()
+    checks: tuple[Check, ...] = ()
+    unread: str = ""
+    for_lack: bool = False
+
+    def shows(self, kind: str, target: str) -> bool:
+        """Whether it shows what a command of this kind prints about its target."""
+        if kind == "topic_list":
+            return bool(self.topics)
+        if kind in {"topic_type", "topic_hz", "topic_echo", "topic_info"}:
+            return target in self.topics
+        return kind in {"view_frames", "tf2_echo"} and {*target.split()} < self.frames
+
+
 class Run(Struct, frozen=True):
     """One line of the manifest: what was run, how it ended, when it began, how long it took."""
 
@@ -171,6 +194,7 @@ class Evidence(Struct, frozen=True):
     packages: Outputs[tuple[str, ...]] = field(default_factory=dict)
     goals: Outputs[GoalRun] = field(default_factory=dict)
     runs: tuple[Run, ...] = ()
+    recordings: tuple[RecordingShown, ...] = ()
 
 
 class EvidenceSubject(Struct, frozen=True):

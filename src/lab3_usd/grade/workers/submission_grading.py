@@ -71,7 +71,8 @@ def grade_submission(
         nesting=setup.limits.nesting,
     )
     with _inside(staged.folder), fenced(fence):
-        found = check_folder(Path(), FolderSettings(starter=setup.starter))
+        settings = FolderSettings(starter=setup.starter, may_open=partial(_may_open, fence))
+        found = check_folder(Path(), settings)
         found = _without_repairs(found)
         found = _with_fence(found, task.student, staged.refused, fence.found.values())
         points = _points(setup, found, late=task.late)
@@ -94,6 +95,12 @@ def _without_repairs(found: FolderResult) -> FolderResult:
         for each in found.results
     )
     return replace(found, results=tuple(results))
+
+
+def _may_open(fence: Fence, name: str) -> str:
+    """Announce what may end this process, and refuse what did."""
+    fence.announce(name)
+    return fence.broken.get(name, "")
 
 
 @contextlib.contextmanager

@@ -98,7 +98,7 @@ def _read_files(files: Mapping[str, Path], folder: str, ros: RosSpec) -> Evidenc
         ran = file in runs and runs[file].exit not in _NEVER_RAN
         for kind, target, fact in _facts(text, name, ros, ran=ran):
             found[kind].setdefault(target, []).append(Observation(fact, file))
-    kept = {kind: _preferred(of, set(runs)) for kind, of in found.items()}
+    kept: dict[str, Any] = {kind: _preferred(of, set(runs)) for kind, of in found.items()}
     return Evidence(folder=folder, runs=tuple(runs.values()), **kept)
 
 

@@ -43,9 +43,13 @@ def evidence_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 def _is_shown(subject: EvidenceSubject, command: Command) -> bool:
     goal = subject.ros.goal
     if goal is not None and command.of == goal.status:
-        return bool(subject.evidence.goals)
+        recorded = any(one.name == "goal" for e in subject.evidence.recordings for one in e.checks)
+        return recorded or bool(subject.evidence.goals)
     shown: Mapping[str, object] = getattr(subject.evidence, command.kind.name)
-    return command.target in shown
+    recordings = subject.evidence.recordings
+    return command.target in shown or any(
+        each.shows(command.kind.name, command.target) for each in recordings
+    )
 
 
 @rule("E08", "lifecycle-not-active", scope="evidence")

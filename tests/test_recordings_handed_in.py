@@ -1,0 +1,307 @@
+"""Recordings in a submission are evidence: what they show is judged, and what they lack is not."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from breaking import correct_stage
+from click.testing import CliRunner
+from grade_files import submission
+from msgspec.structs import replace
+from submissions import LAB
+
+pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
+
+from recordings import Sent, durable, pictures, rewritten
+from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
+
+from lab3_usd.check.registry import rules_of
+from lab3_usd.commands.sim import command as sim_command
+from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.workers import worker_main
+from lab3_usd.grade.workers.messages import PoolSettings, Task
+from lab3_usd.grade.workers.submission_grading import grade_submission
+from lab3_usd.judge import recordings as module
+from lab3_usd.judge.folder import FolderSettings, check_folder
+from lab3_usd.judge.recordings import opens_all, read_recordings
+from lab3_usd.lab.submission.listing import entries_below
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.lab_files import Evidence, EvidenceSubject, RecordingShown
+from lab3_usd.sim.bag import packing
+from lab3_usd.spec.load.ros import map_facts
+
+RULES = {each.id: each for each in rules_of("evidence", "E")}
+DRIVE = "0.15,0,2 0,0,0.5 -0.15,0,1.5 0,0.8,1.5 0,0,1"
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording without faults."""
+    folder = tmp_path_factory.mktemp("recording")
+    stage = folder / "Lab3_05.usda"
+    correct_stage("05").GetRootLayer().Export(str(stage))
+    arguments = [str(stage), "--drive", DRIVE, "--bag", str(folder / "dry")]
+    assert CliRunner().invoke(sim_command, arguments).exit_code == 0
+    return rewritten(folder / "dry", folder / "run", pictures)
+
+
+@pytest.fixture
+def handed_in(tmp_path: Path) -> Path:
+    folder = tmp_path / "ada"
+    (folder / "results").mkdir(parents=True)
+    return folder
+
+
+def put(plain: Path, folder: Path, name: str = "run") -> Path:
+    return Path(shutil.copytree(plain, folder / "results" / name))
+
+
+def shown(folder: Path) -> tuple[RecordingShown, ...]:
+    entries = sorted(entries_below(folder), key=lambda each: each.path)
+    return read_recordings(folder, entries, (LAB, LAB.last), opens_all)
+
+
+def problems(recordings: tuple[RecordingShown, ...], *, required: bool = False) -> list[Problem]:
+    evidence = Evidence("results", recordings=recordings)
+    facts, reached = map_facts(LAB.scene), tuple(LAB.checkpoints)
+    given = EvidenceSubject(LAB.ros, LAB.frames, facts, evidence, reached, required)
+    return [each for name in ("E18", "E19") for each in RULES[name].check(given)]
+
+
+def unread(folder: Path) -> str:
+    (one,) = shown(folder)
+    (problem,) = problems((one,))
+    assert problem.message == f"the recording {one.unread}"
+    assert str(folder) not in one.unread
+    return one.unread
+
+
+def test_a_good_recording_shows_no_fault(plain: Path, handed_in: Path) -> None:
+    put(plain, handed_in)
+    (one,) = shown(handed_in)
+    assert one.file == "results/run/run.mcap"
+    assert {each.verdict for each in one.checks} == {"ok"}
+    assert problems((one,)) == []
+
+
+def test_what_was_not_recorded_is_no_fault(plain: Path, handed_in: Path) -> None:
+    def few(sent: Sent) -> Iterator[Sent]:
+        if sent.topic in {"/clock", "/scan"}:
+            yield sent
+
+    rewritten(plain, handed_in / "results" / "run", few)
+    (one,) = shown(handed_in)
+    assert one.topics == {"/clock", "/scan"}
+    assert problems((one,)) == []
+
+
+def test_a_fault_of_the_system_is_an_error_and_one_of_measure_a_warning(
+    plain: Path, handed_in: Path
+) -> None:
+    def change(sent: Sent) -> Iterator[Sent]:
+        if sent.topic == "/cmd_vel":
+            sent.said.linear.x *= -1
+        yield sent._replace(qos=durable(sent.qos)) if sent.topic == "/odom" else sent
+
+    rewritten(plain, handed_in / "results" / "run", change)
+    found = {each.property: each for each in problems(shown(handed_in))}
+    assert found["QoS"].severity == "error"
+    assert "/odom is offered transient_local" in found["QoS"].message
+    assert "E07" in (found["QoS"].hint or "")
+    assert found["follows"].severity == "warning"
+
+
+def test_what_a_second_recording_shows_repaired_is_no_fault(plain: Path, handed_in: Path) -> None:
+    change = lambda sent: iter([sent._replace(qos=durable(sent.qos))])  # noqa: E731
+    rewritten(plain, handed_in / "results" / "early", change)
+    assert [each.property for each in problems(shown(handed_in))] == ["QoS"]
+    put(plain, handed_in, "late")
+    assert problems(shown(handed_in)) == []
+
+
+def test_a_recording_shows_what_commands_would_print(plain: Path, handed_in: Path) -> None:
+    put(plain, handed_in)
+    evidence = Evidence("results", recordings=shown(handed_in))
+    facts, reached = map_facts(LAB.scene), tuple(LAB.checkpoints)[:6]
+    given = EvidenceSubject(LAB.ros, LAB.frames, facts, evidence, reached)
+
+    def missing(given: EvidenceSubject) -> str:
+        return " ".join(each.message for each in RULES["E01"].check(given))
+
+    assert "ros2 topic hz /odom" not in missing(given)
+    assert "ros2 node list" in missing(given)
+    alone = replace(given, evidence=Evidence("results"))
+    assert missing(alone) == "no output of a diagnostic command was found"
+
+
+def test_without_the_extra_one_note_says_so(
+    plain: Path, handed_in: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(plain, handed_in, "one")
+    put(plain, handed_in, "other")
+    monkeypatch.setattr(module, "find_spec", lambda _: None)
+    (note,) = problems(shown(handed_in))
+    assert (note.severity, note.message[:12]) == ("note", "2 recordings")
+    assert "lab3-usd[sim]" in note.message
+
+
+# ---- recordings that were made, or broken, to stop a reader
+
+
+@pytest.mark.parametrize("storage", list(StoragePlugin))
+def test_a_cut_recording_is_not_read(plain: Path, handed_in: Path, storage: StoragePlugin) -> None:
+    folder = rewritten(plain, handed_in / "results" / "run", storage=storage)
+    (file,) = folder.glob("run.*")
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    assert unread(handed_in)
+
+
+def test_a_file_of_it_that_is_missing_is_named(plain: Path, handed_in: Path) -> None:
+    folder = put(plain, handed_in)
+    shutil.copy(folder / "run.mcap", folder / "other.mcap")
+    (folder / "run.mcap").unlink()
+    assert unread(handed_in) == "run.mcap is missing"
+
+
+def test_a_link_out_of_the_submission_is_not_opened(plain: Path, handed_in: Path) -> None:
+    (handed_in / "results" / "run.mcap").symlink_to(next(plain.glob("*.mcap")))
+    assert "leads out of the submission" in unread(handed_in)
+
+
+def test_metadata_reach_no_file_elsewhere(plain: Path, handed_in: Path) -> None:
+    shutil.copy(next(plain.glob("*.mcap")), handed_in / "secret.mcap")
+    folder = put(plain, handed_in)
+    (folder / "run.mcap").rename(folder / "mine.mcap")
+    text = (folder / "metadata.yaml").read_text()
+    (folder / "metadata.yaml").write_text(text.replace("- run.mcap", "- ../../secret.mcap"))
+    inside = [each for each in shown(handed_in) if each.file.startswith("results")]
+    assert [each.unread for each in inside] == ["secret.mcap is missing"]
+
+
+def test_a_name_that_is_an_address_for_sqlite_is_not_opened(plain: Path, handed_in: Path) -> None:
+    folder = rewritten(plain, handed_in / "run", storage=StoragePlugin.SQLITE3)
+    hidden = handed_in / "results" / "%2e%2e%2frun%2frun.db3"
+    hidden.write_bytes((folder / "run.db3").read_bytes())
+    assert "rename it" in next(each.unread for each in shown(handed_in) if "%" in each.file)
+
+
+def test_a_database_that_computes_for_ever_is_not_opened(handed_in: Path) -> None:
+    with closing(sqlite3.connect(handed_in / "results" / "run.db3")) as base, base:
+        endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i FROM n"
+        base.execute("CREATE TABLE messages(id, topic_id, timestamp, data)")
+        base.execute(f"CREATE VIEW topics(id) AS {endless}")
+    assert "would have to compute" in unread(handed_in)
+
+
+def test_a_million_topics_are_not_read(handed_in: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packing, "MOST_TOPICS", 50)
+    with Writer(handed_in / "results" / "run", version=8, storage_plugin=StoragePlugin.MCAP) as bag:
+        for number in range(60):
+            bag.add_connection(
+                f"/t{number}", "std_msgs/msg/String", msgdef="string data", rihs01="RIHS01_0"
+            )
+    assert unread(handed_in) == "has more than 50 topics"
+
+
+def test_more_messages_than_are_read_are_said(
+    plain: Path, handed_in: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(plain, handed_in)
+    monkeypatch.setattr(module, "MESSAGES", 100)
+    assert unread(handed_in) == "has more than 100 messages"
+
+
+@pytest.mark.parametrize("packing_mode", [CompressionMode.MESSAGE, CompressionMode.FILE])
+def test_what_unpacks_to_too_much_is_not_read(
+    plain: Path, handed_in: Path, monkeypatch: pytest.MonkeyPatch, packing_mode: CompressionMode
+) -> None:
+    rewritten(plain, handed_in / "results" / "run", packing=packing_mode)
+    limit = "UNPACKED" if packing_mode is CompressionMode.MESSAGE else "LARGEST_FILE"
+    assert [each.unread for each in shown(handed_in)] == [""]
+    monkeypatch.setattr(module, limit, 200_000)
+    assert unread(handed_in) == "unpacks to more than 0 MB"
+
+
+def test_more_recordings_than_are_read_are_said(
+    plain: Path, handed_in: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MOST", 1)
+    for name in ("a", "b", "c"):
+        put(plain, handed_in, name)
+    assert [bool(each.unread) for each in shown(handed_in)] == [False, True]
+
+
+def test_numbers_without_sense_end_in_a_verdict(plain: Path, handed_in: Path) -> None:
+    def change(sent: Sent) -> Iterator[Sent]:
+        if sent.topic == "/odom":
+            pose = sent.said.pose.pose
+            pose.position.x = 1e308 if sent.time % 2 else -1e308
+            pose.orientation.w = pose.orientation.z = 0.0
+        if sent.topic == "/clock" and sent.time > 2e9:
+            sent.said.clock.sec = 2_000_000_000
+        if sent.topic == "/tf":
+            for each in sent.said.transforms:
+                each.header.frame_id = "x" * 10_000
+                each.transform.rotation.w = 0.0
+        yield sent
+
+    rewritten(plain, handed_in / "results" / "run", change)
+    (one,) = shown(handed_in)
+    assert one.checks
+    assert all(len(each.message) < 2000 for each in problems((one,)))
+    assert all(len(each) <= 200 for each in one.frames)
+
+
+def test_time_that_only_others_tell_is_not_driven(plain: Path, handed_in: Path) -> None:
+    def change(sent: Sent) -> Iterator[Sent]:
+        if sent.topic in {"/odom", "/cmd_vel"}:
+            yield sent
+            yield Sent(2**61, "/other", "std_msgs/msg/String", b"\0\1\0\0\1\0\0\0\0")
+
+    rewritten(plain, handed_in / "results" / "run", change)
+    assert shown(handed_in)[0].checks
+
+
+def test_a_folder_is_checked_with_its_recordings(plain: Path, handed_in: Path) -> None:
+    change = lambda sent: iter([sent._replace(qos=durable(sent.qos))])  # noqa: E731
+    rewritten(plain, handed_in / "results" / "run", change)
+    stage = handed_in / "work" / f"{LAB.checkpoints['05'].file}.usda"
+    stage.parent.mkdir()
+    correct_stage("05").GetRootLayer().Export(str(stage))
+    asked = []
+    refusing = FolderSettings(may_open=lambda name: asked.append(name) or "ended a worker")
+    assert "E18" in {
+        each.rule for each in check_folder(handed_in, FolderSettings()).submission.findings
+    }
+    found = check_folder(handed_in, refusing).submission.findings
+    assert [each.message for each in found if each.rule == "E19"] == [
+        "the recording ended a worker"
+    ]
+    assert asked == ["results/run/run.mcap"]
+
+
+def test_grading_announces_a_recording_and_leaves_out_one_that_ended_a_worker(
+    plain: Path, tmp_path: Path
+) -> None:
+    student = submission(tmp_path / "ada", "05")
+    change = lambda sent: iter([sent._replace(qos=durable(sent.qos))])  # noqa: E731
+    rewritten(plain, student / "results" / "run", change)
+    setup = worker_main.load_setup(PoolSettings(None, None, Limits()))
+    name, announced = "results/run/run.mcap", list[str]()
+
+    def report(scratch: Path, broken: dict[str, str]) -> str:
+        scratch.mkdir()
+        task = Task("ada", "ada", (Source(student),), broken=broken)
+        return str(grade_submission(setup, task, scratch, announced.append)["reports"])
+
+    assert "E18" in report(tmp_path / "one", {})
+    assert announced[-1] == name
+    again = report(tmp_path / "two", {name: "ran out of time (20 s)"})
+    assert "E18" not in again
+    assert "the recording ran out of time" in again
