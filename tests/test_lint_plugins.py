@@ -12,14 +12,18 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from breaking import correct_stage
 from menu_graphs import MENUS, with_menus
 from pxr import Sdf, Usd
 
 from lab3_usd.judge.lint import lint_open_stage, lint_stage
+from lab3_usd.judge.stage import check_stage
 from lab3_usd.plugins import findings as adapter
 from lab3_usd.plugins import nvidia
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "docs" / "examples" / "carter.usda"
+CONTROLLER = "/turtlebot3_burger/ROS_Drive/differential_controller"
+CLOCK_NODE = "/World/ROS_Clock/ros2_publish_clock"
 PLUGIN = Path(nvidia.__file__).with_name("openusd")
 Told = list[tuple[str, str]]
 
@@ -125,8 +129,68 @@ def test_both_names_of_the_decorator_are_known(
     nvidia.plugin.on_startup()
     nvidia.plugin.on_shutdown()
     assert [(category, rule.__name__) for category, rule in registered] == [
-        ("Lab3", "IsaacGraphChecker")
+        ("Lab3", "IsaacGraphChecker"),
+        ("Lab3Check", "LabCheckpointChecker"),
     ]
+
+
+@pytest.fixture
+def mistaken(tmp_path: Path) -> Path:
+    """A stage of the lab with a wrong value, a lost wire and a node too many."""
+    stage = correct_stage("02")
+    stage.GetAttributeAtPath(f"{CONTROLLER}.inputs:wheelRadius").Set(0.033)
+    stage.GetAttributeAtPath("/World/ROS_Clock/ros2_publish_clock.inputs:execIn").ClearConnections()
+    Sdf.CopySpec(stage.GetRootLayer(), CLOCK_NODE, stage.GetRootLayer(), f"{CLOCK_NODE}_01")
+    path = tmp_path / "Lab3_02_mine.usda"
+    stage.GetRootLayer().Export(str(path))
+    return path
+
+
+def checked_by_nvidia(path: Path) -> Any:
+    module = pytest.importorskip("usd_validation_nvidia")
+    engine = module.ValidationEngine(init_rules=False, variants=False)
+    engine.enable_rule(nvidia.checkpoint_rule_class(module))
+    return engine.validate(str(path)).issues()
+
+
+def test_a_stage_of_the_lab_is_checked_as_the_command_does(mistaken: Path) -> None:
+    told = sorted((each.rule, each.prim) for each in check_stage(mistaken).findings)
+    assert len(told) == 3
+    issues = checked_by_nvidia(mistaken)
+    assert sorted((each.message.split()[0], str(each.at.path)) for each in issues) == told
+
+
+def test_safe_repairs_are_suggestions_which_repair(mistaken: Path) -> None:
+    module = pytest.importorskip("usd_validation_nvidia")
+    issues = checked_by_nvidia(mistaken)
+    repairs = {each.rule: each.fix for each in check_stage(mistaken).findings}
+    suggested = {each.message.split()[0]: each.suggestion for each in issues}
+    assert {rule for rule, each in suggested.items() if each} == {"P01", "W01"}
+    assert suggested["P01"].message == repairs["P01"].title
+    fixer = module.IssueFixer(str(mistaken))
+    results = fixer.fix([each for each in issues if each.suggestion])
+    assert {each.status.name for each in results} == {"SUCCESS"}
+    fixer.save()
+    assert [each.rule for each in check_stage(mistaken).findings] == ["N02"]
+
+
+def test_a_validator_without_suggestions_gets_the_findings_alone(mistaken: Path) -> None:
+    said: list[str] = []
+
+    class Rule:
+        def _AddFailedCheck(self, message: str, at: Any) -> None:  # noqa: N802
+            assert at
+            said.append(message.partition(" ")[0])
+
+        _AddWarning = _AddFailedCheck
+
+    rule = nvidia.checkpoint_rule_class(SimpleNamespace(BaseRuleChecker=Rule))()
+    rule.CheckStage(Usd.Stage.Open(str(mistaken)))
+    assert sorted(said) == ["N02", "P01", "W01"]
+
+
+def test_a_stage_of_another_name_is_none_of_the_lab() -> None:
+    assert list(checked_by_nvidia(EXAMPLE)) == []
 
 
 def test_without_a_validator_the_plugin_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.requirements import score
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.judge.results import located, unreadable, verdict_of
 from lab3_usd.model.finding import StageResult
@@ -53,6 +54,25 @@ def check_stage(
     except StageError as error:
         return unreadable(str(path), found, str(error))
     return _result(str(path), found, judged, stage)
+
+
+def check_open_stage(stage: Any, lab: Lab) -> RuleResults:  # noqa: ANN401 - pxr has no types
+    """Judge a stage that somebody else has open, which is left as it is; of another name, nothing.
+
+    The checkpoint is the one that the name of its file begins with.
+
+    Raises:
+        StageError: a file of the stage is damaged.
+    """
+    file = Path(stage.GetRootLayer().realPath)
+    found = checkpoint_of(file.name, lab)
+    if found is None:
+        return RuleResults()
+    from lab3_usd.stage.read.opening import reopened  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+
+    judged = judge(lab, lab.checkpoints[found], read_model(reopened(stage), lab, str(file)))
+    return RuleResults(ordered(judged.findings), judged.crashes)
 
 
 def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageResult:  # noqa: ANN401

@@ -1,22 +1,36 @@
-"""What the linter says of a stage that somebody else has open; it never raises."""
+"""What linter and check say of a stage that somebody else has open; it never raises."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.judge.lint import lint_open_stage
+from lab3_usd.judge.stage import check_open_stage
 from lab3_usd.model.finding import Finding
+from lab3_usd.spec.load.loader import load_lab
 
-CRASH = "the linter itself failed"
+CRASH = "the program itself failed"
 
 
 def findings_of(stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
-    """Return the findings of an open stage, in order; a crash of a rule is a finding as well.
+    """Return what the linter finds in an open stage, in order."""
+    return _told(lambda: lint_open_stage(stage))
+
+
+def checked_findings_of(stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
+    """Return what the check finds in an open stage whose file is named after a checkpoint."""
+    return _told(lambda: check_open_stage(stage, load_lab()))
+
+
+def _told(judge: Callable[[], RuleResults]) -> tuple[Finding, ...]:
+    """Return the findings; a crash of a rule is a finding as well.
 
     An exception that leaves a validator ends the whole run of the program around it.
     """
     try:
-        results = lint_open_stage(stage)
+        results = judge()
     except Exception as error:  # noqa: BLE001 - see above
         return (_crash(f"{type(error).__name__}: {error}"),)
     crashes = (_crash(f"{each.rule}: {each.error}") for each in results.crashes)

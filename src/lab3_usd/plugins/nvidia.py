@@ -1,4 +1,4 @@
-"""NVIDIA's validator: one rule of the category Lab3 that reports what the linter finds.
+"""NVIDIA's validator: a rule that reports what the linter finds, and one for the lab's stages.
 
 Imported by that validator through its entry points, never by the program itself.
 """
@@ -6,9 +6,14 @@ Imported by that validator through its entry points, never by the program itself
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterable
 from typing import Any
 
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.repair import Repair
+
 CATEGORY = "Lab3"
+CHECK_CATEGORY = "Lab3Check"
 # The same package under its names of 2026, of before, and inside Isaac Sim.
 _MODULES = ("usd_validation_nvidia", "omni.asset_validator", "omni.asset_validator.core")
 _DECORATORS = ("register_rule", "registerRule")
@@ -33,31 +38,70 @@ def validator() -> Any:  # noqa: ANN401 - a module without types
 
 
 def rule_class(module: Any) -> Any:  # noqa: ANN401 - see above
-    """Return the rule for a validator: a class that derives from the validator's own."""
+    """Return the rule that lints, a class that derives from the one of a validator."""
 
     class IsaacGraphChecker(module.BaseRuleChecker):  # type: ignore[misc]
         """Action Graphs, topics, frames, robots and sensors of Isaac Sim work as they are wired."""
 
         def CheckStage(self, stage: Any) -> None:  # noqa: ANN401, N802 - the validator's name
             """Report what the linter finds in a stage."""
-            from lab3_usd.plugins.findings import findings_of, text_of  # noqa: PLC0415
+            from lab3_usd.plugins.findings import findings_of  # noqa: PLC0415
 
-            for finding in findings_of(stage):
-                prim = stage.GetPrimAtPath(finding.prim)
-                add = getattr(self, _ADD[finding.severity])
-                add(text_of(finding), at=prim or stage)
+            _report(module, self, stage, findings_of(stage))
 
     return IsaacGraphChecker
+
+
+def checkpoint_rule_class(module: Any) -> Any:  # noqa: ANN401 - see above
+    """Return the rule that checks the stages of the lab, with repairs as suggestions."""
+
+    class LabCheckpointChecker(module.BaseRuleChecker):  # type: ignore[misc]
+        """A stage of the lab, named after its checkpoint, is as the lab asks for it."""
+
+        def CheckStage(self, stage: Any) -> None:  # noqa: ANN401, N802 - the validator's name
+            """Report what the check finds in a stage."""
+            from lab3_usd.plugins.findings import checked_findings_of  # noqa: PLC0415
+
+            _report(module, self, stage, checked_findings_of(stage))
+
+    return LabCheckpointChecker
+
+
+def _report(module: Any, rule: Any, stage: Any, findings: Iterable[Finding]) -> None:  # noqa: ANN401
+    """Give a rule of the validator its issues, each with the repair that may be made unasked."""
+    from lab3_usd.plugins.findings import text_of  # noqa: PLC0415
+
+    for finding in findings:
+        add = getattr(rule, _ADD[finding.severity])
+        suggested = _suggestion(module, finding.fix) if finding.fix else {}
+        add(text_of(finding), at=stage.GetPrimAtPath(finding.prim) or stage, **suggested)
+
+
+def _suggestion(module: Any, repair: Repair) -> dict[str, Any]:  # noqa: ANN401
+    """Return a repair as the validator takes it; nothing where it adds, removes or moves prims.
+
+    `--fix` makes every suggestion without asking.
+    """
+    if not repair.safe or not hasattr(module, "Suggestion"):
+        return {}
+
+    def repaired(stage: Any, _at: Any) -> None:  # noqa: ANN401 - the validator's own objects
+        from lab3_usd.fix.open_stage import repair_open_stage  # noqa: PLC0415
+
+        repair_open_stage(repair, stage)
+
+    return {"suggestion": module.Suggestion(callable=repaired, message=repair.title)}
 
 
 class Plugin:
     """What the validator starts and stops."""
 
     def on_startup(self) -> None:
-        """Register the rule."""
+        """Register the rules."""
         module = validator()
         register = next(getattr(module, each) for each in _DECORATORS if hasattr(module, each))
         register(CATEGORY)(rule_class(module))
+        register(CHECK_CATEGORY)(checkpoint_rule_class(module))
 
     def on_shutdown(self) -> None:
         """Leave nothing behind: the validator lets go of its rules itself."""
