@@ -173,6 +173,10 @@ def _schema(stage: Usd.Stage, where: str, name: str) -> None:
     stage.GetPrimAtPath(place(where)).AddAppliedSchema(name)
 
 
+def _schema_off(stage: Usd.Stage, where: str, name: str) -> None:
+    stage.GetPrimAtPath(place(where)).RemoveAppliedSchema(name)
+
+
 def _copy(stage: Usd.Stage, source: str, target: str) -> None:
     layer = stage.GetRootLayer()
     Sdf.CopySpec(layer, place(source), layer, place(target))
@@ -228,6 +232,7 @@ STEPS: dict[str, Callable[..., None]] = {
     "define": _define,
     "node": _node,
     "schema": _schema,
+    "schema off": _schema_off,
     "copy": _copy,
     "move": _move,
     "misspell": _misspell,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import random
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 
 from msgspec.structs import replace
 from pxr import Sdf, Usd
+from random_edits import edit
 from sabotage import Fault, graph_faults
 from scene_sabotage import scene_sabotage
 from second_author import Style, author_lab
@@ -20,6 +22,7 @@ from second_author import Style, author_lab
 from lab3_usd.check.match.merging import match_all
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_stage
 from lab3_usd.fix.source_tree import ROOT, read_blocks
+from lab3_usd.model.finding import Finding
 from lab3_usd.spec.graph import GraphSpec, PortRef, Wire
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -31,12 +34,21 @@ _MARK = re.compile(r"# note \d+")
 _PROPERTY = re.compile(r"^\s+(?:custom |uniform |prepend )?\w+(?:\[\])? [\w:.]+(?: = [^({\[\"]+)?$")
 
 
+EDITOR = Style(names="editor")
+STYLES = (
+    EDITOR,
+    Style(names="menu", values="all", noise=True),
+    Style(names="random", seed=3, values="needed", declare="used", editor_api=False),
+    Style(list_edits=True, old_versions=True, backwards=True, slash=False),
+)
+
+
 @cache
-def second_stage(checkpoint: str) -> Sdf.Layer:
+def second_stage(checkpoint: str, style: Style = EDITOR) -> Sdf.Layer:
     """The stage of the second author."""
     stage = Usd.Stage.CreateInMemory(".usda")
     stage.GetRootLayer().TransferContent(starter_layer(load_lab().folder))
-    author_lab(stage, checkpoint, Style(names="editor"))
+    author_lab(stage, checkpoint, style)
     layer = Sdf.Layer.CreateAnonymous(".usda")  # which lives on without its stage
     layer.TransferContent(stage.GetRootLayer())
     return layer
@@ -111,7 +123,7 @@ class Outcome:
     @property
     def passes(self) -> bool:
         """Whether no error is left."""
-        return not any(each.severity == "error" for each in self.fixed.after)
+        return not has_errors(self.fixed.after)
 
     @property
     def lines(self) -> int:
@@ -189,3 +201,29 @@ def repaired(checkpoint: str, fault: Fault, folder: Path, lab: Lab) -> Outcome |
         return None
     data = next(iter(fixed.files.values()), text.encode())
     return Outcome(fault, fixed, text, data.decode())
+
+
+def repaired_edit(number: int, folder: Path, lab: Lab) -> tuple[str, Fixed | None]:
+    """Make and repair the edit of this number; nothing is repaired where it is no error.
+
+    The stage is of some checkpoint and style; every third is binary, the others have comments.
+    """
+    chance = random.Random(number)  # noqa: S311 - the same on every run
+    checkpoint, style = chance.choice(("02", "03", "05", "08")), chance.choice(STYLES)
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(second_stage(checkpoint, style))
+    told = edit(Usd.Stage.Open(layer), number).text
+    is_text = number % 3 > 0
+    path = folder / f"edited{number}{'.usda' if is_text else '.usd'}"
+    if is_text:
+        path.write_text(commented(layer.ExportToString()))
+    else:
+        layer.Export(str(path), args={"format": "usdc"})
+    fixed = fix_stage(path, checkpoint, lab, FixOptions(unsafe=True))
+    path.unlink()
+    return told, fixed if has_errors(fixed.before) else None
+
+
+def has_errors(findings: Iterable[Finding]) -> bool:
+    """Whether a stage with these findings fails."""
+    return any(each.severity == "error" for each in findings)

@@ -212,6 +212,38 @@ def test_a_prim_that_is_restored_brings_nothing_of_later_checkpoints(tmp_path: P
     assert "Lidar2D" not in path.read_text()
 
 
+BALL = "/turtlebot3_burger/caster_back_link/collisions/ball"
+TREE = "ROS_OdomTF/ros2_publish_raw_transform_tree"
+FAULTS: dict[str, Step] = {
+    "time samples hold another value": {"sample": [RADIUS, 0, 0.033]},
+    "time samples move the camera": {
+        "sample": [
+            "/turtlebot3_burger/base_footprint/Camera_1.xformOp:translate",
+            0,
+            [0.1, 0.1, 0.2],
+        ]
+    },
+    "a second node publishes a transform": {"copy": [TREE, f"{TREE}_01"]},
+    "a link counts its mass for nothing": {
+        "schema off": ["/turtlebot3_burger/base_scan", "PhysicsMassAPI"]
+    },
+    "a joint is deactivated": {"deactivate": "/turtlebot3_burger/joints/base_joint"},
+    "a shape of a link was moved": {"set": [f"{BALL}.xformOp:translate", (0.0, 0.05, -0.05)]},
+    "a frame has another name": {
+        "set": ["/turtlebot3_burger/base_scan.isaac:nameOverride", "laser"]
+    },
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_somebody_else_would_do_is_repaired(tmp_path: Path, fault: str) -> None:
+    path = tmp_path / "Lab3_05_odometry_tf.usda"
+    broken("05", [FAULTS[fault]]).GetRootLayer().Export(str(path))
+    assert check_stage(path).verdict == "fail"
+    assert fix(path, "--in-place", "--unsafe").exit_code == 0
+    assert check_stage(path).verdict == "pass"
+
+
 def test_a_binary_stage_is_repaired(tmp_path: Path) -> None:
     path = saved(tmp_path, WRONG_RADIUS, ending=".usd")
     assert path.read_bytes().startswith(b"PXR-USDC")

@@ -23,6 +23,7 @@ from lab3_usd.model.repair import (
     Connect,
     Edit,
     RemovePrim,
+    RemoveSchema,
     RenameProperty,
     Restore,
     Retarget,
@@ -99,6 +100,16 @@ CASES: dict[str, tuple[Step, tuple[Edit, ...], bool]] = {
     "a type name of an earlier release is replaced": (
         {"set": [f"{CLOCK}/ros2_context.node:type", "omni.isaac.ros2_bridge.ROS2Context"]},
         (SetValue(f"{CLOCK}/ros2_context", "node:type", "token", f"{BRIDGE}.ROS2Context"),),
+        True,
+    ),
+    "a namespace that moves a topic is cleared": (
+        {"set": ["/turtlebot3_burger.isaac:namespace", "tb3"]},
+        (ClearValue("/turtlebot3_burger", "isaac:namespace"),),
+        True,
+    ),
+    "a ground that falls is no rigid body any more": (
+        {"schema": ["/Environment/GroundPlane", "PhysicsRigidBodyAPI"]},
+        (RemoveSchema("/Environment/GroundPlane", "PhysicsRigidBodyAPI"),),
         True,
     ),
     "a value of the scene is restored": (

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fixing import Outcome, repaired, second_faults
+from fixing import Outcome, has_errors, repaired, repaired_edit, second_faults
 from fuzzed_edits import fault_of
 from pxr import Sdf
 
@@ -204,6 +204,13 @@ def test_faults_of_the_second_author_are_repaired(kind: str, tmp_path: Path) -> 
         for each in outcomes
         if not each.passes or each.elsewhere or each.lost_comments
     ] == []
+
+
+def test_edits_by_chance_are_repaired(tmp_path: Path) -> None:
+    found = [repaired_edit(number, tmp_path, load_lab()) for number in range(12)]
+    errors = [(told, fixed) for told, fixed in found if fixed is not None]
+    assert len(errors) > 3
+    assert [told for told, fixed in errors if has_errors(fixed.after)] == []
 
 
 def test_an_edit_leaves_the_open_layers_as_they_were(edited: Editing, tmp_path: Path) -> None:

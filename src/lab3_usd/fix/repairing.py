@@ -23,6 +23,7 @@ from lab3_usd.stage.edit.apply import apply_edit
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.time_samples import release_start_values
 
 _PACKAGE = ".usdz"
 _ROUNDS = 8  # a missing graph needs three: the graph, its connections, what those bring to light
@@ -84,7 +85,10 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
     stage = open_stage(path)
 
     def judged(file: Path, stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
-        return _findings(stage, lab, asked, file, options)
+        try:
+            return _findings(stage, lab, asked, file, options)
+        finally:
+            release_start_values(stage)  # which edits are about to change
 
     before = judged(path, stage)
     sites = dict.fromkeys(site_of(each) for each in before if _repair_of(each, options))

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.repairs.nodes import modern_types, property_edits
 from lab3_usd.check.subject import GraphSubject, StageSubject
+from lab3_usd.check.tf.frame_names import NAME_OVERRIDE
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.repair import (
     Activate,
@@ -29,6 +30,7 @@ from lab3_usd.model.stage import DEACTIVATED, OVER
 _SCHEMA = re.compile(r"[A-Z]\w+API(:\w+)?")
 _GRAPH_PLACE = "G02"
 _GRAPH_KIND = "G03"
+_NAMESPACE = "P10"
 _OLD_TYPES = "N06"
 _MISSING_GRAPH = "G01"
 _MISSING_NODE = "N01"
@@ -67,15 +69,24 @@ def _title(edit: Edit) -> str:
 def _edits(
     finding: Finding, subjects: Sequence[GraphSubject], whole: StageSubject
 ) -> Iterator[Edit]:
-    if finding.rule in (*_UNWANTED, *_EARLY):
+    if finding.rule in (*_UNWANTED, *_EARLY) or _is_of_extra_node(finding, subjects):
         yield RemovePrim(finding.prim)
     elif finding.rule in _MOVED and finding.expected in (*finding.related, _path_asked(finding)):
         yield from _move(finding)
+    elif finding.rule == _NAMESPACE or finding.property == NAME_OVERRIDE:
+        yield ClearValue(finding.prim, finding.property or "")
     elif finding.rule[0] in _SCENE:
         yield from _scene_edits(finding, whole)
     else:
         for subject in subjects:
             yield from _graph_edits(finding, subject)
+
+
+def _is_of_extra_node(finding: Finding, subjects: Sequence[GraphSubject]) -> bool:
+    """Whether an error tells what harm a node does that plays no role in the lab."""
+    return finding.severity == "error" and any(
+        node.path == finding.prim for subject in subjects for node in subject.roles.extra
+    )
 
 
 def _path_asked(finding: Finding) -> str | None:
@@ -90,8 +101,7 @@ def _move(finding: Finding) -> Iterator[Edit]:
 def _graph_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
     graph, spec = subject.roles.graph, subject.spec
     if finding.rule == _MISSING_GRAPH and finding.prim == spec.path:
-        is_there = finding.prim in subject.stage.prims
-        yield Activate(finding.prim) if is_there else AddGraph(finding.prim, spec.name)
+        yield from _missing_graph_edits(subject)
     elif graph is not None and finding.prim == graph.path:
         if finding.rule == _GRAPH_KIND:
             yield from _kind_edits(finding, subject)
@@ -102,6 +112,16 @@ def _graph_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
     else:
         for site in _sites(finding):
             yield from _site_edits(site, subject)
+
+
+def _missing_graph_edits(subject: GraphSubject) -> Iterator[Edit]:
+    """Yield how to get a graph back; a prim of another kind at its path stays."""
+    path = subject.spec.path
+    there = subject.stage.prims.get(path)
+    if there is None:
+        yield AddGraph(path, subject.spec.name)
+    elif not there.present:
+        yield Activate(path)
 
 
 def _kind_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
@@ -146,6 +166,8 @@ def _scene_edits(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
         yield from _articulation_edits(finding, whole, is_there=schema is None)
     elif schema is not None and finding.rule != _WHEEL_SHAPE:
         yield ApplySchema(finding.prim, schema)
+    elif schema is None and _SCHEMA.fullmatch(finding.actual or ""):
+        yield RemoveSchema(finding.prim, finding.actual or "")
     elif finding.rule == _WHEEL_SHAPE and len(off := _deactivated(finding, whole)) == 1:
         yield Activate(off[0])
     else:

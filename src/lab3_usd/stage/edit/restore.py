@@ -13,6 +13,7 @@ from lab3_usd.stage.edit.session import EditSession
 
 _POSE = "xformOp"
 _ORDER = "xformOpOrder"
+_WHOLE = ("active", "apiSchemas")
 _RESET = "!resetXformStack!"
 
 
@@ -99,9 +100,10 @@ def _restore_prim(session: EditSession, path: str) -> None:
         session.prim_spec(session.prim_layer(path), path).typeName = wanted.typeName
     if _is_moved(session, wanted):
         _restore_whole_pose(session, path)
+    _let_go_below(session, path)
     graph = session.lab.catalog.graph.type
     for each in [*_naming(session.reference().pseudoRoot, wanted.path, graph)]:
-        copy_prim(session, session.reference(), str(each.path), str(each.path))
+        _restore_presence(session, each)
 
 
 def _restore_presence(session: EditSession, wanted: Sdf.PrimSpec) -> None:
@@ -110,6 +112,30 @@ def _restore_presence(session: EditSession, wanted: Sdf.PrimSpec) -> None:
         activate(session, Activate(path))
     else:
         copy_prim(session, session.reference(), path, path)
+
+
+def _let_go_below(session: EditSession, path: str) -> None:
+    """Take poses and schemas off the overs below a prim that the reference says nothing of.
+
+    They change parts of what is referred to, which is right by itself.
+    """
+    for spec in [*_overs(session, path)]:
+        if session.reference().GetPrimAtPath(spec.path) is None:
+            session.touch(spec.layer, str(spec.path))
+            for name in _WHOLE:
+                spec.ClearInfo(name)
+            for each in [one for one in spec.properties if one.name.startswith(_POSE)]:
+                spec.RemoveProperty(each)
+
+
+def _overs(session: EditSession, path: str) -> Iterator[Sdf.PrimSpec]:
+    """Yield what layers that may be edited say of prims below one without defining them."""
+    waiting = [*session.specs(path)]
+    while waiting:
+        spec = waiting.pop()
+        waiting += [*spec.nameChildren]
+        if spec.specifier == Sdf.SpecifierOver:
+            yield spec
 
 
 def _below(prim: Sdf.PrimSpec, graph_type: str) -> Iterator[Sdf.PrimSpec]:

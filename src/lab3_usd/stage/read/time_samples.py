@@ -43,6 +43,12 @@ def hold_start_values(stage: Usd.Stage) -> None:
         session.customLayerData = {_KEY: json.dumps([astuple(each) for each in changes])}
 
 
+def release_start_values(stage: Usd.Stage) -> None:
+    """Have every attribute say again what its layers say, as before it was held."""
+    if _KEY in stage.GetSessionLayer().customLayerData:
+        stage.GetSessionLayer().Clear()
+
+
 def changes_after_start(stage: Usd.Stage) -> tuple[AnimatedAttribute, ...]:
     """Return what changes after the start, of a stage that was held there."""
     written = stage.GetSessionLayer().customLayerData.get(_KEY)

@@ -69,10 +69,10 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
         if actual is not None and has_api and abs(actual - expected) <= tolerance * expected:
             continue
         is_ = "not set" if actual is None else f"{actual:g} kg"
-        message = f"mass is {is_}, expected {expected:g} kg"
+        message, asked = f"mass is {is_}, expected {expected:g} kg", f"{expected:g} kg"
         if actual is not None and not has_api:
-            message = f"mass counts for nothing: {MASS_API} was removed"
-        yield Problem(prim.path, message, MASS, f"{expected:g} kg", is_, spec["handout"])
+            message, asked = f"mass counts for nothing: {MASS_API} was removed", MASS_API
+        yield Problem(prim.path, message, MASS, asked, is_, spec["handout"])
 
 
 @rule("S05", "rigid-body", scope="stage")
