@@ -198,6 +198,45 @@ def watch(folder: Path, *looks: str, seconds: int = 20) -> list[GoalRun]:
     return [shown.fact for shown in found if shown.file == "goal.txt"]
 
 
+def test_a_recording_is_made_where_it_is_asked_for(tmp_path: Path) -> None:
+    put_ros2(tmp_path, 'echo "$*" >>"$HOME/asked"')
+    old = tmp_path / "results" / "recording"
+    old.mkdir(parents=True)
+    assert run_script(tmp_path).returncode == 0
+    assert "bag record" not in (tmp_path / "asked").read_text()
+    assert run_script(tmp_path, "--bag", "7", "--limit", "9").returncode == 0
+    recorded = [each for each in (tmp_path / "asked").read_text().splitlines() if "bag" in each]
+    assert recorded == [
+        f"bag record --all --include-hidden-topics --exclude /camera/image_raw --output {old}"
+    ]
+    assert (
+        not old.exists()
+    )  # ros2 bag record makes the folder itself, and refuses one that is there
+    assert manifest(tmp_path)["recording.txt"][0] == "0"
+
+
+def test_a_recording_ends_as_by_ctrl_c(tmp_path: Path) -> None:
+    ends = "trap 'echo ended >>\"$HOME/asked\"; exit 0' INT; sleep 30 & wait"
+    put_ros2(tmp_path, f'case "$*" in "bag record"*) {ends};; esac')
+    assert run_script(tmp_path, "--bag", "1", "--limit", "2").returncode == 0
+    assert (tmp_path / "asked").read_text() == "ended\n"
+    assert manifest(tmp_path)["recording.txt"][0] == "124"
+
+
+def test_what_describes_a_recording_is_no_output_of_a_command(tmp_path: Path) -> None:
+    (tmp_path / "results" / "recording").mkdir(parents=True)
+    text = (
+        "rosbag2_bagfile_information:\n  version: 5\n  topics_with_message_count:\n"
+        "    - topic_metadata:\n        name: /odom\n        type: nav_msgs/msg/Odometry\n"
+    )
+    (tmp_path / "results" / "recording" / "metadata.yaml").write_text(text)
+    (tmp_path / "results" / "recording.txt").write_text(
+        "$ ros2 bag record --all\n[INFO] [1.2] [rosbag2_recorder]: Subscribed to topic '/odom'\n"
+    )
+    evidence = read_evidence(tmp_path / "results", root=tmp_path)
+    assert [c.file for c in ROS.commands if getattr(evidence, c.kind.name)] == []
+
+
 OLD = (1, 4)
 
 
@@ -233,7 +272,9 @@ def test_a_spec_without_a_tree_to_draw_draws_none() -> None:
     assert "record_frames" not in collect_script(replace(LAB, ros=replace(ROS, commands=commands)))
 
 
-@pytest.mark.parametrize("options", [["--goal"], ["--limit", "soon"], ["somewhere"]])
+@pytest.mark.parametrize(
+    "options", [["--goal"], ["--bag", "-1"], ["--limit", "soon"], ["somewhere"]]
+)
 def test_options_that_make_no_sense_are_refused(tmp_path: Path, options: list[str]) -> None:
     done = run_script(tmp_path, *options)
     assert done.returncode == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 
 from lab3_usd.lab.evidence.reader import MANIFEST
@@ -15,6 +16,10 @@ GOAL_FILE = "goal.txt"
 GOAL_POSE_FILE = "goal_pose.txt"
 DAEMON_FILE = "daemon.txt"
 ROBOT_BEFORE_FILE = "goal_robot_before.txt"
+BAG = "recording"
+# The topics of goals are hidden ones; images are large, and their info says when they came.
+_RECORD = ("ros2", "bag", "record", "--all", "--include-hidden-topics")
+_IMAGE = "sensor_msgs/msg/Image"
 
 
 def collect_script(lab: Lab) -> str:
@@ -38,8 +43,16 @@ def collect_script(lab: Lab) -> str:
         pose_file=GOAL_POSE_FILE,
         daemon_file=DAEMON_FILE,
         robot_before=ROBOT_BEFORE_FILE,
+        bag=BAG,
+        record_bag=shlex.join([*_RECORD, *_without_images(ros)]),
         frames=None if frames is None else _frames(frames),
     )
+
+
+def _without_images(ros: RosSpec) -> list[str]:
+    """Return the options of `ros2 bag record` that leave the lab's images out."""
+    images = [re.escape(each.name) for each in ros.topics.values() if each.type == _IMAGE]
+    return ["--exclude", "|".join(images)] if images else []
 
 
 def _goal(ros: RosSpec, goal: GoalSpec) -> dict[str, object]:
