@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from lab3_usd.report.picture import Picture
     from lab3_usd.spec.lab import Lab
 
-FORMATS = ("svg", "png", "mermaid", "dot")
 ENDINGS = {"svg": "svg", "png": "png", "mermaid": "mmd", "dot": "dot"}
 TREE = "TF"
 EXIT_CRASH = 3
@@ -41,7 +40,7 @@ EXIT_CRASH = 3
 @click.option(
     "--format",
     "form",
-    type=click.Choice(FORMATS),
+    type=click.Choice(list(ENDINGS)),
     default="svg",
     show_default=True,
     help="Format of the pictures; png needs the extra lab3-usd[png].",
