@@ -20,7 +20,7 @@ from report_examples import (
     write_stage,
 )
 
-from lab3_usd.model.finding import Report, Score, Submission
+from lab3_usd.model.finding import ChecklistItem, Report, Score, Submission
 from lab3_usd.report.formats.registry import Options, render
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -53,6 +53,19 @@ def test_the_text_is_the_golden_one(name: str) -> None:
     if UPDATE:
         golden.write_text(shown, encoding="utf-8", newline="\n")
     assert shown == golden.read_text(encoding="utf-8")
+
+
+def test_what_is_not_shown_yet_is_counted_and_listed_when_verbose() -> None:
+    def shown(count: int, options: Options) -> str:
+        items = [ChecklistItem("7", f"line {n}", "not shown", "none") for n in range(count)]
+        items.insert(1, ChecklistItem("7", "a wall", "not met", "gone"))
+        return render("text", Report((), (Submission("ana", (), tuple(items)),)), RULES, options)
+
+    few, many = shown(3, Options()), shown(4, Options())
+    assert [f"line {n}" in few for n in range(3)] == [True] * 3
+    assert "    not met    a wall: gone\n    not shown  4 lines; --verbose lists them\n" in many
+    assert "line 0" not in many
+    assert "line 0" in shown(4, Options(verbosity="verbose"))
 
 
 def test_colours_change_nothing_but_colour() -> None:

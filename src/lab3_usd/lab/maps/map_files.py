@@ -94,6 +94,8 @@ def _load(data: bytes) -> object:
 def _read(path: Path) -> tuple[dict[str, object] | None, str | None]:
     try:
         data = _load(path.read_bytes())
+    except FileNotFoundError:
+        return None, "is not handed in"
     except OSError as error:
         return None, f"cannot be read ({error.strerror})"
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:

@@ -5,16 +5,19 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 from itertools import groupby
+from typing import Literal
 
 from lab3_usd.model.finding import ChecklistItem
 from lab3_usd.report.formats.ansi import paint
 from lab3_usd.report.formats.registry import Options
 from lab3_usd.report.safe_text import visible
 
+UNSEEN: Literal["not shown"] = "not shown"
+FEW = 3  # of one section, that are listed in any case
 STATES = {
     "met": "met",
     "not met": "not met",
-    "not shown": "not shown",
+    UNSEEN: "not shown",
     "person": "for a person to judge",
 }
 
@@ -22,7 +25,10 @@ STATES = {
 def checklist_lines(
     items: tuple[ChecklistItem, ...], options: Options, width: int
 ) -> Iterator[str]:
-    """Yield a line that counts the items, and each by its section; those met only when verbose."""
+    """Yield a line that counts the items, and each by its section.
+
+    Those met, and many of one section for which nothing was handed in, only when verbose.
+    """
     if not items:
         return
     counts = [(sum(item.state == state for item in items), state) for state in STATES]
@@ -31,8 +37,18 @@ def checklist_lines(
     shown = [item for item in items if item.state != "met" or options.verbosity == "verbose"]
     for section, members in groupby(shown, key=lambda item: item.section):
         yield f"  {visible(section)}"
-        for item in members:
+        yield from _section_lines(list(members), options, width)
+
+
+def _section_lines(items: list[ChecklistItem], options: Options, width: int) -> Iterator[str]:
+    unseen = [item for item in items if item.state == UNSEEN]
+    is_short = len(unseen) > FEW and options.verbosity != "verbose"
+    for item in items:
+        if not (is_short and item.state == UNSEEN):
             yield from _item_lines(item, width, color=options.color)
+    if is_short:
+        said = ChecklistItem("", f"{len(unseen)} lines; --verbose lists them", UNSEEN)
+        yield from _item_lines(said, width, color=options.color)
 
 
 def _item_lines(item: ChecklistItem, width: int, *, color: bool) -> Iterator[str]:
