@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.lint.reach import Stop, feeds, has_job, stops
 from lab3_usd.check.lint.subject import LintSubject
@@ -92,6 +93,22 @@ def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
             f"graph {what}: none of its {nodes} nodes computes",
             severity="error" if is_over else None,
         )
+    for path, nodes in _nodes_in_overs(subject).items():
+        yield Problem(
+            path,
+            f"holds {nodes} nodes and is only an over without a def: none of them computes",
+            severity="error",
+        )
+
+
+def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
+    """Return how many nodes each over holds that nothing makes a graph, as behind a payload."""
+    above = Counter(
+        each.path.rpartition("/")[0]
+        for each in subject.stage.absent
+        if each.reason == OVER and each.type_name and not subject.catalog.graph.ignores(each.path)
+    )
+    return {path: n for path, n in above.items() if not is_unresolved(subject.stage, path)}
 
 
 @rule("K03", "graph-not-evaluated", scope="lint")

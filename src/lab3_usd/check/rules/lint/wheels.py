@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 
 from lab3_usd.check.lint.robots import (
@@ -144,7 +145,7 @@ def left_and_right(subject: LintSubject) -> Iterator[Problem]:
     Example: `jointNames = ["wheel_right_joint", "wheel_left_joint"]`.
     """
     for command, controller, (first, second) in _driven_pairs(subject):
-        says_so = "right" in first.name.lower() and "left" in second.name.lower()
+        says_so = (_side(first), _side(second)) == ("right", "left")
         places = [anchor(joint, subject.stage) for joint in (first, second)]
         is_so = True
         if places[0] is not None and places[1] is not None and subject.stage.up_axis == "Z":
@@ -159,3 +160,10 @@ def left_and_right(subject: LintSubject) -> Iterator[Problem]:
                 actual=f"{first.name}, {second.name}",
                 related=(controller.path,),
             )
+
+
+def _side(joint: Prim) -> str:
+    """Return the side that the name of a joint says, in full or as a letter; '' where none."""
+    name = joint.name.lower()
+    words = re.split(r"[^a-z]+", name)
+    return next((side for side in ("left", "right") if side in name or side[0] in words), "")
