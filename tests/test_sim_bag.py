@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import pytest
 import yaml
 from breaking import correct_stage
 from click.testing import CliRunner
+from pxr import Gf
 
 from lab3_usd.commands import sim
 from lab3_usd.commands.sim import command
@@ -18,6 +21,7 @@ reader = pytest.importorskip("mcap.reader", reason="mcap-ros2-support is not ins
 decoder = pytest.importorskip("mcap_ros2.decoder", reason="mcap-ros2-support is not installed")
 
 WHEELS = 0.033 / 0.025
+MOUNT, AHEAD = Gf.Vec3d(-0.032, 0.0, 0.182), Gf.Vec3d(1.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +29,10 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bag")
     stage = folder / "Lab3_05.usda"
     correct_stage("05").GetRootLayer().Export(str(stage))
-    done = CliRunner().invoke(command, [str(stage), "--bag", str(folder / "run")])
+    words = [str(stage), "--bag", str(folder / "run"), "--format", "json"]
+    done = CliRunner().invoke(command, words)
     assert done.exit_code == 0
+    (folder / "run.json").write_text(done.stdout)
     return folder / "run"
 
 
@@ -101,6 +107,33 @@ def test_transforms_are_those_of_odometry(heard: dict[str, Any]) -> None:
     assert scan.header.frame_id == "base_footprint"
     offset = scan.transform.translation
     assert (offset.x, offset.y, offset.z) == pytest.approx((-0.032, 0.0, 0.182), abs=1e-6)
+
+
+def looked_up(said: list[Any], frame: str, root: str) -> Gf.Matrix4d:
+    """Return where a frame is, by the matrices and quaternions of OpenUSD."""
+    latest = {each.child_frame_id: each for message in said for each in message.transforms}
+    place = Gf.Matrix4d(1.0)
+    while frame != root:
+        each = latest[frame]
+        turn, moved = each.transform.rotation, each.transform.translation
+        step = Gf.Matrix4d(1.0).SetRotate(Gf.Quatd(turn.w, turn.x, turn.y, turn.z))
+        place *= step.SetTranslateOnly(Gf.Vec3d(moved.x, moved.y, moved.z))
+        frame = each.header.frame_id
+    return place
+
+
+def test_the_lidar_is_where_the_robot_went(bag: Path, heard: dict[str, list[Any]]) -> None:
+    path = json.loads((bag.parent / "run.json").read_text())["path"]
+    (x0, y0), turned = path[0][1:3], 0.0
+    for seconds, x, y, yaw in path[3:88:5]:
+        said = [said for time, said in heard["/tf"] if time < seconds + 0.004]
+        place = looked_up(said, "base_scan", "odom")
+        ahead = Gf.Matrix4d(1.0).SetRotate(Gf.Rotation(Gf.Vec3d(0, 0, 1), math.degrees(yaw)))
+        there = ahead.SetTranslateOnly(Gf.Vec3d(x - x0, y - y0, 0.0))
+        assert Gf.IsClose(place.Transform(Gf.Vec3d(0)), there.Transform(MOUNT), 0.005)
+        assert Gf.IsClose(place.TransformDir(Gf.Vec3d(1, 0, 0)), there.TransformDir(AHEAD), 0.03)
+        turned = max(turned, yaw)
+    assert turned > 1.5
 
 
 def test_a_scan_shows_the_wall_ahead(heard: dict[str, Any]) -> None:
