@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import struct
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -33,7 +34,7 @@ from lab3_usd.judge.recordings import opens_all, read_recordings
 from lab3_usd.lab.submission.listing import entries_below
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.lab_files import Evidence, EvidenceSubject, RecordingShown
-from lab3_usd.sim.bag import packing
+from lab3_usd.sim.bag import packing, screening
 from lab3_usd.spec.load.ros import map_facts
 
 RULES = {each.id: each for each in rules_of("evidence", "E")}
@@ -207,6 +208,30 @@ def test_a_million_topics_are_not_read(handed_in: Path, monkeypatch: pytest.Monk
                 f"/t{number}", "std_msgs/msg/String", msgdef="string data", rihs01="RIHS01_0"
             )
     assert unread(handed_in) == "has more than 50 topics"
+
+
+def test_an_index_without_end_is_not_read(
+    plain: Path, handed_in: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(plain, handed_in)
+    monkeypatch.setattr(screening, "MOST_RECORDS", 5)
+    assert unread(handed_in) == "run.mcap has an index of more than 5 records"
+
+
+def test_a_part_that_the_index_names_again_and_again_counts_each_time(
+    plain: Path, handed_in: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = put(plain, handed_in)
+    data = (folder / "run.mcap").read_bytes()
+    (start,) = struct.unpack_from("<Q", data, len(data) - 28)
+    first = data.index(b"\x08", start)
+    while struct.unpack_from("<Q", data, first + 1)[0] > 1000:  # not yet the index of a chunk
+        first = data.index(b"\x08", first + 1)
+    end = first + 9 + struct.unpack_from("<Q", data, first + 1)[0]
+    (folder / "run.mcap").write_bytes(data[:first] + 3 * data[first:end] + data[first:])
+    assert [each.unread for each in shown(handed_in)] == [""]
+    monkeypatch.setattr(module, "UNPACKED", 2 * len(data))
+    assert "unpacks to more than" in unread(handed_in)
 
 
 def test_more_messages_than_are_read_are_said(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple, TypeVar
 
@@ -13,14 +12,11 @@ from msgspec import Struct
 from lab3_usd.errors import RecordingError
 from lab3_usd.sim.bag import packing
 from lab3_usd.sim.bag.packing import PACKED, Bounds, Unpacker, bound_readers, plain_file, too_many
+from lab3_usd.sim.bag.screening import screen
 
 ENDINGS = (".mcap", ".db3")
 METADATA = "metadata.yaml"
 LARGEST_METADATA = 4_000_000
-_ODD = set("%?#")
-# A view, virtual table or generated column may take for ever to be read.
-_COMPUTED = """SELECT 1 FROM sqlite_master AS each WHERE type NOT IN ('table', 'index')
-OR sql LIKE 'create virtual%' OR sql LIKE '%generated%' OR sql LIKE '% as (%' LIMIT 1"""
 T = TypeVar("T")
 
 
@@ -175,11 +171,7 @@ def _reader(path: Path) -> Any:  # noqa: ANN401 - the library's reader
     if path.suffix not in ENDINGS:
         message = f"{path.name} is neither .mcap nor .db3"
         raise RecordingError(message)
-    if path.suffix == ".db3":
-        if _ODD & set(str(path)):  # which the library hands to SQLite as part of an address
-            message = f"{path.name} has %, ? or # in its name or folder; rename it"
-            raise RecordingError(message)
-        _check_database(path)
+    screen(path)
 
     def start() -> Iterator[Any]:
         reader = Reader(path)
@@ -187,31 +179,6 @@ def _reader(path: Path) -> Any:  # noqa: ANN401 - the library's reader
         yield reader
 
     return next(_guarded(start()))
-
-
-def _check_database(path: Path) -> None:
-    """Refuse a database that is cut off, or has too many topics, before each is read.
-
-    Raises:
-        RecordingError: it has too many, or is no database.
-    """
-    with path.open("rb") as file:
-        start = file.read(32)
-    size, pages = int.from_bytes(start[16:18], "big"), int.from_bytes(start[28:32], "big")
-    if path.stat().st_size < pages * (65536 if size == 1 else size):
-        message = f"{path.name} is cut off"
-        raise RecordingError(message)
-    try:
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)) as base:
-            if base.execute(_COMPUTED).fetchone() is not None:
-                message = f"{path.name} holds what SQLite would have to compute; not opened"
-                raise RecordingError(message)
-            (count,) = base.execute("SELECT count(*) FROM topics").fetchone()
-    except sqlite3.Error as error:
-        message = f"{path.name} is damaged or no recording: {error}"
-        raise RecordingError(message) from error
-    if count > packing.MOST_TOPICS:
-        raise RecordingError(too_many())
 
 
 def _guarded(items: Iterator[T]) -> Iterator[T]:

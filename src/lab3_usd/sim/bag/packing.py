@@ -72,6 +72,10 @@ class Unpacker:
         """
         return self.zstd(data, LARGEST_MESSAGE)
 
+    def plain(self, data: bytes) -> bytes:
+        """Return what is not packed: an index may name one part again and again."""
+        return self._counted(data, len(data))
+
     def zstd(self, data: bytes, size: int) -> bytes:
         """Return what unpacks to no more than `size` bytes."""
         from backports import zstd  # noqa: PLC0415 - of the extra
@@ -110,6 +114,7 @@ def bound_readers(unpacker: Unpacker, topics: int) -> Iterator[None]:
     libraries: tuple[Any, Any] = (storage_mcap, storage_sqlite3)
     unbound, parse = storage_mcap.DECOMPRESSORS, libraries[0].parse_qos
     storage_mcap.DECOMPRESSORS = unbound | {
+        "": lambda data, _size: unpacker.plain(data),
         "zstd": lambda data, size: unpacker.zstd(data, min(size, LARGEST_CHUNK)),
         "lz4": lambda data, size: unpacker.lz4(data, min(size, LARGEST_CHUNK)),
     }
