@@ -13,6 +13,9 @@ from pxr import Sdf, Usd, UsdUtils
 from lab3_usd.commands.fix import command
 from lab3_usd.errors import Lab3Error
 from lab3_usd.judge.stage import check_stage
+from lab3_usd.judge.starter import against_starter, open_starter
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.write.starter import build_starter
 
 CLOCK = "/World/ROS_Clock"
 DRIVE = "/turtlebot3_burger/ROS_Drive"
@@ -242,6 +245,37 @@ def test_what_somebody_else_would_do_is_repaired(tmp_path: Path, fault: str) -> 
     assert check_stage(path).verdict == "fail"
     assert fix(path, "--in-place", "--unsafe").exit_code == 0
     assert check_stage(path).verdict == "pass"
+
+
+WALL, CRATE = "/Environment/Walls/North", "/Environment/Furniture/CrateA"
+TYRE = "/turtlebot3_burger/wheel_left_link/collisions/tyre"
+CHANGES: dict[str, Step] = {
+    "a wall is deactivated": {"deactivate": WALL},
+    "a wall is gone": {"remove": WALL},
+    "a wall has another type": {"type of prim": [WALL, "Sphere"]},
+    "a crate was moved": {"set": [f"{CRATE}.xformOp:translate", (1.0, 1.0, 0.2)]},
+    "a crate collides no more": {"schema off": [CRATE, "PhysicsCollisionAPI"]},
+    "a tyre is larger": {"set": [f"{TYRE}.radius", 0.05]},
+    "both tyres are larger": {"set": ["/turtlebot3_burger/colliders/wheel/tyre.radius", 0.05]},
+}
+
+
+@pytest.fixture(scope="module")
+def starter(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("starter") / "starter.usda"
+    build_starter(path)
+    return path
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_with_the_starter_what_was_changed_of_it_is_restored(
+    tmp_path: Path, starter: Path, change: str
+) -> None:
+    path = saved(tmp_path, CHANGES[change])
+    compared = open_starter(starter, load_lab())
+    assert against_starter(check_stage(path), compared, load_lab()).verdict == "fail"
+    assert fix(path, "--in-place", "--unsafe", "--starter", str(starter)).exit_code == 0
+    assert against_starter(check_stage(path), compared, load_lab()).verdict == "pass"
 
 
 def test_a_binary_stage_is_repaired(tmp_path: Path) -> None:

@@ -136,15 +136,15 @@ def rendered(
         each=options["each"],
         points=points or {},
         dry_runs=options.get("dry_runs", {}),
-        changes=_changes(report) if form.changes else {},
+        changes=_changes(report, options) if form.changes else {},
     )
     return render(options["form"], report, rules, render_options)
 
 
-def _changes(report: Report) -> Changes:
+def _changes(report: Report, options: Mapping[str, Any]) -> Changes:
     from lab3_usd.fix.changes import text_changes  # noqa: PLC0415 - pxr, only when needed
 
-    return text_changes(report, load_lab())
+    return text_changes(report, load_lab(), options.get("starter"))
 
 
 def write_report(text: str, output: str | None) -> None:

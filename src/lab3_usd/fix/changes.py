@@ -20,20 +20,23 @@ Changes = Mapping[tuple[str, Site], tuple[TextChange, ...]]
 
 
 @quiet()
-def text_changes(report: Report, lab: Lab) -> Changes:
-    """Return what the safe repair of each finding changes in text files, each by itself."""
-    return {key: lines for each in report.results for key, lines in _changes(each, lab)}
+def text_changes(report: Report, lab: Lab, starter: str | None = None) -> Changes:
+    """Return what the safe repair of each finding changes in text files, each by itself.
+
+    What is restored is taken from the starter, None for the bundled one.
+    """
+    return {key: lines for each in report.results for key, lines in _changes(each, lab, starter)}
 
 
 def _changes(
-    result: StageResult, lab: Lab
+    result: StageResult, lab: Lab, starter: str | None
 ) -> Iterator[tuple[tuple[str, Site], tuple[TextChange, ...]]]:
     repairs = {site_of(each): each.fix for each in result.findings if each.fix and each.fix.safe}
     if not repairs or result.checkpoint is None:
         return
     stage, asked = open_stage(Path(result.path)), lab.checkpoints[result.checkpoint]
     for site, repair in repairs.items():
-        session = EditSession(stage, lab, asked)
+        session = EditSession(stage, lab, asked, starter=starter)
         lines = tuple(_lines(session, repair, result.path))
         if lines:
             yield (result.path, site), lines

@@ -15,7 +15,8 @@ from lab3_usd.files import temporary_beside
 from lab3_usd.fix.attempts import Attempt, most_helpful, weight
 from lab3_usd.fix.layer_bytes import new_bytes
 from lab3_usd.judge.ignoring import heeded
-from lab3_usd.model.finding import Finding, Site, site_of
+from lab3_usd.judge.starter import open_against_starter, open_starter
+from lab3_usd.model.finding import Finding, Score, Site, StageResult, site_of
 from lab3_usd.model.order import ordered
 from lab3_usd.model.repair import MovePrim, Repair
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -83,10 +84,16 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
         raise StageError(message)
     asked = lab.checkpoints[checkpoint]
     stage = open_stage(path)
+    starter = None if options.starter is None else open_starter(Path(options.starter), lab)
 
     def judged(file: Path, stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
         try:
-            return _findings(stage, lab, asked, file, options)
+            found = _findings(stage, lab, asked, file)
+            if starter is not None:
+                found = open_against_starter(
+                    _result(file, asked, found), stage, starter, lab
+                ).findings
+            return options.wanted(heeded(found, stage, file) if options.heeds_ignores else found)
         finally:
             release_start_values(stage)  # which edits are about to change
 
@@ -111,19 +118,16 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
     )
 
 
-def _findings(
-    stage: Any,  # noqa: ANN401 - pxr has no types
-    lab: Lab,
-    checkpoint: Checkpoint,
-    file: Path,
-    options: FixOptions,
-) -> tuple[Finding, ...]:
+def _result(file: Path, checkpoint: Checkpoint, findings: tuple[Finding, ...]) -> StageResult:
+    return StageResult(str(file), checkpoint.id, "fail", Score(0.0, 0.0), findings)
+
+
+def _findings(stage: Any, lab: Lab, checkpoint: Checkpoint, file: Path) -> tuple[Finding, ...]:  # noqa: ANN401
     judged = judge(lab, checkpoint, read_model(stage, lab, str(file)))
     if judged.crashes:
         message = f"{file}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
         raise StageError(message)
-    found = ordered(judged.findings)
-    return options.wanted(heeded(found, stage, file) if options.heeds_ignores else found)
+    return tuple(ordered(judged.findings))
 
 
 def _repair_of(finding: Finding, options: FixOptions) -> Repair | None:

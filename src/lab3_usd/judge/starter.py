@@ -11,6 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
+from lab3_usd.check.repairs.starter import with_starter_repairs
 from lab3_usd.check.requirements import score, with_other_faults
 from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.check.scene_item import is_met
@@ -76,10 +77,11 @@ def starter_findings(
     Raises:
         StageError: one of the files cannot be opened.
     """
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - see open_starter
+
     starter = open_starter(starter_path, lab, trusted=False)
-    judged = _compared(
-        stage_path, starter, checkpoint, lab, _ReportedSites(frozenset(blamed_sites))
-    )
+    beside = _Beside(starter, open_stage(stage_path), stage_path, checkpoint, lab)
+    judged = _compared(beside, _ReportedSites(frozenset(blamed_sites)))
     if judged.crashes:
         message = f"rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
         raise RuntimeError(message)
@@ -94,6 +96,18 @@ def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageRes
     """
     if result.verdict == "unreadable":
         return result
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - see open_starter
+
+    return open_against_starter(result, open_stage(Path(result.path)), starter, lab)
+
+
+def open_against_starter(
+    result: StageResult,
+    stage: Any,  # noqa: ANN401 - pxr has no types
+    starter: Starter,
+    lab: Lab,
+) -> StageResult:
+    """Return the result of an open stage together with what it changed of the starter."""
     kept = tuple(each for each in result.findings if not _is_excused(each, starter))
     kept += tuple(_units(each for each in result.findings if _is_excused(each, starter)))
     told = [each for each in kept if each.severity != "note"]
@@ -102,7 +116,8 @@ def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageRes
         frozenset(blamed.union(*map(_causes, told))),
         frozenset(path for each in told for path in each.related),
     )
-    judged = _compared(Path(result.path), starter, result.checkpoint or "", lab, reported)
+    beside = _Beside(starter, stage, Path(result.path), result.checkpoint or "", lab)
+    judged = _compared(beside, reported)
     kept = tuple(each for each in kept if not _follows(each, judged.findings))
     requirements = result.requirements
     if len(kept) != len(result.findings):
@@ -162,16 +177,24 @@ def _again(result: StageResult, kept: Collection[Finding], lab: Lab) -> Iterator
         yield each if item is None else replace(each, met=is_met(item, kept))
 
 
-def _compared(
-    path: Path, starter: Starter, checkpoint: str, lab: Lab, reported: _ReportedSites
-) -> RuleResults:
-    from lab3_usd.stage.compare.starter import compare_starter  # noqa: PLC0415 - pxr, only when needed
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
+class _Beside(Struct, frozen=True, eq=False):
+    """An open stage of a checkpoint beside its starter."""
 
-    stage = open_stage(path)
-    found = compare_starter(starter.stage, stage, lab, checkpoint)
+    starter: Starter
+    stage: Any
+    path: Path
+    checkpoint: str
+    lab: Lab
+
+
+def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
+    from lab3_usd.stage.compare.starter import compare_starter  # noqa: PLC0415 - pxr, only when needed
+
+    stage, lab = beside.stage, beside.lab
+    found = compare_starter(beside.starter.stage, stage, lab, beside.checkpoint)
     subject = replace(
         found, faulty_sites=reported.faulty_sites, related_prims=reported.related_prims
     )
     judged = run_family("starter", _FAMILY, subject, lab)
-    return replace(judged, findings=tuple(located(judged.findings, path, stage)))
+    findings = located(tuple(with_starter_repairs(judged.findings)), beside.path, stage)
+    return replace(judged, findings=tuple(findings))

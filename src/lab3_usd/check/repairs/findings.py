@@ -49,10 +49,11 @@ def with_repairs(
     """Yield the findings, those that have one right repair together with it."""
     for each in findings:
         edits = () if each.severity == "note" else tuple(_edits(each, subjects, whole))
-        yield replace(each, fix=_repair(edits)) if edits else each
+        yield replace(each, fix=repair_by(edits)) if edits else each
 
 
-def _repair(edits: tuple[Edit, ...]) -> Repair:
+def repair_by(edits: tuple[Edit, ...]) -> Repair:
+    """Return the repair that makes these edits, safe where none adds, removes or moves a prim."""
     is_safe = not any(
         isinstance(each, _NEEDS_CONSENT) or (isinstance(each, Restore) and each.property is None)
         for each in edits

@@ -37,7 +37,10 @@ def _restore_metadata(session: EditSession, name: str) -> None:
 
 def _restore_property(session: EditSession, path: str, name: str) -> None:
     found = session.reference().GetPropertyAtPath(f"{path}.{name}")
-    if isinstance(found, Sdf.AttributeSpec):
+    source = path if found else session.source(path, name)
+    if source != path and session.reference().GetPropertyAtPath(f"{source}.{name}"):
+        _restore_property(session, source, name)
+    elif isinstance(found, Sdf.AttributeSpec):
         set_typed(session, path, name, str(found.typeName), found.default)
     elif found is not None:
         targets = tuple(str(each) for each in found.targetPathList.GetAddedOrExplicitItems())
@@ -47,7 +50,10 @@ def _restore_property(session: EditSession, path: str, name: str) -> None:
 
 
 def _erase(session: EditSession, path: str, name: str) -> None:
-    """Remove a property that the reference does not have; what is weaker is blocked."""
+    """Remove a property that no layer of the reference has at this prim.
+
+    What a weaker layer says is blocked, unless the reference refers to something that says it.
+    """
     for spec in session.specs(path):
         found = spec.properties.get(name)
         if found is not None:
@@ -55,7 +61,8 @@ def _erase(session: EditSession, path: str, name: str) -> None:
             spec.RemoveProperty(found)
     prim = session.stage.GetPrimAtPath(path)
     attribute = prim.GetAttribute(name)
-    if attribute and attribute.HasAuthoredValue():
+    asked = session.reference_stage().GetAttributeAtPath(f"{path}.{name}")
+    if attribute and attribute.HasAuthoredValue() and not (asked and asked.HasAuthoredValue()):
         clear_value(session, ClearValue(path, name))
 
 

@@ -35,12 +35,17 @@ class EditSession(Struct, eq=False):
     root_only: bool = False
     starter: str | None = None
     edited: dict[str, EditedLayer] = field(default_factory=dict)
-    _reference: list[Sdf.Layer] = field(default_factory=list)
+    _reference: list[Usd.Stage] = field(default_factory=list)
 
     def reference(self) -> Sdf.Layer:
         """Return the checkpoint as the lab builds it from the starter, made when first asked."""
+        return self.reference_stage().GetRootLayer()
+
+    def reference_stage(self) -> Usd.Stage:
+        """Return that checkpoint composed."""
         if not self._reference:
-            self._reference.append(checkpoint_layer(self.lab, self.starter, self.checkpoint))
+            layer = checkpoint_layer(self.lab, self.starter, self.checkpoint)
+            self._reference.append(Usd.Stage.Open(layer))
         return self._reference[0]
 
     def layers(self) -> list[Sdf.Layer]:
@@ -85,6 +90,15 @@ class EditSession(Struct, eq=False):
         if not specs:
             return self.prim_layer(path)
         return self._strongest(specs, f"{path}.{name}")
+
+    def source(self, path: str, name: str) -> str:
+        """Return the prim at which a property is said, which may be one that is referred to."""
+        prim = self.stage.GetPrimAtPath(path)
+        found = prim.GetProperty(name) if prim else None
+        specs = found.GetPropertyStack(Usd.TimeCode.Default()) if found else []
+        allowed = self.layers()
+        at = (str(each.path.GetPrimPath()) for each in specs if each.layer in allowed)
+        return next(at, path)
 
     def _strongest(self, specs: list[Any], path: str) -> Sdf.Layer:
         allowed = self.layers()
