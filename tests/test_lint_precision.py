@@ -6,9 +6,11 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
+from foreign_robots import rover
 from layerings import copied
 from linting import linted, said_by
 from menu_graphs import MENUS, with_menus
+from pxr import Sdf
 from second_author import author_lab
 from test_indifference import MIXED, STYLES
 
@@ -48,6 +50,25 @@ def test_two_menus_for_the_same_wheels_are_a_fault() -> None:
 @pytest.mark.parametrize("release", ["5.0", "5.1"])
 def test_the_clock_of_a_menu_has_no_fault_in_an_earlier_release(release: str) -> None:
     assert said_by(with_menus("clock"), "error", "warning", release=release) == []
+
+
+@pytest.mark.parametrize(
+    ("node_type", "release", "told"),
+    [
+        ("isaacsim.robot.wheeled_robots.AckermannSteering", "6.0", "K30"),
+        ("isaacsim.robot.wheeled_robots.AckermannSteering", "5.1", "K32"),
+        ("isaacsim.core.nodes.IsaacComputeTransformTree", "5.1", "K30"),
+        ("isaacsim.core.nodes.IsaacComputeTransformTree", "6.0", None),
+    ],
+)
+def test_a_type_is_judged_by_the_release_that_is_asked_for(
+    node_type: str, release: str, told: str | None
+) -> None:
+    stage = rover()
+    node = stage.DefinePrim("/World/Clock/other", "OmniGraphNode")
+    node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set(node_type)
+    said = {each.split()[0] for each in said_by(stage, release=release) if "Clock/other" in each}
+    assert said & {"K30", "K32"} == ({told} if told else set())
 
 
 @pytest.mark.parametrize("style", [*STYLES.values(), MIXED])

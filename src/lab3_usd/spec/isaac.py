@@ -79,6 +79,10 @@ class IsaacTypes(Struct, frozen=True, eq=False):
         """Return the earlier releases that have a type which the newest one lacks."""
         return [name for name, release in self.releases.items() if node_type in release.gone]
 
+    def is_later(self, node_type: str, release: str) -> bool:
+        """Whether the newest release has a type that an earlier one did not have yet."""
+        return release in self.releases and node_type in self.releases[release].added
+
     def in_release(self, name: str) -> Catalog:
         """Return the catalog as it was in a release: its types, ports and defaults."""
         release = self.releases.get(name)

@@ -25,25 +25,38 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Context with the prefix of its extension, `ros2.nodes`, not `ros2.bridge`.
     """
-    catalog = subject.catalog
     for node in _unknown(subject):
-        gone = subject.types.releases_of(catalog.modern(node.type_name))
-        likely = _likely(node, subject)
-        if likely is None and not gone:
+        of_release, likely = _other_release(node, subject), _likely(node, subject)
+        if of_release is None or (likely is None and not of_release):
             continue
-        since = f", and was one until {gone[-1]}" if gone else ""
         yield Problem(
             node.path,
-            f"'{node.type_name}' is no node type of Isaac Sim {subject.release}{since}"
+            f"'{node.type_name}' is no node type of Isaac Sim {subject.release}{of_release}"
             f"{or_meant(likely)}",
             property=TYPE,
             expected=likely,
             actual=node.type_name,
+            hint=None
+            if likely
+            else "replace the node by one that this release has, or use another",
         )
+
+
+def _other_release(node: Node, subject: LintSubject) -> str | None:
+    """Say which other releases have a type: '' where none has, None where this one has it."""
+    name = subject.catalog.modern(node.type_name)
+    gone = subject.types.releases_of(name)
+    if subject.release in gone:
+        return None
+    if subject.types.is_later(name, subject.release):
+        return ", it came with a later one"
+    return f", and was one until {gone[-1]}" if gone else ""
 
 
 def _likely(node: Node, subject: LintSubject) -> str | None:
     """Return the type that was likely meant, None where none is near."""
+    if subject.types.is_later(node.type_name, subject.release):
+        return None
     alike = subject.catalog.lookalikes.get(node.type_name)
     return alike or meant_type(node.type_name, subject.catalog.types)
 
@@ -102,8 +115,8 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     """
     found: dict[str, list[str]] = {}
     for node in _unknown(subject):
-        gone = subject.types.releases_of(subject.catalog.modern(node.type_name))
-        if _likely(node, subject) is None and not gone:
+        of_release = _other_release(node, subject)
+        if of_release is None or (_likely(node, subject) is None and not of_release):
             found.setdefault(node.type_name, []).append(node.path)
     for name, paths in found.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
