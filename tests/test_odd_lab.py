@@ -67,6 +67,16 @@ def test_its_stages_have_its_names_and_pass(built: Path) -> None:
     assert {f["rule"] for each in found["results"] for f in each["findings"]} == set()
 
 
+@pytest.mark.parametrize(
+    ("given", "built"), [("7", "front again.7"), ("007", "front.007"), ("07", "front.007")]
+)
+def test_an_id_that_is_there_is_taken_before_one_of_the_same_number(
+    given: str, built: str, tmp_path: Path
+) -> None:
+    assert run("build", "--only", given, "-o", tmp_path).exit_code == 0
+    assert [path.stem for path in tmp_path.iterdir()] == [built]
+
+
 COMMANDS = [  # with the exit code
     (["tf", LAST], 0),
     (["topics", LAST], 0),

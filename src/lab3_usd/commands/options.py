@@ -30,7 +30,8 @@ def checkpoint_number(given: str, known: Collection[str]) -> str:
     Raises:
         UsageError: there is no such checkpoint; the line lists those there are.
     """
-    number = next((each for each in known if _is_same_number(each, given)), given)
+    alike = (each for each in known if _is_same_number(each, given))
+    number = given if given in known else next(alike, given)
     if number not in known:
         message = f"there is no checkpoint '{given}'; known are {', '.join(known)}"
         raise UsageError(message)
