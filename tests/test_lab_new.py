@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -261,6 +262,32 @@ def test_stages_of_others_pass_by_their_labs(name: str, tmp_path: Path) -> None:
     status, shown = ran("lab", "new", tmp_path / "lab", "--from", CORPUS / name)
     assert (status, ", pass, " in shown) == (0, True), shown
     assert ran("lab", "check", tmp_path / "lab")[0] == 0
+
+
+def test_a_base_above_its_root_is_where_the_described_lab_has_it(
+    repository: Path, tmp_path: Path
+) -> None:
+    carter = tmp_path / "carter.usda"
+    shutil.copyfile(repository / "docs" / "examples" / "carter.usda", carter)
+    lab = tmp_path / "lab"
+    assert ran("lab", "new", lab, "--from", carter)[0] == 0
+    assert ran("--lab", lab, "check", carter)[1].endswith(" 0 errors, 0 warnings, 0 notes\n")
+    stage = Usd.Stage.Open(str(carter))
+    base = stage.GetPrimAtPath("/World/Carter/chassis_link")
+    base.GetAttribute("xformOp:translate").Set((1.0, 0.0, 0.14))
+    stage.GetRootLayer().Save()
+    said = ran("--lab", lab, "check", carter)[1]
+    assert "note S22 starts-elsewhere /World/Carter/chassis_link.xformOp:translate" in said
+
+
+def test_a_rig_that_nothing_moves_is_described_by_its_body(tmp_path: Path) -> None:
+    rig = Path(__file__).resolve().parent / "labs" / "rig"
+    stage = ran("--lab", rig, "build", "--only", "rear", "-o", tmp_path)[1].strip()
+    assert ran("lab", "new", tmp_path / "lab", "--from", stage)[0] == 0
+    robot = load_lab(tmp_path / "lab").scene["robot"]
+    assert (robot["path"], robot["base_frame"]) == ("/Yard/Rig", "post")
+    assert robot["articulation"]["target"] == ""
+    assert ran("--lab", tmp_path / "lab", "check", stage)[1].endswith(" 0 warnings, 0 notes\n")
 
 
 def test_a_stage_that_does_not_pass_is_said_with_its_errors(built: Path, tmp_path: Path) -> None:

@@ -52,6 +52,7 @@ def describe_robot(stage: StageModel, graphs: Iterable[GraphSpec], until: str) -
     root = _root(stage, target)
     prim = stage.prims.get(root)
     local = None if prim is None else prim.local
+    base = _base(target, root, graphs)
     articulation = {"articulation": {"target": target, "handout": PART}}
     return {
         "path": root,
@@ -59,8 +60,8 @@ def describe_robot(stage: StageModel, graphs: Iterable[GraphSpec], until: str) -
         "pose": {**pose(local, stage.meters_per_unit), "handout": PART},
         "pose_is_error_until": until,
         **(articulation if is_articulation else {}),
-        "base_frame": _base(target, root, graphs),
-        "links": {link.name: _link(link) for link in _links(stage, root)},
+        "base_frame": base,
+        "links": {link.name: _link(link, stage, base) for link in _links(stage, root)},
     }
 
 
@@ -140,9 +141,12 @@ def _links(stage: StageModel, root: str) -> Iterator[Prim]:
             yield prim
 
 
-def _link(prim: Prim) -> dict[str, Any]:
+def _link(prim: Prim, stage: StageModel, base: str) -> dict[str, Any]:
+    """Describe a link: its mass, and of the base its place on the root where it is another."""
     mass = number(prim.attributes.get(MASS)) if MASS_API in prim.apis else None
-    return {**({"mass": round(mass, 8)} if mass else {}), "handout": PART}
+    place = pose(prim.local, stage.meters_per_unit)["translate"] if prim.name == base else ()
+    said = {"mass": round(mass, 8)} if mass else {}
+    return {**said, **({"offset": place} if any(place) else {}), "handout": PART}
 
 
 def pose(local: Matrix | None, metres: float) -> dict[str, Any]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.ground import highest_ground
 from lab3_usd.check.scene.pose_errors import (
@@ -12,13 +14,14 @@ from lab3_usd.check.scene.pose_errors import (
     pose_errors,
     pose_property,
     root_tolerance,
+    vector,
     vector_text,
 )
 from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import is_pose_unresolved
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import collides
-from lab3_usd.model.stage import Collider, StageModel
+from lab3_usd.model.stage import Collider, Matrix, StageModel
 from lab3_usd.model.transform_math import (
     IDENTITY,
     Pose,
@@ -27,6 +30,7 @@ from lab3_usd.model.transform_math import (
     distance,
     rotation_difference,
     scaled,
+    transform_point,
 )
 
 _UP = (0.0, 0.0, 1.0)
@@ -115,7 +119,7 @@ def _is_on(box: Collider, stage: StageModel) -> bool:
 
 @rule("S22", "starts-elsewhere", scope="stage", severity="note")
 def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
-    """The robot's base is not at the pose of its root.
+    """The robot's base is not where its root has it.
 
     Why: at Play the robot starts where its bodies are, as after a saved run. The root stays behind.
     Odometry begins at zero there, and AMCL needs that place as its initial pose.
@@ -138,16 +142,24 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
         return
     if root.world is None or base.world is None:
         return
-    start, expected = decompose(base.world), decompose(root.world)
+    start, expected = decompose(base.world), _base_pose(subject, root.world)
     limits = root_tolerance(subject.lab.scene, stage)
     away = distance(start.translation, expected.translation) * stage.meters_per_unit
     turn = rotation_difference(start.rotation, expected.rotation)
     if away <= limits.position and turn <= limits.angle:
         return
     at, root_at = (_start(pose, stage.meters_per_unit) for pose in (start, expected))
-    message = f"the robot starts {at}; its root stands {root_at}"
+    message = f"the robot starts {at}; its root has it {root_at}"
     where = pose_property(base, "translate")
     yield Problem(base.path, message, where, root_at, at, robot["pose"]["handout"])
+
+
+def _base_pose(subject: StageSubject, root: Matrix) -> Pose:
+    """Return the pose of the robot's base where it is at its place on the root."""
+    robot, units = subject.lab.scene["robot"], subject.stage.meters_per_unit or 1.0
+    pose = decompose(root)
+    offset = robot["links"][robot["base_frame"]].get("offset", (0.0, 0.0, 0.0))
+    return replace(pose, translation=transform_point(scaled(vector(offset), 1.0 / units), root))
 
 
 def _start(pose: Pose, metres: float) -> str:

@@ -143,11 +143,11 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("S17", "scan-offset", scope="stage")
 def scan_offset(subject: StageSubject) -> Iterator[Problem]:
-    """The link that carries the lidar is not at its place on the robot.
+    """A link, as the one that carries the lidar, is not at its place on the robot.
 
-    Why: the scan is taken at that height and published in that frame. At another place the lidar
-    sees parts of the robot, or the walls do not match the map. Only the first checkpoint is judged,
-    because a later stage may have been saved during a run.
+    Why: a scan is taken at the height of its link and published in that frame. At another place the
+    lidar sees parts of the robot, or the walls do not match the map. Only the first checkpoint is
+    judged, because a later stage may have been saved during a run.
 
     Fix: select the link and set Translate to the value expected here in the Property panel, or
     start again from the supplied file.
