@@ -242,6 +242,25 @@ def test_more_messages_than_are_read_are_said(
     assert unread(handed_in) == "has more than 100 messages"
 
 
+def test_more_transforms_than_are_read_are_said(
+    plain: Path, handed_in: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(plain, handed_in)
+    monkeypatch.setattr(module, "LISTED", 500)
+    assert unread(handed_in) == "has more than 500 transforms and goals"
+
+
+def test_a_message_of_very_many_transforms_is_not_read(plain: Path, handed_in: Path) -> None:
+    def change(sent: Sent) -> Iterator[Sent]:
+        if sent.topic == "/tf" and sent.time < 3e8:
+            sent.said.transforms = sent.said.transforms * 2000
+        yield sent
+
+    rewritten(plain, handed_in / "results" / "run", change)
+    found = {each.property: each.message for each in problems(shown(handed_in))}
+    assert "on /tf are no tf2_msgs/msg/TFMessage" in found["messages"]
+
+
 @pytest.mark.parametrize("packing_mode", [CompressionMode.MESSAGE, CompressionMode.FILE])
 def test_what_unpacks_to_too_much_is_not_read(
     plain: Path, handed_in: Path, monkeypatch: pytest.MonkeyPatch, packing_mode: CompressionMode

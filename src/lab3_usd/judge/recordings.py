@@ -14,7 +14,8 @@ from lab3_usd.spec.lab import Lab
 
 MOST = 12  # recordings
 MOST_BYTES = 512_000_000  # of all of them
-MESSAGES = 300_000  # of one
+MESSAGES = 200_000  # of one
+LISTED = 600_000  # transforms and goals in them
 LARGEST_FILE = 512_000_000  # bytes that one may unpack to
 UNPACKED = 1_000_000_000  # bytes that the parts of one may unpack to
 _ENDINGS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
@@ -80,7 +81,7 @@ def _judged(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> Recor
     name = files[0].path
     parts = reversed(PurePosixPath(name).parts)
     known = (named_checkpoint(each, lab.files) for each in parts)
-    bounds = Bounds(MESSAGES, LARGEST_FILE, UNPACKED)
+    bounds = Bounds(MESSAGES, LISTED, LARGEST_FILE, UNPACKED)
     try:
         layout = layout_of([root / each.path for each in files])
         found = judge_what_came(layout, bounds, lab, next(filter(None, known), last))

@@ -13,6 +13,7 @@ from lab3_usd.sim.record import Odometry, Scan, Transform, View
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 LARGEST = 4_000_000  # bytes of a message that is read as a whole
+LARGEST_LIST = 200_000  # of one that is a list of records: a thousand transforms
 LONGEST = 200  # characters of the name of a frame
 _NANOSECONDS = 1e9
 _HEADER = "std_msgs/msg/Header"
@@ -64,7 +65,7 @@ def decode(kind: str, data: bytes) -> Decoded | None:
     read = _READERS.get(kind)
     if kind == IMAGE:
         return _image(data)
-    if read is None or len(data) > LARGEST:
+    if read is None or len(data) > (LARGEST_LIST if kind in _LISTS else LARGEST):
         return None
     try:
         message: Any = STORE.deserialize_cdr(data, kind)
@@ -73,6 +74,7 @@ def decode(kind: str, data: bytes) -> Decoded | None:
     return read(message)
 
 
+_LISTS = {"tf2_msgs/msg/TFMessage", "action_msgs/msg/GoalStatusArray"}
 IMAGE = "sensor_msgs/msg/Image"
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from msgspec import Struct, field
 
+from lab3_usd.errors import RecordingError
 from lab3_usd.model.affine import Affine, heading, rotation
 from lab3_usd.model.behaviour import Frame, Place
 from lab3_usd.sim.bag.decoding import Decoded, Goal, decode, has_header, header
@@ -77,7 +78,8 @@ class Gathered(Struct):
     links: dict[tuple[str, str], Link] = field(default_factory=dict)
     frames: dict[Frame, None] = field(default_factory=dict)
     goals: dict[bytes, int] = field(default_factory=dict)
-    transforms: int = 0
+    listed: int = 0  # transforms and goals that were read
+    transforms: int = 0  # that are kept
     until: float | None = None  # when more came than is judged message by message
 
     @property
@@ -94,8 +96,13 @@ def gather(
     messages: Iterable[Raw],
     offered: Mapping[tuple[str, str], tuple[Offered, ...]],
     topics: Topics,
+    most_listed: int,
 ) -> Gathered:
-    """Go through the messages in the order in which they arrived."""
+    """Go through the messages in the order in which they arrived.
+
+    Raises:
+        RecordingError: they list more transforms and goals than are read.
+    """
     timeline = Timeline(any(topic == topics.wanted.clock for topic, _ in offered))
     found = Gathered(timeline)
     for key, each in offered.items():
@@ -103,6 +110,9 @@ def gather(
     judged, lasting = topics.judged(), topics.lasting()
     for raw in messages:
         _take(found, raw, topics, whole=raw.topic in (judged if found.until is None else lasting))
+        if found.listed > most_listed:
+            message = f"has more than {most_listed} transforms and goals"
+            raise RecordingError(message)
     found.recording.messages.sort(key=lambda each: each.at)
     return found
 
@@ -152,11 +162,13 @@ def _count(tally: Tally, read: Decoded, stamp: float | None, moment: tuple[float
 def _keep(found: Gathered, message: Message, topics: Topics) -> None:
     wanted, data = topics.wanted, message.data
     if message.topic == topics.goal and isinstance(data, tuple):
+        found.listed += len(data)
         _goals(found, data)
         return
     if _is_enough(found, message):
         found.until = min(found.until or DETAIL, found.timeline.now)
     if message.topic in {wanted.transforms, *topics.static} and isinstance(data, tuple):
+        found.listed += len(data)
         static = message.topic in topics.static
         inner = _links(found, data, message.at, wanted.root, static=static)
         if static or not inner:

@@ -37,8 +37,9 @@ def judge_recording(recording: Path, lab: Lab, checkpoint: str, *, whole: bool) 
     wanted = interface(lab, lab.checkpoints[checkpoint])
     topics = _read_topics(lab, wanted)
     try:
-        with opened(layout_at(recording), Bounds()) as bag:
-            found = gather(bag.messages(), bag.topics, topics)
+        bounds = Bounds()
+        with opened(layout_at(recording), bounds) as bag:
+            found = gather(bag.messages(), bag.topics, topics, bounds.listed)
     except (RecordingError, OSError) as error:
         reason = (Unknown("/", str(error)),)
         return Behaviour(
@@ -55,7 +56,7 @@ def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -
     """
     wanted = interface(lab, lab.checkpoints[checkpoint])
     with opened(layout, bounds) as bag:
-        found = gather(bag.messages(), bag.topics, _read_topics(lab, wanted))
+        found = gather(bag.messages(), bag.topics, _read_topics(lab, wanted), bounds.listed)
     came = {topic for (topic, _), tally in found.tallies.items() if tally.count}
     seen = replace(
         wanted, types={each: kind for each, kind in wanted.types.items() if each in came}

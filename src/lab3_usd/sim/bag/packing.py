@@ -21,9 +21,10 @@ _PART = 1 << 20
 
 
 class Bounds(Struct, frozen=True):
-    """The most messages of a recording, and the most bytes that files and parts unpack to."""
+    """The most messages of a recording, transforms and goals in them, and bytes to unpack."""
 
     messages: int = 20_000_000
+    listed: int = 100_000_000
     file: int = 20_000_000_000
     parts: int = 1_000_000_000_000
 
