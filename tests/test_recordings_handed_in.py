@@ -32,8 +32,16 @@ from lab3_usd.judge import recordings as module
 from lab3_usd.judge.folder import FolderSettings, check_folder
 from lab3_usd.judge.recordings import opens_all, read_recordings
 from lab3_usd.lab.submission.listing import entries_below
+from lab3_usd.model.behaviour import Check
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.lab_files import Evidence, EvidenceSubject, RecordingShown
+from lab3_usd.model.lab_files import (
+    GOAL,
+    Evidence,
+    EvidenceSubject,
+    GoalRun,
+    Observation,
+    RecordingShown,
+)
 from lab3_usd.sim.bag import packing, screening
 from lab3_usd.spec.load.ros import map_facts
 
@@ -124,6 +132,29 @@ def test_what_a_second_recording_shows_repaired_is_no_fault(plain: Path, handed_
     assert [each.property for each in problems(shown(handed_in))] == ["QoS"]
     put(plain, handed_in, "late")
     assert problems(shown(handed_in)) == []
+
+
+def test_what_comes_once_in_a_short_recording_is_no_fault(plain: Path, handed_in: Path) -> None:
+    def until(end: float, sent: Sent) -> Iterator[Sent]:
+        if sent.time < end and (sent.topic != "/scan" or 3e8 <= sent.time < 4e8):
+            yield sent
+
+    rewritten(plain, handed_in / "results" / "long", lambda sent: until(4e9, sent))
+    assert "/scan comes only once" in {each.message for each in problems(shown(handed_in))}
+    shutil.rmtree(handed_in / "results" / "long")
+    rewritten(plain, handed_in / "results" / "short", lambda sent: until(1e9, sent))
+    assert problems(shown(handed_in)) == []
+
+
+def test_a_goal_that_a_saved_output_shows_reached_is_no_fault() -> None:
+    aborted = Check(GOAL, "bad", "the last of 1 goals is aborted", rule="E16")
+    recording = RecordingShown("results/run.mcap", checks=(aborted,))
+    evidence = Evidence("results", recordings=(recording,))
+    facts, reached = map_facts(LAB.scene), tuple(LAB.checkpoints)
+    given = EvidenceSubject(LAB.ros, LAB.frames, facts, evidence, reached)
+    assert [each.severity for each in RULES["E18"].check(given)] == ["error"]
+    later = replace(evidence, goals={"": (Observation(GoalRun(4), "results/goal.txt"),)})
+    assert list(RULES["E18"].check(replace(given, evidence=later))) == []
 
 
 def test_a_recording_shows_what_commands_would_print(plain: Path, handed_in: Path) -> None:

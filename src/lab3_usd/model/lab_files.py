@@ -170,6 +170,7 @@ class Run(Struct, frozen=True):
     command: str
 
 
+GOAL = "goal"  # the check of a recording that a goal was reached
 Edge = tuple[str, str]
 Outputs = Mapping[str, tuple[Observation[Fact], ...]]
 

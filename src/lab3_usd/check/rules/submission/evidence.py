@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.submission.file_values import shortened
 from lab3_usd.model.finding import Problem, Severity
-from lab3_usd.model.lab_files import EvidenceSubject, Observation, judge_best
+from lab3_usd.model.lab_files import GOAL, EvidenceSubject, Observation, judge_best
 from lab3_usd.spec.ros import Command
 
 
@@ -43,7 +43,7 @@ def evidence_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 def _is_shown(subject: EvidenceSubject, command: Command) -> bool:
     goal = subject.ros.goal
     if goal is not None and command.of == goal.status:
-        recorded = any(one.name == "goal" for e in subject.evidence.recordings for one in e.checks)
+        recorded = any(one.name == GOAL for e in subject.evidence.recordings for one in e.checks)
         return recorded or bool(subject.evidence.goals)
     shown: Mapping[str, object] = getattr(subject.evidence, command.kind.name)
     recordings = subject.evidence.recordings

@@ -8,7 +8,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.submission.file_values import shortened
 from lab3_usd.model.behaviour import Check
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.lab_files import EvidenceSubject, RecordingShown
+from lab3_usd.model.lab_files import GOAL, EvidenceSubject, RecordingShown
 
 _OF_EVIDENCE = "E"
 
@@ -33,7 +33,7 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
             by_name.setdefault(check.name, []).append((recording, check))
     for name, found in by_name.items():
         recording, check = found[-1]
-        if any(each.verdict != "bad" for _, each in found):
+        if any(each.verdict != "bad" for _, each in found) or _reached(subject, name):
             continue
         yield Problem(
             recording.file,
@@ -43,6 +43,12 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
             severity="error" if check.rule.startswith(_OF_EVIDENCE) else "warning",
             hint=f"`lab3 rule {check.rule}` explains such faults; `lab3 bag` shows all of it",
         )
+
+
+def _reached(subject: EvidenceSubject, check: str) -> bool:
+    """Whether a saved output shows a goal that succeeded."""
+    goal, outputs = subject.ros.goal, subject.evidence.goals.get("", ())
+    return check == GOAL and any(e.fact.status == goal.succeeded for e in outputs if goal)
 
 
 @rule("E19", "recording-not-read", scope="evidence", severity="warning")
