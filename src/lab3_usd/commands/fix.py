@@ -15,6 +15,8 @@ from lab3_usd.commands.configuring import config_options, with_config
 @click.argument("stage", type=click.Path(path_type=Path))
 @click.option("--checkpoint", metavar="NN", help="Judge at this checkpoint, whatever the name.")
 @click.option("--starter", type=click.Path(), help="Take what is missing from this starter.")
+@click.option("--lint", is_flag=True, help="Repair what lab3 lint finds, without a spec.")
+@click.option("--isaac", "release", metavar="RELEASE", help="With --lint: as for lab3 lint.")
 @click.option("--diff", is_flag=True, help="Print what would change, and write nothing.")
 @click.option("--unsafe", is_flag=True, help="Also add, remove and move prims.")
 @click.option(

@@ -14,10 +14,11 @@ from lab3_usd.commands.options import checkpoint_number
 from lab3_usd.commands.reporting import wanted
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
-from lab3_usd.fix.repairing import Fixed, FixOptions, check_result, fix_stage
+from lab3_usd.fix.repairing import Fixed, FixOptions, check_result, fix_linted, fix_stage
 from lab3_usd.judge.entries import JudgeSettings, checkpoint_at
 from lab3_usd.model.finding import Finding, site_of
 from lab3_usd.report.safe_text import visible
+from lab3_usd.spec.isaac import NEWEST
 from lab3_usd.spec.load.loader import load_lab
 
 _TEXT = b"#usda"
@@ -31,10 +32,6 @@ def run(stage: Path, options: Mapping[str, Any]) -> int:
         StageError: the stage cannot be opened.
     """
     _check(stage, options)
-    lab = load_lab()
-    number = options["checkpoint"]
-    given = None if number is None else checkpoint_number(number, lab.checkpoints)
-    checkpoint = checkpoint_at(str(stage), JudgeSettings(given, config=options["config"]), lab)
     settings = FixOptions(
         unsafe=options["unsafe"],
         root_only=options["output"] is not None,
@@ -42,7 +39,7 @@ def run(stage: Path, options: Mapping[str, Any]) -> int:
         wanted=lambda findings: wanted(findings, str(stage), options),
         heeds_ignores=True,
     )
-    fixed = fix_stage(stage, checkpoint, lab, settings)
+    fixed = _fixed(stage, options, settings)
     for line in _diffs(fixed) if options["diff"] else ():
         click.echo(line, nl=False)
     if not options["diff"]:
@@ -51,10 +48,22 @@ def run(stage: Path, options: Mapping[str, Any]) -> int:
     return 1 if any(_counts(each) for each in fixed.left) else 0
 
 
+def _fixed(stage: Path, options: Mapping[str, Any], settings: FixOptions) -> Fixed:
+    if options["lint"]:
+        return fix_linted(stage, options["release"] or NEWEST, settings)
+    lab, number = load_lab(), options["checkpoint"]
+    given = None if number is None else checkpoint_number(number, lab.checkpoints)
+    checkpoint = checkpoint_at(str(stage), JudgeSettings(given, config=options["config"]), lab)
+    return fix_stage(stage, checkpoint, lab, settings)
+
+
 def _check(stage: Path, options: Mapping[str, Any]) -> None:
     ways = [name for name in ("diff", "output", "in_place") if options[name]]
     if len(ways) > 1:
         message = "--diff, --output and --in-place exclude each other"
+        raise UsageError(message)
+    if options["release"] is not None and not options["lint"]:
+        message = "--isaac goes with --lint"
         raise UsageError(message)
     if not stage.is_file():
         message = f"{stage}: there is no such file"

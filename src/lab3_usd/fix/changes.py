@@ -32,9 +32,9 @@ def _changes(
     result: StageResult, lab: Lab, starter: str | None
 ) -> Iterator[tuple[tuple[str, Site], tuple[TextChange, ...]]]:
     repairs = {site_of(each): each.fix for each in result.findings if each.fix and each.fix.safe}
-    if not repairs or result.checkpoint is None:
+    if not repairs:
         return
-    stage, asked = open_stage(Path(result.path)), lab.checkpoints[result.checkpoint]
+    stage, asked = open_stage(Path(result.path)), lab.checkpoints[result.checkpoint or lab.first]
     for site, repair in repairs.items():
         session = EditSession(stage, lab, asked, starter=starter)
         lines = tuple(_lines(session, repair, result.path))

@@ -13,13 +13,9 @@ from lab3_usd.stage.edit.session import EditSession
 
 
 def repair_open_stage(repair: Repair, stage: Any) -> None:  # noqa: ANN401 - pxr has no types
-    """Make the edits of a repair in the layers of a stage of the lab; no file is written.
-
-    Raises:
-        KeyError: the name of the stage's file gives no checkpoint.
-    """
+    """Make the edits of a repair in the layers of a stage; no file is written."""
     lab = load_lab()
-    checkpoint = checkpoint_of(Path(stage.GetRootLayer().realPath).name, lab) or ""
+    checkpoint = checkpoint_of(Path(stage.GetRootLayer().realPath).name, lab) or lab.first
     session = EditSession(stage, lab, lab.checkpoints[checkpoint])
     for edit in sorted(repair.edits, key=lambda each: isinstance(each, MovePrim)):
         apply_edit(session, edit)

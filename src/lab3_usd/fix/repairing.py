@@ -9,17 +9,22 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.checker import judge
+from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.lint.linter import lint
+from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.files import temporary_beside
 from lab3_usd.fix.attempts import Attempt, most_helpful, weight
 from lab3_usd.fix.layer_bytes import new_bytes
 from lab3_usd.judge.ignoring import heeded
+from lab3_usd.judge.lint import lint_lab
 from lab3_usd.judge.starter import open_against_starter, open_starter
 from lab3_usd.model.finding import Finding, Score, Site, StageResult, site_of
 from lab3_usd.model.order import ordered
 from lab3_usd.model.repair import MovePrim, Repair
 from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.load.loader import load_isaac_types
 from lab3_usd.stage.edit.apply import apply_edit
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.read.opening import open_stage, quiet
@@ -74,32 +79,72 @@ class Fixed(Struct, frozen=True):
 
 @quiet()
 def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fixed:
-    """Repair a stage in memory; no file is written.
+    """Repair in memory what the check finds in a stage; no file is written.
 
     Raises:
         StageError: the stage cannot be opened, or a rule failed.
     """
+    asked = lab.checkpoints[checkpoint]
+    starter = None if options.starter is None else open_starter(Path(options.starter), lab)
+
+    def found(file: Path, stage: Any) -> Iterable[Finding]:  # noqa: ANN401 - pxr has no types
+        judged = judge(lab, asked, read_model(stage, lab, str(file)))
+        findings = _said(file, judged)
+        if starter is None:
+            return findings
+        result = StageResult(str(file), asked.id, "fail", Score(0.0, 0.0), findings)
+        return open_against_starter(result, stage, starter, lab).findings
+
+    return _fixed(path, found, (lab, asked), options)
+
+
+@quiet()
+def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
+    """Repair in memory what the linter finds in a stage; no file is written.
+
+    Raises:
+        StageError: the stage cannot be opened, or a rule failed.
+        UsageError: the release is not known.
+    """
+    lab = lint_lab(release)
+
+    def found(file: Path, stage: Any) -> Iterable[Finding]:  # noqa: ANN401 - pxr has no types
+        model = read_model(stage, lab, str(file))
+        return _said(file, lint(LintSubject(lab, load_isaac_types(), model, release)))
+
+    return _fixed(path, found, (lab, lab.checkpoints[lab.first]), options)
+
+
+def _said(file: Path, judged: Judgement | RuleResults) -> tuple[Finding, ...]:
+    if judged.crashes:
+        message = f"{file}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
+        raise StageError(message)
+    return tuple(ordered(judged.findings))
+
+
+def _fixed(
+    path: Path,
+    found: Callable[[Path, Any], Iterable[Finding]],
+    asked: tuple[Lab, Checkpoint],
+    options: FixOptions,
+) -> Fixed:
+    """Judge a stage, repair it, and judge it again; what is restored is as `asked` builds it."""
     if path.suffix.lower() == _PACKAGE:
         message = f"{path}: is a package, which is not repaired; unpack it and repair its stage"
         raise StageError(message)
-    asked = lab.checkpoints[checkpoint]
     stage = open_stage(path)
-    starter = None if options.starter is None else open_starter(Path(options.starter), lab)
 
     def judged(file: Path, stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
         try:
-            found = _findings(stage, lab, asked, file)
-            if starter is not None:
-                found = open_against_starter(
-                    _result(file, asked, found), stage, starter, lab
-                ).findings
-            return options.wanted(heeded(found, stage, file) if options.heeds_ignores else found)
+            findings = tuple(found(file, stage))
+            heed = options.heeds_ignores
+            return options.wanted(heeded(findings, stage, file) if heed else findings)
         finally:
             release_start_values(stage)  # which edits are about to change
 
     before = judged(path, stage)
     sites = dict.fromkeys(site_of(each) for each in before if _repair_of(each, options))
-    first = EditSession(stage, lab, asked, options.root_only, options.starter)
+    first = EditSession(stage, *asked, options.root_only, options.starter)
 
     def attempt(kept: frozenset[Site]) -> Attempt:
         again = _Rounds(replace(first, edited={}), options, frozenset(sites) - kept)
@@ -116,18 +161,6 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
         left_out=chosen.left_out,
         judge_again=lambda copy: judged(copy, open_stage(copy)),
     )
-
-
-def _result(file: Path, checkpoint: Checkpoint, findings: tuple[Finding, ...]) -> StageResult:
-    return StageResult(str(file), checkpoint.id, "fail", Score(0.0, 0.0), findings)
-
-
-def _findings(stage: Any, lab: Lab, checkpoint: Checkpoint, file: Path) -> tuple[Finding, ...]:  # noqa: ANN401
-    judged = judge(lab, checkpoint, read_model(stage, lab, str(file)))
-    if judged.crashes:
-        message = f"{file}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
-        raise StageError(message)
-    return tuple(ordered(judged.findings))
 
 
 def _repair_of(finding: Finding, options: FixOptions) -> Repair | None:

@@ -6,6 +6,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.registry import rules_of
+from lab3_usd.check.repairs.lint import with_lint_repairs
 from lab3_usd.check.rule_runs import RuleResults, merge_results, run_rule
 
 
@@ -22,7 +23,8 @@ def lint(subject: LintSubject) -> RuleResults:
         notes = RuleResults(
             tuple(replace(each, severity="note") for each in files.findings), files.crashes
         )
-        return merge_results((notes, stage))
+        repairs = tuple(with_lint_repairs(stage.findings, subject))
+        return merge_results((notes, RuleResults(repairs, stage.crashes)))
     finally:
         # What rules derive holds what they were given, and so the stage.
         subject.stage.derived.clear()

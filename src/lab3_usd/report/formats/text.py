@@ -47,7 +47,9 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     lines = [*_spaced(sections), summary_line(summarize(report))]
     count = sum(is_repairable(entry.finding) for entry in entries(report))
     if count and not quiet:
-        lines.append(f"{REPAIRABLE} {plural(count, 'finding')} can be repaired with lab3 fix")
+        lints = all(each.checkpoint is None for each in report.results)
+        by = "lab3 fix --lint" if lints else "lab3 fix"
+        lines.append(f"{REPAIRABLE} {plural(count, 'finding')} can be repaired with {by}")
     return "\n".join(lines) + "\n"
 
 

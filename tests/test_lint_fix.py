@@ -1,0 +1,88 @@
+"""`lab3 fix --lint`: what the linter finds is repaired where one repair alone can be meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from breaking import Step
+from click.testing import CliRunner, Result
+from linting import broken_robot
+
+from lab3_usd import cli
+from lab3_usd.errors import UsageError
+from lab3_usd.judge.lint import lint_stage
+
+CLOCK, LIDAR, HELPER = "/World/Clock/clock", "/World/Lidar/helper", "/World/Camera/helper"
+TIME = "/World/Clock/time.outputs:simulationTime"
+BARE = "/World/Rover/chassis/bare"
+SLIPS: dict[str, list[Step]] = {
+    "K20": [{"add source": [f"{CLOCK}.inputs:timeStamp", "/World/Clock/gone.outputs:time"]}],
+    "K21": [{"connect": ["/World/Drive/names.inputs:input0", "/World/Drive/left.outputs:value"]}],
+    "K21 at the other end": [
+        {"misspell": [f"{CLOCK}.inputs:timeStamp", "inputs:timestamp"]},
+    ],
+    "K30": [{"set": [f"{CLOCK}.node:type", "isaacsim.ros2.nodes.ROS2PublishClock"]}],
+    "K31": [{"set": [f"{CLOCK}.node:type", "omni.isaac.ros2_bridge.ROS2PublishClock"]}],
+    "K35": [{"declare": [f"{HELPER}.inputs:type", "token", "RGB"]}],
+    "K38": [{"set": [f"{LIDAR}.inputs:frameId", "/laser"]}],
+    "K71": [
+        {"define": [BARE, "OmniLidar"]},
+        {"targets": ["/World/Lidar/product.inputs:cameraPrim", BARE]},
+    ],
+}
+LEFT: dict[str, list[Step]] = {
+    "a dead wire without another": [
+        {"connect": [f"{CLOCK}.inputs:timeStamp", "/World/Clock/gone.outputs:time"]}
+    ],
+    "a port that no other is like": [
+        {"connect": [f"{CLOCK}.inputs:timeStamp", "/World/Clock/time.outputs:whatever"]}
+    ],
+    "a frame without a name": [{"set": [f"{LIDAR}.inputs:frameId", ""]}],
+    "a value that is like none": [{"declare": [f"{HELPER}.inputs:type", "token", "heat"]}],
+}
+
+
+def saved(folder: Path, steps: list[dict[str, Any]]) -> Path:
+    path = folder / "rover.usda"
+    stage = broken_robot("rover", steps)
+    stage.GetRootLayer().Export(str(path))
+    return path
+
+
+def lab3(*arguments: Path | str) -> Result:
+    return CliRunner().invoke(cli.lab3, [*map(str, arguments)])
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_a_slip_is_repaired(tmp_path: Path, slip: str) -> None:
+    path = saved(tmp_path, [dict(each) for each in SLIPS[slip]])
+    assert slip[:3] in {each.rule for each in lint_stage(path).findings}
+    assert lab3("fix", "--lint", path, "--in-place").exit_code == 0
+    assert [each.rule for each in lint_stage(path).findings if each.severity != "note"] == []
+
+
+@pytest.mark.parametrize("fault", LEFT)
+def test_what_may_mean_several_things_is_left(tmp_path: Path, fault: str) -> None:
+    path = saved(tmp_path, [dict(each) for each in LEFT[fault]])
+    old = path.read_bytes()
+    lab3("fix", "--lint", path, "--in-place")
+    assert [each.fix for each in lint_stage(path).findings if each.severity != "note"] == [None]
+    assert path.read_bytes() == old
+
+
+def test_the_report_names_the_command(tmp_path: Path) -> None:
+    path = saved(tmp_path, [dict(each) for each in SLIPS["K31"]])
+    last = lab3("lint", path).stdout.splitlines()[-1]
+    assert last == "[*] 1 finding can be repaired with lab3 fix --lint"
+
+
+def test_sarif_holds_the_lines(tmp_path: Path) -> None:
+    path = saved(tmp_path, [dict(each) for each in SLIPS["K31"]])
+    assert '"fixes"' in lab3("lint", path, "--format", "sarif").stdout
+
+
+def test_a_release_without_the_linter_is_wrong_use(tmp_path: Path) -> None:
+    result = lab3("fix", "--isaac", "5.1", saved(tmp_path, []))
+    assert isinstance(result.exception, UsageError)
