@@ -36,11 +36,11 @@ _GONE = {"removed": remove, "deactivated": deactivate, "only over": undefine}
 
 def lab_scene_faults(lab: Lab, checkpoint: Checkpoint) -> Iterator[Fault]:
     """Yield the faults of robot, world and sensors that this checkpoint shows."""
-    found = [*_units(), *_robot(lab), *_links(lab), *_wheels(lab), *_world(lab)]
+    found = [*_units(lab), *_robot(lab), *_links(lab), *_wheels(lab), *_world(lab)]
     if checkpoint.id == lab.first:
         found += _early(lab)
     for name in checkpoint.sensors:
-        found += _sensor(lab.sensors[name])
+        found += _sensor(lab, lab.sensors[name])
     for name, change, site in found:
         yield Fault(name, "scene", change, (site,))
 
@@ -48,23 +48,36 @@ def lab_scene_faults(lab: Lab, checkpoint: Checkpoint) -> Iterator[Fault]:
 _Found = tuple[str, Change, str]
 
 
-def _units() -> Iterator[_Found]:
-    yield "Y up", lambda stage: void(UsdGeom.SetStageUpAxis(stage, "Y")), "/"
-    yield "centimetres", lambda stage: void(UsdGeom.SetStageMetersPerUnit(stage, 0.01)), "/"
+def _units(lab: Lab) -> Iterator[_Found]:
+    up = "Z" if lab.scene["stage"]["up_axis"] == "Y" else "Y"
+    yield f"{up} up", lambda stage: void(UsdGeom.SetStageUpAxis(stage, up)), "/"
+    wrong = 0.1 * _metres(lab)
+    yield "other units", lambda stage: void(UsdGeom.SetStageMetersPerUnit(stage, wrong)), "/"
+
+
+def _metres(lab: Lab) -> float:
+    """Return the length of one unit of the lab's stages."""
+    return float(lab.scene["stage"]["meters_per_unit"])
+
+
+def _place(lab: Lab, pose: Mapping[str, Any], *away: float) -> Gf.Vec3d:
+    """Return where a prim stands that is some metres away from its place, in stage units."""
+    return (Gf.Vec3d(*pose["translate"]) + Gf.Vec3d(*away)) / _metres(lab)
 
 
 def _robot(lab: Lab) -> Iterator[_Found]:
     robot = lab.scene["robot"]
     path, base = robot["path"], robot["articulation"]["target"]
-    x, y, z = robot["pose"]["translate"]
     for what, change in _GONE.items():
         yield f"robot {what}", change(path), path
-    yield "robot moved", put(path, TRANSLATE, Gf.Vec3d(x + 0.3, y, z)), path
-    yield "robot lifted", put(path, TRANSLATE, Gf.Vec3d(x, y, z + 0.2)), path
+    yield "robot moved", put(path, TRANSLATE, _place(lab, robot["pose"], 0.3, 0, 0)), path
+    yield "robot lifted", put(path, TRANSLATE, _place(lab, robot["pose"], 0, 0, 0.2)), path
     yield "robot turned", put(path, ORIENT, turn(45)), path
     yield "robot scaled", put(path, SCALE, Gf.Vec3d(2, 2, 2)), path
-    yield "no articulation", without_api(base, robot["articulation"]["api"]), base
-    yield "held by the world", weld(f"{path}/hold", body1=base), f"{path}/hold"
+    if base:
+        yield "no articulation", without_api(base, robot["articulation"]["api"]), base
+    if robot["wheels"]["joints"]:
+        yield "held by the world", weld(f"{path}/hold", body1=base), f"{path}/hold"
 
 
 def _links(lab: Lab) -> Iterator[_Found]:
@@ -149,15 +162,14 @@ def _defined(path: str, kind: str) -> Change:
     return lambda stage: void(stage.DefinePrim(path, kind))
 
 
-def _sensor(spec: Mapping[str, Any]) -> Iterator[_Found]:
+def _sensor(lab: Lab, spec: Mapping[str, Any]) -> Iterator[_Found]:
     path: str = spec["path"]
     name = path.rpartition("/")[2]
-    x, y, z = spec["pose"]["translate"]
     for what, change in _GONE.items():
         yield f"{name} {what}", change(path), path
     yield f"{name} renamed", move_prim(path, f"{path}_1"), f"{path}_1"
     yield f"{name} an Xform", retype(path, "Xform"), path
-    yield f"{name} moved", put(path, TRANSLATE, Gf.Vec3d(x, y, z + 0.05)), path
+    yield f"{name} moved", put(path, TRANSLATE, _place(lab, spec["pose"], 0, 0, 0.05)), path
     yield f"{name} turned", put(path, ORIENT, turn(5)), path
     yield f"{name} scaled", put(path, SCALE, Gf.Vec3d(1, 1, 2)), path
     yield f"{name} left behind", detach(path), path

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import runpy
 import shutil
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from click.testing import CliRunner, Result
 from pxr import Sdf, Usd
 
 from lab3_usd.cli import lab3
+from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import Lab3Error
 from lab3_usd.spec.load.loader import load_lab
 
@@ -75,6 +77,17 @@ def test_an_id_that_is_there_is_taken_before_one_of_the_same_number(
 ) -> None:
     assert run("build", "--only", given, "-o", tmp_path).exit_code == 0
     assert [path.stem for path in tmp_path.iterdir()] == [built]
+
+
+def test_single_faults_are_found_at_their_place(
+    repository: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(LAB_VARIABLE, str(LAB))
+    sweep = runpy.run_path(str(repository / "benchmarks" / "sweep.py"))["sweep"]
+    outcomes = [*sweep("s"), *sweep("rear")]
+    assert len(outcomes) > 200
+    assert [each.fault.name for each in outcomes if not each.at_place] == []
+    assert sum(len(each.errors) for each in outcomes) <= len(outcomes)
 
 
 COMMANDS = [  # with the exit code
