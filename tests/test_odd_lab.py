@@ -134,12 +134,30 @@ def test_every_command_takes_it_and_names_nothing_of_another_lab(
     assert "final, pass" in run("--lab", "described", "check", "--checkpoint", "final", LAST).output
 
 
-def test_what_a_lab_lacks_is_said_in_one_line(tmp_path: Path) -> None:
+def test_what_a_lab_lacks_is_said_in_one_line(built: Path, tmp_path: Path) -> None:
     shutil.copytree(LAB, tmp_path / "lab")
     (tmp_path / "lab" / "starter.yaml").unlink()
+    (tmp_path / "lab" / "rubric.yaml").unlink()
     for arguments in (["build", "-o", tmp_path / "out"], ["starter", "-o", tmp_path / "a.usda"]):
         said = run("--lab", tmp_path / "lab", *arguments).exception
         assert "has no starter.yaml: give lab3 build a starter scene of yours" in str(said)
+    arguments = ["grade", built, "--starter", built / "empty yard.s.usda", "-o", tmp_path / "book"]
+    said = run("--lab", tmp_path / "lab", *arguments).exception
+    assert str(said) == "Scanning a yard has no rubric.yaml; name a rubric with --rubric"
+    assert run("--lab", tmp_path / "lab", "check", built).exit_code == 0
+
+
+def test_stages_are_built_with_the_ending_that_the_lab_asks_for(tmp_path: Path) -> None:
+    shutil.copytree(LAB, tmp_path / "lab")
+    path = tmp_path / "lab" / "submission.yaml"
+    path.write_text(
+        path.read_text().replace(
+            "endings: [.usda], openable: [.usd,", "endings: [.usd], openable: ["
+        )
+    )
+    built = run("--lab", tmp_path / "lab", "build", "-o", tmp_path / "out").stdout.splitlines()
+    assert {Path(each).suffix for each in built} == {".usd"}
+    assert run("--lab", tmp_path / "lab", "check", tmp_path / "out").exit_code == 0
 
 
 def test_the_hints_name_what_the_panel_shows(broken: Path) -> None:

@@ -28,9 +28,8 @@ EXIT_REFUSED = 1
     "--format",
     "form",
     type=click.Choice(["usda", "usdc"]),
-    default="usda",
-    show_default=True,
-    help="Text (.usda) or binary (.usd).",
+    default=None,
+    help="Text (.usda) or binary (.usd); as the lab's stages end, where it is not given.",
 )
 @click.option(
     "--lidar-asset",
@@ -43,13 +42,13 @@ def command(  # noqa: PLR0913, PLR0917 - one parameter per option
     folder: Path,
     through: str | None,
     only: str | None,
-    form: str,
+    form: str | None,
     lidar_asset: str | None,
     force: bool,  # noqa: FBT001 - click passes it by name
 ) -> None:
     """Build the stage of each checkpoint, holding all that the lab asks for by then.
 
-    STARTER is the supplied scene; without it the bundled one is used. It is opened read-only.
+    STARTER is the supplied scene; without it that of the lab is used. It is opened read-only.
     """
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415 - keeps --help fast
     from lab3_usd.stage.write.builder import (  # noqa: PLC0415
@@ -64,6 +63,7 @@ def command(  # noqa: PLR0913, PLR0917 - one parameter per option
         raise click.UsageError(message)
     lab = load_lab()
     numbers = _numbers(list(lab.checkpoints), through, only)
+    form = form or _usual_form(lab.submission.stages.endings[0])
     options = BuildOptions(form, lidar_asset, force)
     try:
         files = build_files(lab, starter, plan_files(lab, folder, numbers, form), options)
@@ -88,6 +88,10 @@ def _numbers(known: list[str], through: str | None, only: str | None) -> list[st
         return known
     number = checkpoint_number(chosen, known)
     return [number] if only is not None else known[: known.index(number) + 1]
+
+
+def _usual_form(ending: str) -> str:
+    return "usda" if ending == ".usda" else "usdc"
 
 
 def _warn(starter: Path) -> None:

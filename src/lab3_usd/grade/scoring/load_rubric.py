@@ -34,12 +34,15 @@ class _RubricFile(Struct, forbid_unknown_fields=True):
 
 
 def load_rubric(path: Path | None, lab: Lab) -> Rubric:
-    """Load the rubric at `path`, None for the bundled one.
+    """Load the rubric at `path`, None for that of the lab.
 
     Raises:
         SpecError: the file is missing or wrong; the line names the item and the key.
     """
     file = path if path is not None else lab.folder / FILE
+    if path is None and not file.is_file():
+        message = f"{lab.title} has no {FILE}; name a rubric with --rubric"
+        raise SpecError(message)
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
     where = file.name
     said = record(data, _RubricFile, where)
