@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import shutil
 import sys
 import zipfile
 from collections import Counter
@@ -229,3 +230,14 @@ def test_single_faults_are_found_at_their_place(
     assert len(outcomes) >= 10
     assert [each.fault.name for each in outcomes if not each.at_place] == []
     assert sum(len(each.errors) for each in outcomes) / len(outcomes) <= 1.05
+
+
+def test_a_fault_of_the_scene_cites_the_sheet(lab: Path, built: Path, tmp_path: Path) -> None:
+    path = tmp_path / f"{FILES[0]}.usda"
+    shutil.copyfile(built / path.name, path)
+    stage = Usd.Stage.Open(str(path))
+    joint = stage.GetPrimAtPath("/World/Jetbot/chassis/left_wheel_joint")
+    joint.GetAttribute("physics:axis").Set("X")
+    stage.GetRootLayer().Save()
+    (found,) = json.loads(run(lab, "check", "--format", "json", path).stdout)["results"]
+    assert [(f["rule"], f["handout"]) for f in found["findings"]] == [("S09", "1.4")]

@@ -65,7 +65,7 @@ def _robot_items(lab: Lab, checkpoint: Checkpoint) -> Iterator[SceneItem]:
             "Scene/articulation", SCENE, title, where, None, target["handout"], ("S11",)
         )
     if "ground" in lab.scene["world"]:
-        section = lab.handout.rules.get("S19", robot["handout"])
+        section = lab.handout.behind("S19", robot["handout"])
         title, body = "robot rests on the ground", ("physics:body",)
         yield SceneItem("Scene/rest", SCENE, title, path, None, section, ("S19", "S21"), body)
 

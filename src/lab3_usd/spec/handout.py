@@ -27,6 +27,10 @@ class Handout(Struct, frozen=True, forbid_unknown_fields=True):
             for number in range(1, count + 1)
         )
 
+    def behind(self, rule: str, item: str) -> str:
+        """Return the section behind a rule, that of its item where the lab names none."""
+        return self.rules.get(rule, item)
+
     @property
     def leads(self) -> dict[str, str]:
         """What the names of the sections of each part begin with."""

@@ -20,6 +20,7 @@ from lab3_usd.model.formatting import display, format_paths, role_title, short_s
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.catalog import Port, Value
 from lab3_usd.spec.graph import NodeSpec
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.topic_names import resolved_topic
 
 
@@ -36,13 +37,13 @@ def kept_default_changed(subject: GraphSubject) -> Iterator[Problem]:
     """
     for node, spec, port, value in _changed(subject):
         if port.short in subject.lab.policy.keep_default:
-            yield _kept_problem(node, spec, port, display(value))
+            yield _kept_problem(subject.lab, node, spec, port, display(value))
     for fault in subject.wire_faults:
         spec = subject.spec.nodes[subject.roles.role_of[fault.node.path]]
         wired = spec.type.port(fault.port)
         if wired is not None and fault.kind == "unasked" and _is_kept_from_wires(subject, wired):
             source = short_source(fault.actual)
-            problem = _kept_problem(fault.node, spec, wired, f"wired from {source}")
+            problem = _kept_problem(subject.lab, fault.node, spec, wired, f"wired from {source}")
             yield replace(problem, hint=f"delete the wire from {source}")
 
 
@@ -56,11 +57,12 @@ def _is_profile(port: Port) -> bool:
     return "qos" in port.short
 
 
-def _kept_problem(node: Node, spec: NodeSpec, port: Port, actual: str) -> Problem:
+def _kept_problem(lab: Lab, node: Node, spec: NodeSpec, port: Port, actual: str) -> Problem:
     expected = display(port.default)
     message = f"{port.name} is {actual}, expected its default {expected}"
     hint = f"select {role_title(spec)} and reset {port.short} in the Property panel"
-    section = dict(spec.keep).get(port.name, None if _is_profile(port) else spec.handout)
+    usual = lab.handout.behind("P04", spec.handout) if _is_profile(port) else spec.handout
+    section = dict(spec.keep).get(port.name, usual)
     return Problem(node.path, message, port.name, expected, actual, section, hint=hint)
 
 

@@ -118,6 +118,7 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
     `physics:body0`.
     """
     robot = subject.lab.scene["robot"]["path"]
+    section = subject.lab.handout.behind("S21", subject.lab.scene["robot"]["handout"])
     if not subject.lab.scene["robot"]["wheels"]["joints"]:  # an arm may be bolted down
         return
     for joint, side in _holds(subject):
@@ -130,7 +131,8 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
             BODIES[1 - side],
             "a link of the robot, or no such joint",
             other or "no prim",
-            related=(robot,),
+            section,
+            (robot,),
         )
 
 

@@ -47,6 +47,7 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
         angle_between(found, back) <= limit for found in wrong.values()
     )
     severity: Severity | None = "warning" if is_all_back else None
+    section = subject.lab.handout.behind("S09", scene["robot"]["wheels"]["handout"])
     for joint, found in wrong.items():
         if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
             continue
@@ -57,8 +58,9 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
             _cause(joint, list(axles)),
             vector_text(wanted),
             vector_text(found),
-            related=joint.related,
-            severity=severity,
+            section,
+            joint.related,
+            severity,
         )
 
 

@@ -111,6 +111,8 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `physics:body1` of `{joint}` names `{other_wheel}`.
     """
+    lab = subject.lab
+    section = lab.handout.behind("S08", lab.scene["robot"]["wheels"]["handout"])
     for joint in turning_joints(subject):
         for name, actual in wrong_ends(joint, subject):
             if not actual and is_unresolved(subject.stage, joint.site):
@@ -119,7 +121,7 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
             expected = joint.link if is_wheel else "a link of the robot that is no wheel"
             message = f"{name} is {actual or 'the world'}, expected {expected}"
             is_ = actual or "no prim"
-            yield Problem(joint.site, message, name, expected, is_, related=joint.related)
+            yield Problem(joint.site, message, name, expected, is_, section, joint.related)
 
 
 @rule("S23", "second-wheel-joint", scope="stage")
@@ -135,6 +137,8 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     """
     wheels = wheel_joints(subject)
     own = [wheel.prim for wheel in wheels]
+    lab = subject.lab
+    section = lab.handout.behind("S23", lab.scene["robot"]["wheels"]["handout"])
     for joint in joints(subject.stage):
         tied = [] if joint in own else [each for each in wheels if _ties(joint, each)]
         for wheel in [each for each in tied if _may_turn(each, subject)][:1]:
@@ -146,7 +150,8 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
                 None,
                 f"{wheel.name} alone",
                 joint.type,
-                related=(wheel.link, wheel.path),
+                section,
+                (wheel.link, wheel.path),
             )
 
 

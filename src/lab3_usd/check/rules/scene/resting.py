@@ -66,13 +66,14 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
         off = {spec["path"]: off[standing[0]]}
     later = subject.lab.is_after(subject.checkpoint.id, spec["pose_is_error_until"])
     severity: Severity | None = "warning" if later else None
+    section = subject.lab.handout.behind("S19", spec["handout"])
     for body, low in off.items():
         where = "above" if low > 0 else "below"
         part = body.rpartition("/")[2]
         message = f"{part} is {abs(low):.3g} m {where} the ground"
         related = (ground if body == spec["path"] else spec["path"],)
         expected, actual = "on the ground", f"{low:.3g} m"
-        yield Problem(body, message, None, expected, actual, related=related, severity=severity)
+        yield Problem(body, message, None, expected, actual, section, related, severity)
 
 
 def _root_stands_right(subject: StageSubject) -> bool:

@@ -115,7 +115,7 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
 def observation_camera(subject: StageSubject) -> Iterator[Problem]:
     """The observation camera beside the robot is missing.
 
-    Why: the supplied file has one (section 2). Without it the screenshots show another view, and it
+    Why: the supplied file has one. Without it the screenshots show another view, and it
     may have been turned into the robot's camera.
 
     Fix: restore it from the supplied file, or choose Create > Camera and place it beside the robot.
