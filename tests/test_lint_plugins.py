@@ -12,7 +12,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 from breaking import correct_stage
+from linting import broken_robot
 from menu_graphs import MENUS, with_menus
 from pxr import Sdf, Usd
 
@@ -79,13 +81,25 @@ def told_in(code: str, path: Path, **environment: str) -> Told:
     return sorted((rule, prim) for rule, prim in json.loads(done.stdout.splitlines()[-1]))
 
 
-@pytest.fixture(params=["vendor", "menus"])
+FAULTS = yaml.safe_load(Path(__file__).with_name("lint_faults.yaml").read_text())
+MANY = (
+    "the clock has no time",
+    "the source of a wire was deleted",
+    "a joint name is misspelt",
+    "the wheels hold a position",
+    "ROS 2 refuses the topic",
+    "the graph was copied",
+)
+
+
+@pytest.fixture(params=["vendor", "menus", "faults"])
 def stage(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     if request.param == "vendor":
         return EXAMPLE
-    path = tmp_path / "menus.usda"
-    menus = with_menus(*MENUS)
-    menus.GetRootLayer().Export(str(path))
+    path = tmp_path / "stage.usda"
+    steps = [step for name in MANY for step in FAULTS[name]["rover"]["break"]]
+    made = with_menus(*MENUS) if request.param == "menus" else broken_robot("rover", steps)
+    made.GetRootLayer().Export(str(path))
     return path
 
 
