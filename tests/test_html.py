@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from html_pages import CLOCK, DRIVE, Element, break_ten_times, judged, page, read, set_value, stages
+from linting import broken_robot
 from msgspec.structs import replace
 from pxr import Usd
 from report_examples import (
@@ -31,6 +32,7 @@ from report_examples import (
     write_stage,
 )
 
+from lab3_usd.judge.lint import lint_stage
 from lab3_usd.model.finding import Report, Score
 from lab3_usd.report.formats import html as html_format
 from lab3_usd.report.formats.registry import render
@@ -440,3 +442,15 @@ def test_the_title_tells_the_verdict() -> None:
         "Lab3_00_INITIAL.usda: pass",
         "Lab3_05_ODOM_TF.usda: not passed yet",
     ]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_page_of_the_linter_speaks_of_no_lab(count: int, tmp_path: Path) -> None:
+    paths = [tmp_path / f"robot_{number}.usda" for number in range(count)]
+    broken = broken_robot("rover", [{"deactivate": "/World/Clock"}])
+    for path in paths:
+        broken.GetRootLayer().Export(str(path))
+    text = page(Report(tuple(lint_stage(path) for path in paths)))
+    shown = re.sub(r"<(style|script).*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL).lower()
+    assert "k02" in shown
+    assert [word for word in ("checkpoint", "handout", "lab 3", "0/0") if word in shown] == []

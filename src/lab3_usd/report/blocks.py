@@ -64,6 +64,17 @@ class Block(Struct, frozen=True):
         return numbered and len(self.stages) > 1
 
     @property
+    def is_linted(self) -> bool:
+        """Whether no lab asks for anything here: the stages were judged without a checkpoint."""
+        read = [each.result.checkpoint for each in self.stages]
+        return bool(read) and self.submission is None and not any(read)
+
+    @property
+    def unit(self) -> str:
+        """What a reader counts here."""
+        return "stage" if self.is_linted else "checkpoint"
+
+    @property
     def matrix(self) -> dict[str, tuple[Part | None, ...]]:
         """The parts by name, each with its requirements in every stage."""
         names = dict.fromkeys(part.name for stage in self.stages for part in stage.parts)
