@@ -76,6 +76,14 @@ def test_the_old_file_is_kept(tmp_path: Path) -> None:
     assert (tmp_path / f"{path.name}.orig").read_bytes() == old
 
 
+def test_who_may_read_the_file_stays_the_same(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    path.chmod(0o600)
+    fix(path, "--in-place")
+    modes = [each.stat().st_mode & 0o777 for each in (path, path.with_name(f"{path.name}.orig"))]
+    assert modes == [0o600, 0o600]
+
+
 def test_an_older_original_is_not_replaced(tmp_path: Path) -> None:
     path = saved(tmp_path, WRONG_RADIUS)
     old = path.read_bytes()

@@ -104,9 +104,13 @@ def _replace(fixed: Fixed, *, keep: bool, force: bool) -> None:
     for path, data in fixed.files.items():
         check_result(fixed, data, path)
     for path in fixed.files if keep else ():
-        write_whole(path.with_name(f"{path.name}.orig"), path.read_bytes(), force=force)
+        original = path.with_name(f"{path.name}.orig")
+        write_whole(original, path.read_bytes(), force=force)
+        original.chmod(path.stat().st_mode)
     for path, data in fixed.files.items():
+        mode = path.stat().st_mode
         write_whole(path, data, force=True)
+        path.chmod(mode)
         click.echo(f"written: {_shown(path)}")
 
 
