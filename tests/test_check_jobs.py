@@ -185,8 +185,8 @@ def test_progress_is_shown_on_a_terminal(
             return True
 
     from lab3_usd.commands import check as command  # noqa: PLC0415
-    from lab3_usd.commands.checking import run  # noqa: PLC0415
-    from lab3_usd.commands.configuring import with_config  # noqa: PLC0415
+    from lab3_usd.commands.steps.checking import run  # noqa: PLC0415
+    from lab3_usd.commands.steps.configuring import with_config  # noqa: PLC0415
 
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)

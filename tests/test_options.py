@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from lab3_usd import build_checkpoint, cli
-from lab3_usd.commands.options import split_rules
+from lab3_usd.commands.steps.options import split_rules
 from lab3_usd.errors import UsageError
 
 

@@ -21,8 +21,8 @@ from click.testing import CliRunner, Result
 from pxr import Sdf
 
 from lab3_usd import cli
-from lab3_usd.commands import watching
-from lab3_usd.commands.news import news_between
+from lab3_usd.commands.steps import watching
+from lab3_usd.commands.steps.news import news_between
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding, Report, Score, StageResult
 from lab3_usd.report.html.live_page import live_page, version_file, version_script

@@ -62,7 +62,7 @@ def command(recording: Path, checkpoint: str | None, stage: Path | None, form: s
     usage, 3 the tool itself failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.
-    from lab3_usd.commands.options import checkpoint_number, wants_color, width  # noqa: PLC0415
+    from lab3_usd.commands.steps.options import checkpoint_number, wants_color, width  # noqa: PLC0415
     from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
     from lab3_usd.report.behaviour import json_behaviour, text  # noqa: PLC0415
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415

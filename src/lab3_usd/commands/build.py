@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.options import checkpoint_number
+from lab3_usd.commands.steps.options import checkpoint_number
 
 EXIT_REFUSED = 1
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.configuring import config_options
+from lab3_usd.commands.steps.configuring import config_options
 from lab3_usd.data import LAB_VARIABLE
 
 if TYPE_CHECKING:

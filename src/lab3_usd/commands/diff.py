@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lab3_usd.commands.configuring import use_configured_lab
+from lab3_usd.commands.steps.configuring import use_configured_lab
 from lab3_usd.files import refuse_existing, write_whole
 
 if TYPE_CHECKING:

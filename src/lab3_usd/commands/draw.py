@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import click
 from msgspec import Struct
 
-from lab3_usd.commands.configuring import use_configured_lab
-from lab3_usd.commands.options import checkpoint_number
+from lab3_usd.commands.steps.configuring import use_configured_lab
+from lab3_usd.commands.steps.options import checkpoint_number
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
 from lab3_usd.report.picture_formats.svg_style import THEMES, Theme

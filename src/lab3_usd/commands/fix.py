@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from lab3_usd.commands.configuring import config_options, with_config
+from lab3_usd.commands.steps.configuring import config_options, with_config
 
 
 @click.command("fix")
@@ -38,6 +38,6 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
     --in-place the repairs are only listed. Exit status: 0 nothing is left, 1 errors or repairs
     are left, 2 wrong usage.
     """
-    from lab3_usd.commands.fixing import run  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.commands.steps.fixing import run  # noqa: PLC0415 - keeps --help fast
 
     sys.exit(run(stage, with_config([str(stage)], options)))

@@ -137,7 +137,7 @@ def _progress() -> Callable[[int, int], None]:
     """Show how many are done, how fast, and how long it takes, on a terminal only."""
     if not sys.stderr.isatty():
         return lambda _done, _total: None
-    from lab3_usd.commands.rate import Rate  # noqa: PLC0415
+    from lab3_usd.commands.steps.rate import Rate  # noqa: PLC0415
 
     return Rate(sys.stderr).show
 

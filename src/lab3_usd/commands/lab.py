@@ -64,7 +64,7 @@ def new(folder: Path, stage: Path) -> None:
     of STAGE, which is then checked. Exit status: 0 it passes, 1 it does not, 2 the stage or the
     folder cannot be used.
     """
-    from lab3_usd.commands.new_lab import make_lab  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.commands.steps.new_lab import make_lab  # noqa: PLC0415 - keeps --help fast
 
     sys.exit(make_lab(folder, stage))
 

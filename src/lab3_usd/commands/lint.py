@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from lab3_usd.commands.configuring import config_options, with_config
-from lab3_usd.commands.report_options import native_option, report_options, view_options
+from lab3_usd.commands.steps.configuring import config_options, with_config
+from lab3_usd.commands.steps.report_options import native_option, report_options, view_options
 
 
 @click.command("lint")
@@ -31,6 +31,6 @@ def command(paths: tuple[str, ...], **options: Any) -> None:  # noqa: ANN401 - o
     fit together. Exit status: 0 nothing found, 1 findings, 2 wrong usage or no such path, 3 the
     tool itself failed.
     """
-    from lab3_usd.commands.linting import run  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.commands.steps.linting import run  # noqa: PLC0415 - keeps --help fast
 
     sys.exit(run([*paths], with_config(paths, options)))

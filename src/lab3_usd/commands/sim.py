@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.configuring import use_configured_lab
+from lab3_usd.commands.steps.configuring import use_configured_lab
 from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
     0 all right, 1 something is wrong, 2 unreadable or wrong usage, 3 the tool itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.commands.options import checkpoint_number, wants_color, width  # noqa: PLC0415
+    from lab3_usd.commands.steps.options import checkpoint_number, wants_color, width  # noqa: PLC0415
     from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
     from lab3_usd.report.behaviour import json_behaviour, text  # noqa: PLC0415
     from lab3_usd.sim.dry_run import dry_run  # noqa: PLC0415

@@ -16,8 +16,8 @@ from lab3_usd.report.behaviour.words import (
     rate,
     sum_text,
 )
-from lab3_usd.report.formats.ansi import paint
 from lab3_usd.report.safe_text import printable
+from lab3_usd.report.text.ansi import paint
 
 _COLOURS = {"ok": "met", "bad": "error", "not-simulated": "warning"}
 _SHORT = {"ok": "ok", "bad": "bad", "not-simulated": "?"}

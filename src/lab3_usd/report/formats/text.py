@@ -10,20 +10,20 @@ from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResu
 from lab3_usd.report.blocks import Block, blocks
 from lab3_usd.report.entries import entries, summarize
 from lab3_usd.report.faults import faults
-from lab3_usd.report.formats.ansi import paint
 from lab3_usd.report.formats.registry import Options, Rules
-from lab3_usd.report.formats.text_checklist import checklist_lines
-from lab3_usd.report.formats.text_findings import (
+from lab3_usd.report.safe_text import visible
+from lab3_usd.report.source_excerpt import read_excerpts
+from lab3_usd.report.statistics import plural, statistics_table, summary_line
+from lab3_usd.report.text.ansi import paint
+from lab3_usd.report.text.checklist import checklist_lines
+from lab3_usd.report.text.findings import (
     REPAIRABLE,
     Page,
     finding_block,
     finding_blocks,
     is_repairable,
 )
-from lab3_usd.report.formats.text_order import repairs, where_found
-from lab3_usd.report.safe_text import visible
-from lab3_usd.report.source_excerpt import read_excerpts
-from lab3_usd.report.statistics import plural, statistics_table, summary_line
+from lab3_usd.report.text.order import repairs, where_found
 from lab3_usd.spec.load.loader import load_lab
 
 

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.commands.options import chosen
+from lab3_usd.commands.steps.options import chosen
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.judge.results import with_findings

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from contextlib import closing
 from typing import Any
 
-from lab3_usd.commands.reporting import (
+from lab3_usd.commands.steps.reporting import (
     exit_code,
     news,
     progress,
@@ -56,7 +56,7 @@ def _judged(stages: list[str], settings: LintSettings, options: Mapping[str, Any
 
 
 def _watched(paths: list[str], settings: LintSettings, options: Mapping[str, Any]) -> int:
-    from lab3_usd.commands.watching import Watched, prepare, watch  # noqa: PLC0415 - only with --watch
+    from lab3_usd.commands.steps.watching import Watched, prepare, watch  # noqa: PLC0415 - only with --watch
 
     prepare(options)
     watched = Watched(

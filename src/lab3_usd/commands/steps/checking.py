@@ -9,8 +9,8 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from lab3_usd.commands.options import checkpoint_number
-from lab3_usd.commands.reporting import (
+from lab3_usd.commands.steps.options import checkpoint_number
+from lab3_usd.commands.steps.reporting import (
     exit_code,
     news,
     progress,
@@ -72,7 +72,7 @@ def _rendered(report: Report, options: Mapping[str, Any]) -> str:
 
 
 def _watched(paths: list[str], settings: JudgeSettings, options: Mapping[str, Any]) -> int:
-    from lab3_usd.commands.watching import Watched, prepare, watch  # noqa: PLC0415 - only with --watch
+    from lab3_usd.commands.steps.watching import Watched, prepare, watch  # noqa: PLC0415 - only with --watch
 
     prepare(options)
 
@@ -115,7 +115,7 @@ def _judged(entries: list[Entry], settings: JudgeSettings, options: Mapping[str,
 
 
 def _played(stages: Iterable[StageResult], options: Mapping[str, Any]) -> Iterator[StageResult]:
-    from lab3_usd.commands.dry_runs import with_dry_run  # noqa: PLC0415 - only with --sim
+    from lab3_usd.commands.steps.dry_runs import with_dry_run  # noqa: PLC0415 - only with --sim
 
     return (with_dry_run(each, options["dry_runs"]) for each in stages)
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
-from lab3_usd.commands.options import split_rules
+from lab3_usd.commands.steps.options import split_rules
 from lab3_usd.data import LAB_VARIABLE
 
 Command = TypeVar("Command", bound=Callable[..., Any])

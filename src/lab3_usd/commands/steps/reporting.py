@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.options import chosen, wants_color, width
+from lab3_usd.commands.steps.options import chosen, wants_color, width
 from lab3_usd.config.findings import configured
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE
@@ -96,7 +96,7 @@ def news(report: Report, options: Mapping[str, Any]) -> Report:
     written, given = options["write_baseline"], options["baseline"]
     if written is None and given is None:
         return report
-    from lab3_usd.commands.baseline import without_known, write_baseline  # noqa: PLC0415 - rare
+    from lab3_usd.commands.steps.baseline import without_known, write_baseline  # noqa: PLC0415 - rare
 
     if written is not None:
         count = write_baseline(report, written)

@@ -8,8 +8,8 @@ from itertools import groupby
 from lab3_usd.report.blocks import Block, Stage, Stages
 from lab3_usd.report.entries import site
 from lab3_usd.report.faults import Fault
-from lab3_usd.report.formats.ansi import paint
-from lab3_usd.report.formats.text_findings import INDENT, Page, wrapped
+from lab3_usd.report.text.ansi import paint
+from lab3_usd.report.text.findings import INDENT, Page, wrapped
 
 MOST = 3
 _NUMBERED = "   "

@@ -8,9 +8,9 @@ from itertools import groupby
 from typing import Literal
 
 from lab3_usd.model.finding import ChecklistItem
-from lab3_usd.report.formats.ansi import paint
 from lab3_usd.report.formats.registry import Options
 from lab3_usd.report.safe_text import visible
+from lab3_usd.report.text.ansi import paint
 
 UNSEEN: Literal["not shown"] = "not shown"
 FEW = 3  # of one section, that are listed in any case

@@ -10,8 +10,8 @@ from typing import Any
 
 import click
 
-from lab3_usd.commands.options import checkpoint_number
-from lab3_usd.commands.reporting import wanted
+from lab3_usd.commands.steps.options import checkpoint_number
+from lab3_usd.commands.steps.reporting import wanted
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
 from lab3_usd.fix.repairing import Fixed, FixOptions, check_result, fix_linted, fix_stage

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import click
 
-from lab3_usd.commands.news import clock, news_between, news_lines
-from lab3_usd.commands.reporting import write_report
-from lab3_usd.commands.saves import folders_of, saves
+from lab3_usd.commands.steps.news import clock, news_between, news_lines
+from lab3_usd.commands.steps.reporting import write_report
+from lab3_usd.commands.steps.saves import folders_of, saves
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.model.finding import Report
 

@@ -1,0 +1,1 @@
+"""The parts of the report for people on a terminal."""
