@@ -24,6 +24,7 @@ EXTRAS = {
     "png": ("resvg-py", "pictures as PNG"),
     "nvidia": ("usd-validation-nvidia", "the rules in NVIDIA's validator"),
     "sim": ("rosbags", "bags of dry runs and of the running system"),
+    "live": ("cyclonedds", "dry runs that other programs of ROS 2 hear and drive"),
     "watch": ("watchfiles", "checking again whatever is saved"),
     "cluster": ("distributed", "grading on several computers"),
 }

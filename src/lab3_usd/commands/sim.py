@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -75,6 +76,10 @@ def _write_bag(folder: Path, run: DryRun) -> None:
 @click.option(
     "--bag", type=click.Path(path_type=Path), help="Record it as a bag (MCAP) in this new folder."
 )
+@click.option(
+    "--live", is_flag=True, help="Run in real time over DDS, driven by /cmd_vel (extra live)."
+)
+@click.option("--seconds", type=float, metavar="S", help="End --live after so many seconds.")
 def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry per option
     """Play a stage without Isaac Sim, drive its robot, and say what comes over ROS.
 
@@ -84,10 +89,9 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
     0 all right, 1 something is wrong, 2 unreadable or wrong usage, 3 the tool itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.commands.steps.options import checkpoint_number, wants_color, width  # noqa: PLC0415
+    from lab3_usd.commands.steps.living import check_live, live  # noqa: PLC0415
+    from lab3_usd.commands.steps.options import checkpoint_number  # noqa: PLC0415
     from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
-    from lab3_usd.report.behaviour import json_behaviour, text  # noqa: PLC0415
-    from lab3_usd.sim.dry_run import dry_run  # noqa: PLC0415
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
     use_configured_lab(stage)
@@ -96,7 +100,20 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
     given = options["checkpoint"]
     named = checkpoint_of(stage.name, lab) or known[-1]
     asked = named if given is None else checkpoint_number(given, known)
+    check_live(options)
     _check_outputs(options["page"], options["bag"])
+    if options["live"]:
+        live(stage, lab, asked, options["seconds"])
+    else:
+        sys.exit(_judge(stage, lab, asked, options))
+
+
+def _judge(stage: Path, lab: Lab, asked: str, options: Mapping[str, Any]) -> int:
+    """Play a stage, write what was asked for, and return the exit code."""
+    from lab3_usd.commands.steps.options import wants_color, width  # noqa: PLC0415
+    from lab3_usd.report.behaviour import json_behaviour, text  # noqa: PLC0415
+    from lab3_usd.sim.dry_run import dry_run  # noqa: PLC0415
+
     run = dry_run(stage, lab, asked, options["drive"])
     found = run.behaviour
     if options["page"] is not None:
@@ -107,4 +124,4 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
         click.echo(json_behaviour.render(found), nl=False)
     else:
         click.echo(text.render(found, width(), color=wants_color()), nl=False)
-    sys.exit({"bad": EXIT_BAD, "unreadable": EXIT_UNREADABLE}.get(found.verdict, 0))
+    return {"bad": EXIT_BAD, "unreadable": EXIT_UNREADABLE}.get(found.verdict, 0)

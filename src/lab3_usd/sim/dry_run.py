@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from lab3_usd.errors import StageError
 from lab3_usd.model.behaviour import Behaviour, Replay, Unknown
+from lab3_usd.model.scene import Scene
 from lab3_usd.sim.behaviour.asked import interface
 from lab3_usd.sim.behaviour.evidence import Evidence
 from lab3_usd.sim.drive import drive_of, fixed_drive
@@ -29,20 +30,29 @@ class DryRun(Struct, frozen=True):
         return replay(self.evidence) if self.evidence is not None else None
 
 
+def scene_of(path: Path) -> Scene:
+    """Open a stage, and return what is needed to play it.
+
+    Raises:
+        StageError: it cannot be read.
+    """
+    from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.scene import read_scene  # noqa: PLC0415
+
+    with quiet():
+        return read_scene(open_stage(path))
+
+
 def dry_run(path: Path, lab: Lab, checkpoint: str, drive: str | None = None) -> DryRun:
     """Play a stage and judge what it does by what the lab asks for at a checkpoint.
 
     Raises:
         UsageError: the drive is none.
     """
-    from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
-    from lab3_usd.stage.read.scene import read_scene  # noqa: PLC0415
-
     wanted = interface(lab, lab.checkpoints[checkpoint])
     sessions = fixed_drive() if drive is None else drive_of(drive, wanted.limits)
     try:
-        with quiet():
-            scene = read_scene(open_stage(path))
+        scene = scene_of(path)
     except StageError as error:
         reason = str(error).removeprefix(f"{path}: ")
         unknown = (Unknown("/", reason),)

@@ -16,7 +16,7 @@ from lab3_usd.sim.lidar.rays import Beam, sweep
 from lab3_usd.sim.record import Pose, Recording, Scan
 from lab3_usd.sim.rendering import render
 from lab3_usd.sim.robot.machine import Machine
-from lab3_usd.sim.ros import Endpoint
+from lab3_usd.sim.ros import Endpoint, Twist
 from lab3_usd.sim.world import World, world_of
 from lab3_usd.spec.catalog import Catalog
 
@@ -42,7 +42,7 @@ class Player:
         for leg in session.legs:
             for _ in range(round(leg.seconds * RATE)):
                 self._command(told.get(frame))
-                self._step()
+                self.step()
                 frame += 1
                 self.recording.path.append(self._pose(leg))
         self.recording.seconds += world.since_play
@@ -52,11 +52,15 @@ class Player:
     def _command(self, leg: Leg | None) -> None:
         if leg is not None and leg.command is not None:
             ahead, left, turn = leg.command
-            self.commands += 1
-            twist = ((ahead, left, 0.0), (0.0, 0.0, turn))
-            self.world.network.command = (self.commands, twist)
+            self.hear(((ahead, left, 0.0), (0.0, 0.0, turn)))
 
-    def _step(self) -> None:
+    def hear(self, twist: Twist) -> None:
+        """Let a command come, in metres and radians a second."""
+        self.commands += 1
+        self.world.network.command = (self.commands, twist)
+
+    def step(self) -> None:
+        """Play one frame."""
         world = self.world
         world.frame += 1
         world.since_play += world.dt
@@ -84,6 +88,15 @@ def driven(world: World) -> Machine | None:
     return max(machines, key=lambda each: len(each.joints), default=None)
 
 
+def player_of(scene: Scene, catalog: Catalog, wanted: Interface) -> Player:
+    """Return a scene ready to play, told where it is asked to listen for commands."""
+    world = world_of(scene, wanted.profile)
+    world.network.commands = Endpoint(wanted.domain, wanted.commands)
+    player = Player(world, catalog)
+    world.not_simulated.update(player.program.not_simulated)
+    return player
+
+
 def record(
     scene: Scene,
     catalog: Catalog,
@@ -91,10 +104,8 @@ def record(
     wanted: Interface,
 ) -> Evidence:
     """Play the sessions, and return what was sent, where the robot went, and what it stood in."""
-    world = world_of(scene, wanted.profile)
-    world.network.commands = Endpoint(wanted.domain, wanted.commands)
-    player = Player(world, catalog)
-    world.not_simulated.update(player.program.not_simulated)
+    player = player_of(scene, catalog, wanted)
+    world = player.world
     robot, unit = player.robot, scene.meters_per_unit
     start = in_metres(robot.pose(), unit) if robot is not None else HERE
     for session in drive:
@@ -102,7 +113,7 @@ def record(
     recording = player.recording
     recording.messages = world.network.sent
     recording.assumed = world.assumed
-    recording.not_simulated = {**world.not_simulated, **_missing(world)}
+    recording.not_simulated = unknown_in(world)
     recording.fired = {path: node.count for path, node in player.program.nodes.items()}
     level = Affine(about(AXES[2], heading(start)), start.origin)
 
@@ -134,9 +145,12 @@ def _room(player: Player, start: Affine) -> tuple[Segment, ...]:
     return tuple((a * unit, b * unit, c * unit, d * unit) for a, b, c, d in cut)
 
 
-def _missing(world: World) -> dict[str, str]:
-    """Return what stands on assets that cannot be found, but for lidars, which are assumed."""
-    return {
+def unknown_in(world: World) -> dict[str, str]:
+    """Return what is not simulated, by prim.
+
+    So is what stands on assets that cannot be found, but for lidars, which are assumed.
+    """
+    return world.not_simulated | {
         prim: f"{asset} cannot be found"
         for prim, asset in world.scene.missing.items()
         if prim not in world.assumed

@@ -1,0 +1,297 @@
+"""A dry run that others hear and drive: other processes, and another vendor's DDS."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from breaking import broken, correct_stage, the_lab
+from click.testing import CliRunner
+from dry_runs import INTERFACE, driven
+from pxr import Usd
+
+from lab3_usd.commands.sim import command
+from lab3_usd.commands.steps import living
+from lab3_usd.commands.steps.living import said_of
+from lab3_usd.model.scene import Scene
+from lab3_usd.sim.bag.messages import serialized
+from lab3_usd.sim.play import Player, player_of
+from lab3_usd.sim.record import Message, Transform
+from lab3_usd.stage.read.scene import read_scene
+
+pytest.importorskip("cyclonedds", reason="the extra lab3-usd[live] is not installed")
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+from lab3_usd.sim.live import link as link_module
+from lab3_usd.sim.live.link import Link
+from lab3_usd.sim.live.playing import Lived, play_live
+from lab3_usd.sim.live.wire_types import wire_type
+
+TRIED = itertools.count()
+PEERS = Path(__file__).parent / "live_peer"
+PATIENCE = 300.0  # seconds, of a machine that stands still now and then
+TF = "tf2_msgs/msg/TFMessage"
+TWIST = "geometry_msgs/msg/Twist"
+WIRE_NAMES = {
+    "rosgraph_msgs/msg/Clock": "rosgraph_msgs::msg::dds_::Clock_",
+    "nav_msgs/msg/Odometry": "nav_msgs::msg::dds_::Odometry_",
+    "sensor_msgs/msg/LaserScan": "sensor_msgs::msg::dds_::LaserScan_",
+    "sensor_msgs/msg/CameraInfo": "sensor_msgs::msg::dds_::CameraInfo_",
+    TF: "tf2_msgs::msg::dds_::TFMessage_",
+}
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    """A domain that no other test on this machine is in: a port of TCP is its lock."""
+    for _ in range(100):
+        number = 10 + next(TRIED) % 90
+        with socket.socket() as lock:
+            try:
+                lock.bind(("127.0.0.1", 7400 + 250 * number))
+            except OSError:
+                continue
+            lock.listen()
+            yield number
+            return
+    pytest.skip("no loopback interface, or no free domain")
+
+
+@pytest.fixture
+def link(domain: int) -> Iterator[Link]:
+    with closing(Link(domain, "/cmd_vel")) as link:
+        yield link
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return read_scene(correct_stage("05"))
+
+
+@pytest.fixture
+def player(scene: Scene) -> Player:
+    return player_of(scene, the_lab().catalog, INTERFACE)
+
+
+@pytest.fixture(scope="module")
+def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A program of another vendor's DDS, compiled here."""
+    programs = ("fastddsgen", "java", "g++")
+    headers = Path("/usr/include/fastrtps")
+    if not all(map(shutil.which, programs)) or not headers.is_dir():
+        pytest.skip("Fast DDS is not here (Debian: libfastrtps-dev fastddsgen g++)")
+    folder = tmp_path_factory.mktemp("fast_dds")
+    for name in ("Ros.idl", "peer.cpp"):
+        shutil.copy(PEERS / name, folder)
+    sources = ("peer.cpp", "Ros.cxx", "RosPubSubTypes.cxx")
+    steps: tuple[tuple[str, ...], ...] = (
+        ("fastddsgen", "-cs", "Ros.idl"),
+        ("g++", "-O0", "-o", "peer", *sources, "-lfastrtps", "-lfastcdr"),
+    )
+    for step in steps:
+        done = subprocess.run(
+            step, cwd=folder, capture_output=True, text=True, check=False, timeout=PATIENCE
+        )
+        assert done.returncode == 0, done.stderr
+    return folder / "peer"
+
+
+def driven_by(program: list[str], player: Player, link: Link) -> dict[str, Any]:
+    """Play until a program that drives the robot ends, and return what it says it heard."""
+    latest = time.monotonic() + PATIENCE
+    with subprocess.Popen(
+        program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as peer:
+        try:
+            play_live(player, link, lambda _: peer.poll() is not None or time.monotonic() > latest)
+        finally:
+            peer.kill()
+        printed, complaint = peer.communicate()
+    assert peer.returncode == 0, complaint
+    heard: dict[str, Any] = json.loads(printed)
+    return heard
+
+
+def until(ready: Callable[[], list[Any]]) -> list[Any]:
+    """Ask until something comes."""
+    latest = time.monotonic() + PATIENCE
+    while time.monotonic() < latest:
+        found = ready()
+        if found:
+            return found
+        time.sleep(0.01)
+    pytest.fail("nothing came")
+
+
+def test_another_program_hears_and_drives_it(player: Player, link: Link, domain: int) -> None:
+    heard = driven_by([sys.executable, str(PEERS / "peer.py"), str(domain)], player, link)
+    assert heard["times"] == sorted(heard["times"])
+    assert (heard["frame"], heard["child"]) == ("odom", "base_footprint")
+    assert ["odom", "base_footprint"] in heard["frames"]
+    assert heard["x"] >= 0.1
+    assert player.robot is not None
+    x, y, _ = player.robot.pose().origin
+    assert x - 1.8 >= heard["x"] - 1e-6
+    assert y == pytest.approx(0.0, abs=1e-6)
+
+
+def test_so_does_a_program_of_another_vendor(
+    player: Player, link: Link, domain: int, fast_dds: Path
+) -> None:
+    heard = driven_by([str(fast_dds), str(domain)], player, link)
+    assert heard["clocks"] > 0
+    assert heard["rays"] == 360
+    assert (heard["frame"], heard["child"]) == ("odom", "base_footprint")
+    assert player.robot is not None
+    assert player.robot.pose().origin[0] - 1.8 >= heard["x"] - 1e-6 >= 0.1 - 1e-6
+
+
+def test_without_a_command_it_stands(player: Player, link: Link) -> None:
+    lived = play_live(player, link, lambda frames: frames >= 30)
+    assert (lived.played, lived.commands) == (0.5, 0)
+    assert {kind for _, kind in lived.sent} == set(WIRE_NAMES)
+    assert player.robot is not None
+    assert player.robot.pose().origin[:2] == pytest.approx((1.8, 0.0), abs=1e-6)
+    assert player.world.network.sent == []
+
+
+def test_types_and_bytes_on_the_wire_are_those_of_humble() -> None:
+    known = {name: wire_type(name) for name in WIRE_NAMES}
+    assert {
+        name: kind.__idl_typename__.replace(".", "::") for name, kind in known.items()
+    } == WIRE_NAMES
+    seen = set()
+    for message in driven(correct_stage("05"), the_lab().catalog).recording.messages:
+        data = None if message.type in seen else serialized(message)
+        if data is not None:
+            seen.add(message.type)
+            made = known[message.type].deserialize(data)
+            assert made.serialize(use_version_2=False) == data
+    assert seen == set(WIRE_NAMES)
+
+
+def test_static_transforms_are_there_for_those_who_come_late(link: Link) -> None:
+    still = Transform("base_link", "base_scan", (0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0))
+    for node, topic, static in (
+        ("/a", "/tf_static", True),
+        ("/b", "/tf_static", True),
+        ("/c", "/tf", False),
+    ):
+        message = Message(TF, 1.0, data=(still,), topic=topic, node=node, static=static)
+        link.publish(message)
+    late = Qos(
+        Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepAll
+    )
+    there = link._participant
+    static_reader = DataReader(there, Topic(there, "rt/tf_static", wire_type(TF)), qos=late)
+    found = until(lambda: [*static_reader.read(N=10)] if len(static_reader.read(N=10)) > 1 else [])
+    assert [each.transforms[0].child_frame_id for each in found] == ["base_scan", "base_scan"]
+    plain = Qos(Policy.Reliability.Reliable(0))
+    assert DataReader(there, Topic(there, "rt/tf", wire_type(TF)), qos=plain).read() == []
+
+
+def test_what_is_no_number_is_no_command(link: Link) -> None:
+    there, twist = link._participant, wire_type(TWIST)
+    vector = wire_type("geometry_msgs/msg/Vector3")
+    writer = DataWriter(
+        there,
+        Topic(there, "rt/cmd_vel", twist),
+        qos=Qos(Policy.Reliability.Reliable(10**9), Policy.History.KeepAll),
+    )
+    for ahead in (math.nan, math.inf, 1e300, 0.1):
+        writer.write(twist(vector(ahead, 0.0, 0.0), vector(0.0, 0.0, 0.2)))
+    assert until(lambda: [*link.commands()]) == [((0.1, 0.0, 0.0), (0.0, 0.0, 0.2))]
+
+
+def test_a_domain_that_cannot_be_is_said(monkeypatch: pytest.MonkeyPatch, domain: int) -> None:
+    monkeypatch.setattr(
+        link_module, "CONFIGURATION", link_module.CONFIGURATION.replace("127.0.0.1", "192.0.2.1")
+    )
+    with pytest.raises(living.UsageError, match="DDS does not start"):
+        Link(domain, "/cmd_vel")
+
+
+def test_what_is_in_another_domain_is_said_and_not_sent(link: Link) -> None:
+    stage = broken("01", [{"set": ["ROS_Clock/ros2_context.inputs:domain_id", 7]}])
+    player = player_of(read_scene(stage), the_lab().catalog, INTERFACE)
+    lived = play_live(player, link, lambda frames: frames >= 3)
+    assert (lived.sent, lived.away) == ({}, (("/clock", 7),))
+    assert "not sent: /clock, as it is in domain 7" in [*said_of(lived)]
+
+
+def test_ctrl_c_ends_it_with_its_sum(player: Player, link: Link) -> None:
+    def interrupted(frames: int) -> bool:
+        if frames == 3:
+            raise KeyboardInterrupt
+        return False
+
+    assert play_live(player, link, interrupted).played == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(("took", "slow"), [(1.0, False), (2.0, True)])
+def test_a_computer_that_does_not_keep_up_is_told(took: float, slow: bool) -> None:  # noqa: FBT001
+    *_, said = said_of(Lived(1.0, took, 0, {}, 0, (), {}))
+    assert ("at 0.50 times real time" in said) is slow
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "Lab3_05.usda"
+    stage: Usd.Stage = correct_stage("05")
+    stage.GetRootLayer().Export(str(path))
+    return path
+
+
+def sim(path: Path, *words: str) -> Any:
+    return CliRunner().invoke(command, [str(path), *words])
+
+
+def test_the_command_says_what_it_sent(
+    path: Path, domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(link_module, "Link", lambda _, commands: Link(domain, commands))
+    done = sim(path, "--live", "--seconds", "0.5")
+    assert done.exit_code == 0
+    first, second, *_, last = done.stdout.splitlines()
+    assert "not Isaac Sim" in first
+    assert second == "live in domain 0 on 127.0.0.1, commands from /cmd_vel; Ctrl-C ends"
+    assert "/clock               rosgraph_msgs/msg/Clock     29 sent" in done.stdout
+    assert last.startswith("0.5 s played")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--seconds", "1"],
+        ["--live", "--seconds", "0"],
+        ["--live", "--seconds", "nan"],
+        ["--live", "--drive", "0.1,0,1"],
+        ["--live", "--page", "x.html"],
+        ["--live", "--bag", "x"],
+        ["--live", "--format", "json"],
+    ],
+    ids=" ".join,
+)
+def test_what_does_not_go_together_is_wrong_use(path: Path, words: list[str]) -> None:
+    assert isinstance(sim(path, *words).exception, living.UsageError)
+
+
+def test_without_the_extra_a_line_says_what_to_install(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(living, "find_spec", lambda _: None)
+    assert "pip install 'lab3-usd[live]'" in str(sim(path, "--live").exception)
