@@ -76,6 +76,15 @@ def test_a_folder_means_its_stages(broken: Path) -> None:
     assert [each["verdict"] for each in report["results"]] == ["fail", "pass"]
 
 
+def test_a_folder_means_the_stages_below_it_as_well(broken: Path) -> None:
+    for name in ("parts/wheels", ".thumbs"):
+        (broken.parent / name).mkdir(parents=True)
+        saved(rover(), broken.parent / name / "whole.usda")
+    report = json.loads(lint(broken.parent, "--format", "json").stdout)
+    below = broken.parent / "parts" / "wheels" / "whole.usda"
+    assert [each["path"] for each in report["results"]] == [str(below), str(broken)]
+
+
 def test_several_processes_find_the_same(broken: Path) -> None:
     saved(rover(), broken.with_name("whole.usda"))
     assert lint(broken.parent, "-j", "2").stdout == lint(broken.parent).stdout

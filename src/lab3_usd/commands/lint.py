@@ -26,10 +26,10 @@ from lab3_usd.commands.steps.report_options import native_option, report_options
 def command(paths: tuple[str, ...], **options: Any) -> None:  # noqa: ANN401 - one entry per option
     """Judge any stage of Isaac Sim by what its graphs do.
 
-    PATHS are stage files or folders of stages. Nothing is asked of them but to work: nodes that
-    never compute or compute on zeros, dead wires, topics, frames, robots and sensors that do not
-    fit together. Exit status: 0 nothing found, 1 findings, 2 wrong usage or no such path, 3 the
-    tool itself failed.
+    PATHS are stage files, or folders with stages in them or below. Stages only have to work: what
+    is found are nodes that never compute or compute on zeros, dead wires, topics, frames, robots
+    and sensors that do not fit together. Exit status: 0 nothing found, 1 findings, 2 wrong usage
+    or no such path, 3 the tool itself failed.
     """
     from lab3_usd.commands.steps.linting import run  # noqa: PLC0415 - keeps --help fast
 

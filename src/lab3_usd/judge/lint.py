@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Generator, Iterator, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
@@ -104,7 +105,9 @@ def lint_open_stage(stage: Any, release: str = NEWEST) -> RuleResults:  # noqa: 
 
 
 def find_stages(path: str) -> Iterator[str]:
-    """Yield what a path names: a stage, or the stages of a folder.
+    """Yield what a path names: a stage, or the stages in a folder and below it.
+
+    Folders whose names begin with a dot are left out, and links to folders are not followed.
 
     Raises:
         UsageError: the folder holds no stage.
@@ -112,11 +115,19 @@ def find_stages(path: str) -> Iterator[str]:
     if not Path(path).is_dir():
         yield path
         return
-    files = sorted(each for each in Path(path).iterdir() if each.suffix.lower() in STAGE_ENDINGS)
+    files = sorted(_stages_below(path))
     if not files:
-        message = f"{path}: holds no stage"
+        message = f"{path}: holds no stage, nor does a folder in it"
         raise UsageError(message)
     yield from map(str, files)
+
+
+def _stages_below(path: str) -> Iterator[Path]:
+    for folder, folders, names in os.walk(path):
+        folders[:] = [each for each in folders if not each.startswith(".")]
+        yield from (
+            Path(folder, each) for each in names if Path(each).suffix.lower() in STAGE_ENDINGS
+        )
 
 
 def lint_stages(
