@@ -220,8 +220,9 @@ def test_a_library_call_and_grading_heed_no_note(tmp_path: Path) -> None:
     build_starter(starter)
     grade_class(ClassSettings(tmp_path / "class", starter, tmp_path / "book", jobs=1))
     graded = json.loads((tmp_path / "book" / "students" / "ana" / "report.json").read_text())
-    rules = {each["rule"] for result in graded["results"] for each in result["findings"]}
-    assert {"P01", "W01"} <= rules
+    found = [each for result in graded["results"] for each in result["findings"]]
+    rules = {each["rule"] for each in found}
+    assert {"P01", "W01"} <= rules, found
     assert UNUSED not in rules
 
 
