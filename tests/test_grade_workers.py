@@ -93,10 +93,10 @@ for line in sys.stdin:
         os.close(1)
     if student == "parts" and os.fork():
         os._exit(0)
-    if student == "once" and not os.path.exists("../once"):
+    if student.endswith("once") and not os.path.exists("../once"):
         open("../once", "w").close()
-        os.kill(os.getpid(), signal.SIGKILL)
-    if student == "once":
+        os.kill(os.getpid(), signal.SIGSEGV if "crashes" in student else signal.SIGKILL)
+    if student.endswith("once"):
         say({"done": {"status": "graded", "by": os.getpid(), "broken": broken}})
         continue
     time.sleep(600)
@@ -206,6 +206,20 @@ def test_a_worker_that_is_killed_at_its_work_is_replaced_once(
         slot.stop()
     assert (once["status"], once["broken"]) == ("graded", {})
     assert always["broken"] == {"second.usda": "ended by SIGKILL"}
+
+
+def test_a_file_at_which_a_worker_crashed_is_read_once_more(
+    odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
+    slot = WorkerSlot(odd)
+    try:
+        _, once = judge_in(slot, task("crashes once"), never)
+        _, always = judge_in(slot, task("crashes"), never)
+    finally:
+        slot.stop()
+    assert (once["status"], once["broken"]) == ("graded", {})
+    assert always["broken"] == {"second.usda": "crashed usd-core (SIGSEGV)"}
 
 
 def test_workers_that_never_begin_are_the_tools_fault(

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from lab3_usd.grade.intake.limits import TooLargeError
 from lab3_usd.grade.intake.remote import fetched
 from lab3_usd.grade.workers.messages import (
+    CRASHED,
     OUT_OF_TIME,
     TOO_LARGE,
     TOOL_FAILED,
@@ -89,9 +90,11 @@ def _unconfined(worker: Worker) -> Json:
 def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never) -> Answer:
     """Judge a task, again without the file that ended a worker, until there is an answer.
 
-    A worker that ended for a reason outside of the task is replaced once.
+    A worker that ended for a reason outside of the task is replaced once. A file at which a worker
+    crashed is read once more: usd-core itself crashes now and then.
     """
     left, spare = slot.settings.limits.all_seconds, 1
+    crashed: set[str] = set()
     while not stopped():
         try:
             return task, slot.ask(task, stopped, left)
@@ -103,6 +106,9 @@ def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never) 
             return task, {"failed": f"{OUT_OF_TIME} ({whole:g} s for all files)"}
         if died.external and spare:
             spare -= 1
+            continue
+        if died.file and died.how.startswith(CRASHED) and died.file not in crashed:
+            crashed.add(died.file)
             continue
         task, answer = _after(task, died)
         if answer is not None:
