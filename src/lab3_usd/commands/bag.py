@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from lab3_usd.commands.steps.options import text_or_json
 from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,14 +45,7 @@ def _compared(found: Behaviour, stage: Path, lab: Lab, checkpoint: str) -> Behav
     type=click.Path(path_type=Path),
     help="Compare with the dry run of this stage, topic by topic.",
 )
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="How to report.",
-)
+@text_or_json
 def command(recording: Path, checkpoint: str | None, stage: Path | None, form: str) -> None:
     """Judge a recording of the running system by the checks of `lab3 sim`.
 

@@ -6,17 +6,11 @@ from pathlib import Path
 
 import click
 
+from lab3_usd.commands.steps.options import script_options
+
 
 @click.command("collect")
-@click.option(
-    "-o",
-    "--out",
-    "script",
-    required=True,
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Where to write the script.",
-)
-@click.option("--force", is_flag=True, help="Replace a file that exists.")
+@script_options
 def command(script: Path, *, force: bool) -> None:
     """Write the script that collects evidence from the running system.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lab3_usd.commands.steps.configuring import use_configured_lab
+from lab3_usd.commands.steps.options import text_or_json
 from lab3_usd.files import refuse_existing, write_whole
 
 if TYPE_CHECKING:
@@ -23,14 +24,7 @@ EXIT_DIFFERENT = 1
 @click.command("diff")
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="How to report.",
-)
+@text_or_json
 @click.option(
     "--pictures",
     type=click.Path(path_type=Path),

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd.commands.steps.configuring import use_configured_lab
+from lab3_usd.commands.steps.options import text_or_json
 from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
@@ -64,14 +65,7 @@ def _write_bag(folder: Path, run: DryRun) -> None:
     metavar="FILE|LEGS",
     help='What to drive instead: a file, or legs "v,w,s ..." (m/s, rad/s, seconds).',
 )
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="How to report.",
-)
+@text_or_json
 @click.option("--page", type=click.Path(path_type=Path), help="Write an HTML page to this file.")
 @click.option(
     "--bag", type=click.Path(path_type=Path), help="Record it as a bag (MCAP) in this new folder."

@@ -4,10 +4,39 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
+from typing import Any
+
+import click
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import is_among
+
+_Decorated = Callable[..., Any]
+
+text_or_json: Callable[[_Decorated], _Decorated] = click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json"]),
+    default="text",
+    show_default=True,
+    help="How to report.",
+)
+
+
+def script_options(command: _Decorated) -> _Decorated:
+    """Let a command that writes a script be told where to, and whether to replace a file."""
+    force = click.option("--force", is_flag=True, help="Replace a file that exists.")
+    where = click.option(
+        "-o",
+        "--out",
+        "script",
+        required=True,
+        type=click.Path(path_type=Path, dir_okay=False),
+        help="Where to write the script.",
+    )
+    return where(force(command))
 
 
 def split_rules(values: Iterable[str]) -> tuple[str, ...]:
