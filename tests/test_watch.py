@@ -34,6 +34,20 @@ DRIVE, CLOCK = "ROS_Drive/differential_controller", "ROS_Clock/ros2_publish_cloc
 RADIUS: Step = {"set": [f"{DRIVE}.inputs:wheelRadius", 0.033]}
 WIRE: Step = {"disconnect": f"{CLOCK}.inputs:execIn"}
 
+READ_OFTEN = """
+import sys
+from pathlib import Path
+from lab3_usd.errors import StageError
+from lab3_usd.stage.read.opening import open_stage
+from lab3_usd.stage.read.watched_files import text_in_memory
+with text_in_memory():
+    for _ in range(40):
+        try:
+            open_stage(Path(sys.argv[1]))
+        except StageError:
+            pass
+"""
+
 Saves = list[Callable[[], Any]]
 
 
@@ -208,6 +222,21 @@ def test_another_starter_counts_for_every_stage(watch: Callable[..., Result], st
     assert changed != starter.read_bytes()
     result = watch([write(starter, changed)], "--starter", starter, stage)
     assert news(result) == ["0 repaired, 1 new; 1 error"]
+
+
+def test_a_layer_of_the_starter_counts_for_every_stage(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    starter, part = stage.parents[1] / "starter.usda", stage.parents[1] / "parts" / "part.usda"
+    part.parent.mkdir()
+    build_starter(part)
+    right = part.read_bytes()
+    starter.write_text(over(right, "./parts/part.usda"))
+    heavier = right.replace(b"physics:mass = ", b"physics:mass = 9", 1)
+    saves = [write(part, heavier), write(part, right[:-9]), write(part, right)]
+    result = watch(saves, "--starter", starter, stage)
+    assert news(result)[0] == "0 repaired, 1 new; 1 error"
+    assert news(result)[-1] == "1 repaired, 0 new; nothing"
 
 
 def test_a_starter_that_stays_broken_is_told_and_the_watch_goes_on(
@@ -472,3 +501,28 @@ def test_an_open_page_reloads_itself(watcher: Callable[..., Watcher], stage: Pat
             assert time.monotonic() < until, "the page did not reload"
             time.sleep(0.1)
         assert running.end() == (0, "")
+
+
+def keeps_cutting_short(file: int, data: bytes, is_over: threading.Event) -> None:
+    """Write a file again and again, as programs do that write in place."""
+    while not is_over.is_set():
+        os.ftruncate(file, 0)
+        os.pwrite(file, data, 0)
+        time.sleep(0.001)
+
+
+@pytest.mark.parametrize("ending", [".usda", ".usd"])
+def test_text_may_be_written_while_it_is_read(tmp_path: Path, ending: str) -> None:
+    path, is_over = tmp_path / f"part{ending}", threading.Event()
+    path.write_bytes(RIGHT)
+    (tmp_path / "root.usda").write_text(over(RIGHT, f"./part{ending}"))
+    reader = subprocess.Popen([sys.executable, "-c", READ_OFTEN, tmp_path / "root.usda"])
+    with path.open("rb+") as file:
+        writer = threading.Thread(
+            target=keeps_cutting_short, args=(file.fileno(), RIGHT, is_over), daemon=True
+        )
+        writer.start()
+        exit_code = reader.wait()
+        is_over.set()
+        writer.join()
+    assert exit_code == 0

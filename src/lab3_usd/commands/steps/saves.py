@@ -9,6 +9,8 @@ from pathlib import Path
 # Milliseconds without another event before a save counts as over, and at most.
 STEP, DEBOUNCE = 5, 100
 
+Stamp = tuple[int, int, int]
+
 
 def saves(folders: Iterable[str]) -> Iterator[frozenset[str]]:
     """Yield the files that were written, moved or removed in these folders, save by save.
@@ -29,3 +31,18 @@ def folders_of(files: Iterable[str]) -> set[str]:
         inside = (folder for folder, _, _ in os.walk(path))
         found.update(inside if Path(path).is_dir() else [str(Path(path).parent)])
     return {folder for folder in found if Path(folder).is_dir()}
+
+
+def stamp(path: Path) -> Stamp | None:
+    """Return what changes when a file is written; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino
+
+
+def holds(top: str, changed: Iterable[str]) -> bool:
+    """Whether a file that was saved is this one, or lies in this folder."""
+    whole = os.path.realpath(top)
+    return any(path == whole or path.startswith(f"{whole}{os.sep}") for path in changed)

@@ -13,17 +13,15 @@ import click
 
 from lab3_usd.commands.steps.news import clock, news_between, news_lines
 from lab3_usd.commands.steps.reporting import write_report
-from lab3_usd.commands.steps.saves import folders_of, saves
+from lab3_usd.commands.steps.saves import Stamp, folders_of, holds, saves, stamp
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.model.finding import Report
 
 PATIENCE = 0.5  # seconds in which a file that is gone or cannot be read may still be written
 _PAUSE = 0.01
 # A binary stage is read, not mapped: mapped pages of a file that is cut short end the process.
+# For text see `text_in_memory`.
 _ENVIRONMENT = {"USDC_USE_ASSET": "1", "TF_ENV_SETTING_ALERTS_ENABLED": "0"}
-
-
-_Stamp = tuple[int, int, int]
 
 
 class Watched(NamedTuple):
@@ -61,16 +59,19 @@ def prepare(options: Mapping[str, Any]) -> None:
 
 def watch(paths: Iterable[str], watched: Watched, options: Mapping[str, Any]) -> int:
     """Judge, report, and do both again after each save; return the exit code after Ctrl-C."""
+    from lab3_usd.stage.read.watched_files import text_in_memory  # noqa: PLC0415 - pxr, after prepare
+
     given = [*paths, *watched.shared]
     session = _Session(watched, options)
-    try:
-        session.judge_all()
-        while True:
-            session.judge_until_others_count(given)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        session.close()
+    with text_in_memory():
+        try:
+            session.judge_all()
+            while True:
+                session.judge_until_others_count(given)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            session.close()
     return 0
 
 
@@ -82,8 +83,9 @@ class _Session:
         self._options = options
         self._reports: dict[str, Report] = {}
         self._files: dict[str, frozenset[str]] = {}
-        self._stamps: dict[str, _Stamp | None] = {}  # of the stages as they were judged
+        self._stamps: dict[str, Stamp | None] = {}  # of the stages as they were judged
         self._version = 0
+        self._shared_files = self._used_by_shared()
 
     def judge_all(self) -> None:
         """Judge everything that there is."""
@@ -103,14 +105,24 @@ class _Session:
 
     def _folders(self, given: Iterable[str]) -> set[str]:
         used = (file for files in self._files.values() for file in files)
-        return folders_of([*given, *used])
+        return folders_of([*given, *used, *self._shared_files])
+
+    def _used_by_shared(self) -> frozenset[str]:
+        """Return the layers of the stages that all are judged with, of the starter."""
+        from lab3_usd.stage.read.watched_files import used_files  # noqa: PLC0415 - pxr, after prepare
+
+        files = (Path(each) for each in self._watched.shared if not Path(each).is_dir())
+        return frozenset().union(*map(used_files, files))
 
     def judge_changed(self, changed: frozenset[str]) -> None:
         """Judge what depends on the files that were saved, and not judged in the meantime."""
-        changed -= {each for each, then in self._stamps.items() if _stamp(Path(each)) == then}
-        is_shared = any(_holds(top, changed) for top in self._watched.shared)
+        changed -= {each for each, then in self._stamps.items() if stamp(Path(each)) == then}
+        tops = self._watched.shared
+        is_shared = bool(changed & self._shared_files) or any(holds(top, changed) for top in tops)
         if is_shared:
             self._watched.renew()
+            _forget(changed)
+            self._shared_files |= self._used_by_shared()  # a damaged layer counts on
         names = self._names()
         touched = [name for name in names if is_shared or self._is_touched(name, changed)]
         gone = self._reports.keys() - set(names)
@@ -151,7 +163,7 @@ class _Session:
     def _is_touched(self, name: str, changed: frozenset[str]) -> bool:
         if name not in self._reports or changed & self._files[name]:
             return True
-        return _holds(name, changed)
+        return holds(name, changed)
 
     def _judge(self, name: str) -> None:
         from lab3_usd.stage.read.watched_files import may_be_whole  # noqa: PLC0415 - pxr, after prepare
@@ -159,12 +171,12 @@ class _Session:
         path = Path(name)
         until = time.monotonic() + PATIENCE
         while True:
-            before, is_over = _stamp(path), time.monotonic() > until
+            before, is_over = stamp(path), time.monotonic() > until
             report = None
             if is_over or path.is_dir() or may_be_whole(path):
                 report = self._judged_once(name, is_over=is_over)
             is_whole = report is not None and (is_over or not _is_unreadable(report))
-            if report is not None and is_whole and _stamp(path) == before:
+            if report is not None and is_whole and stamp(path) == before:
                 self._reports[name] = report
                 self._stamps[str(path.resolve())] = before
                 return
@@ -221,21 +233,6 @@ class _Session:
         path = Path(self._options["output"])
         write_report(live_page(text, path, self._version), str(path))
         write_report(version_script(self._version), str(version_file(path)))
-
-
-def _stamp(path: Path) -> _Stamp | None:
-    """Return what changes when a file is written; None where there is none."""
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size, found.st_ino
-
-
-def _holds(top: str, changed: Iterable[str]) -> bool:
-    """Whether a file that was saved is this one, or lies in this folder."""
-    whole = os.path.realpath(top)
-    return any(path == whole or path.startswith(f"{whole}{os.sep}") for path in changed)
 
 
 def _is_unreadable(report: Report) -> bool:

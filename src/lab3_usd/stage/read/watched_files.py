@@ -3,19 +3,75 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from pxr import Sdf
+from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
-from lab3_usd.stage.read.opening import open_stage
+from lab3_usd.stage.read.opening import ENDINGS, check_file, open_stage, opener
 
 # A binary layer begins with a name, a version and where its table of sections begins. Each
 # section has a name, a beginning and a size.
 _CRATE = b"PXR-USDC"
 _BEGIN, _COUNT, _SECTION = struct.Struct("<8s8sq"), struct.Struct("<Q"), struct.Struct("<16sqq")
 _MOST_SECTIONS = 64
+_NOT_TEXT = (_CRATE, b"PK")  # a binary layer, an archive
+
+
+@contextmanager
+def text_in_memory() -> Iterator[None]:
+    """Open stages so that their text layers may be written while they are read.
+
+    usd-core maps the text files that it reads, and a file that is cut short while it is mapped
+    ends the process (SIGBUS). Here it is given the text instead of the file.
+    """
+    token = opener.set(_open_in_memory)
+    try:
+        yield
+    finally:
+        opener.reset(token)
+
+
+def _open_in_memory(path: Path) -> Usd.Stage:
+    check_file(path)
+    layers: dict[str, Sdf.Layer] = {}
+    _read_texts(str(path), layers)
+    return Usd.Stage.Open(layers.get(str(path), str(path)), Usd.Stage.LoadAll)
+
+
+def _read_texts(file: str, layers: dict[str, Sdf.Layer]) -> None:
+    """Read a text file, and those that its layer leads to, for as long as `layers` is held."""
+    layer = Sdf.Layer.Find(file) or _read_text(Path(file))
+    if layer is None or file in layers:
+        return
+    layers[file] = layer
+    for asset in layer.GetCompositionAssetDependencies():
+        _read_texts(layer.ComputeAbsolutePath(asset), layers)
+
+
+def _read_text(path: Path) -> Sdf.Layer | None:
+    """Return the layer of a text file; None where there is none.
+
+    Raises:
+        StageError: the file is empty, as one is that is about to be written.
+    """
+    if path.suffix.lower() not in ENDINGS:
+        return None
+    try:
+        data = path.read_bytes()
+    except (OSError, ValueError):
+        return None
+    if data.startswith(_NOT_TEXT):
+        return None
+    if not data:
+        message = f"{path}: is empty; save it again"
+        raise StageError(message)
+    file_format = Sdf.FileFormat.FindByExtension(path.suffix.lower()[1:])
+    layer = Sdf.Layer.New(file_format, str(path))
+    layer.ImportFromString(data.decode())
+    return layer
 
 
 def may_be_whole(path: Path) -> bool:
@@ -52,4 +108,5 @@ def forget_files(paths: Iterable[str]) -> None:
     for path in paths:
         layer = Sdf.Layer.Find(path)
         if layer is not None:
-            layer.Reload(force=True)
+            with suppress(Tf.ErrorException):  # it is damaged; whoever opens it again is told so
+                layer.Reload(force=True)
