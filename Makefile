@@ -3,10 +3,6 @@ SUPPORTED := 3.10 3.11 3.12 3.13
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := out
-PARALLEL := -n 2 --dist loadfile
-# Machines of continuous integration may stand still for seconds, which some tests cannot tell from
-# a program that hangs. There, what fails is run once more, alone; both runs are printed.
-AGAIN = $(if $(CI),|| $(1)/bin/python -m pytest --last-failed --last-failed-no-failures=none)
 PIP := -m pip install --quiet --disable-pip-version-check
 PINS := $(wildcard requirements/*.txt)
 NO_PYTHON := needs Python 3.10 or newer with the module venv (Debian and Ubuntu: \
@@ -41,10 +37,10 @@ lint: $(VENV)/dev
 	$(BIN)/lint-imports
 
 pytest: $(VENV)/dev
-	$(BIN)/python -m pytest $(PARALLEL) $(call AGAIN,$(VENV))
+	sh .ci/suite $(BIN)/python
 
 coverage: $(VENV)/dev
-	$(BIN)/python -m pytest $(PARALLEL) --cov --cov-report=term
+	sh .ci/suite $(BIN)/python --cov --cov-report=term
 
 test-all: test test-pythons
 
@@ -63,10 +59,10 @@ test-pythons: $(VENV)/dev
 	@echo "== lowest releases"; $(MAKE) --no-print-directory test-lowest
 
 $(SUPPORTED:%=test-%): test-%: .venv-%/dev
-	.venv-$*/bin/python -m pytest -q $(PARALLEL) $(call AGAIN,.venv-$*)
+	sh .ci/suite .venv-$*/bin/python -q
 
 test-lowest: .venv-lowest/dev
-	.venv-lowest/bin/python -m pytest -q $(PARALLEL) $(call AGAIN,.venv-lowest)
+	sh .ci/suite .venv-lowest/bin/python -q
 
 bench: $(VENV)/dev
 	$(BIN)/python benchmarks/bench.py
