@@ -375,8 +375,9 @@ seconds = 2 if sys.argv[1] == "ignored" else 60
 settings = PoolSettings(None, None, Limits(seconds=seconds))
 for task, _ in run_tasks(tasks, settings):
     print(task.student, flush=True)
-    if sys.argv[1] == "outside":
-        time.sleep(60)
+    # A signal that comes just before a long sleep is handled only after it.
+    for _ in range(600 if sys.argv[1] == "outside" else 0):
+        time.sleep(0.1)
 """
 
 
