@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
-from breaking import correct_stage
+from breaking import broken
 from click.testing import CliRunner
 from pxr import Gf
 
@@ -20,6 +20,11 @@ pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed"
 reader = pytest.importorskip("mcap.reader", reason="mcap-ros2-support is not installed")
 decoder = pytest.importorskip("mcap_ros2.decoder", reason="mcap-ros2-support is not installed")
 
+SENSOR_DATA = {
+    "history": "keepLast", "depth": 5, "reliability": "bestEffort", "durability": "volatile",
+    "deadline": 0, "lifespan": 0, "liveliness": "automatic", "leaseDuration": 0,
+}  # fmt: skip
+RELIABLE, BEST_EFFORT, VOLATILE = 1, 2, 2  # as Humble writes them
 WHEELS = 0.033 / 0.025
 MOUNT, AHEAD = Gf.Vec3d(-0.032, 0.0, 0.182), Gf.Vec3d(1.0, 0.0, 0.0)
 
@@ -28,7 +33,8 @@ MOUNT, AHEAD = Gf.Vec3d(-0.032, 0.0, 0.182), Gf.Vec3d(1.0, 0.0, 0.0)
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bag")
     stage = folder / "Lab3_05.usda"
-    correct_stage("05").GetRootLayer().Export(str(stage))
+    profile = ["ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:qosProfile", json.dumps(SENSOR_DATA)]
+    broken("05", [{"set": profile}]).GetRootLayer().Export(str(stage))
     words = [str(stage), "--bag", str(folder / "run"), "--format", "json"]
     done = CliRunner().invoke(command, words)
     assert done.exit_code == 0
@@ -64,9 +70,19 @@ def test_the_metadata_are_those_of_humble(bag: Path, heard: dict[str, Any]) -> N
     assert sum(counts.values()) == said["message_count"]
     for each in said["topics_with_message_count"]:
         assert "type_description_hash" not in each["topic_metadata"]
-        (profile,) = yaml.safe_load(each["topic_metadata"]["offered_qos_profiles"])
-        assert (profile["reliability"], profile["durability"]) == (1, 2)
     assert said["relative_file_paths"] == [each.name for each in bag.glob("*.mcap")]
+
+
+def test_each_topic_is_offered_as_its_node_says(bag: Path) -> None:
+    said = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    topics = [each["topic_metadata"] for each in said["topics_with_message_count"]]
+    offered = {each["name"]: yaml.safe_load(each["offered_qos_profiles"])[0] for each in topics}
+    told = {
+        topic: (each["depth"], each["reliability"], each["durability"])
+        for topic, each in offered.items()
+    }
+    assert told.pop("/scan") == (5, BEST_EFFORT, VOLATILE)
+    assert set(told.values()) == {(10, RELIABLE, VOLATILE)}
 
 
 def test_every_topic_but_the_pictures_is_there(heard: dict[str, Any]) -> None:

@@ -27,7 +27,8 @@ from lab3_usd.commands.steps.living import said_of
 from lab3_usd.model.scene import Scene
 from lab3_usd.sim.bag.messages import serialized
 from lab3_usd.sim.play import Player, player_of
-from lab3_usd.sim.record import Message, Transform
+from lab3_usd.sim.record import Message, Profile, Transform
+from lab3_usd.sim.ros import STATIC
 from lab3_usd.stage.read.scene import read_scene
 
 pytest.importorskip("cyclonedds", reason="the extra lab3-usd[live] is not installed")
@@ -191,7 +192,8 @@ def test_static_transforms_are_there_for_those_who_come_late(link: Link) -> None
         ("/b", "/tf_static", True),
         ("/c", "/tf", False),
     ):
-        message = Message(TF, 1.0, data=(still,), topic=topic, node=node, static=static)
+        profile = STATIC if static else Profile()
+        message = Message(TF, 1.0, data=(still,), topic=topic, node=node, profile=profile)
         link.publish(message)
     late = Qos(
         Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepAll
@@ -202,6 +204,21 @@ def test_static_transforms_are_there_for_those_who_come_late(link: Link) -> None
     assert [each.transforms[0].child_frame_id for each in found] == ["base_scan", "base_scan"]
     plain = Qos(Policy.Reliability.Reliable(0))
     assert DataReader(there, Topic(there, "rt/tf", wire_type(TF)), qos=plain).read() == []
+
+
+def test_what_is_not_reliable_is_not_heard_by_those_who_want_it_so(link: Link) -> None:
+    there = link._participant
+    topic = Topic(there, "rt/tf", wire_type(TF))
+    reliable = DataReader(there, topic, qos=Qos(Policy.Reliability.Reliable(0)))
+    either = DataReader(there, topic, qos=Qos(Policy.Reliability.BestEffort))
+    offered = Profile(is_reliable=False)
+
+    def sent_again() -> list[Any]:
+        link.publish(Message(TF, 1.0, data=(), topic="/tf", node="/a", profile=offered))
+        return [*either.take(N=10)]
+
+    assert until(sent_again)
+    assert reliable.take(N=10) == []
 
 
 def test_what_is_no_number_is_no_command(link: Link) -> None:

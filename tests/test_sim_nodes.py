@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from pathlib import Path
@@ -16,10 +17,10 @@ from lab3_usd.sim.execution.program import compile_graphs
 from lab3_usd.sim.execution.registry import function_of, functions
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.execution.types import type_of
-from lab3_usd.sim.record import Odometry, Scan, Transform, View
+from lab3_usd.sim.record import Odometry, Profile, Scan, Transform, View
 from lab3_usd.sim.rendering import render
 from lab3_usd.sim.robot.machines import Machines
-from lab3_usd.sim.ros import Endpoint, Network, reliability, trimmed
+from lab3_usd.sim.ros import Endpoint, Network, profile_of, trimmed
 from lab3_usd.sim.world import World, world_of
 from lab3_usd.stage.read.scene import read_scene
 
@@ -491,10 +492,12 @@ def test_a_profile_is_whole_or_nothing() -> None:
         "history": "keepLast", "depth": 1, "reliability": "bestEffort", "durability": "volatile",
         "deadline": 0, "lifespan": 0, "liveliness": "automatic", "leaseDuration": 0,
     }  # fmt: skip
-    assert reliability("") is True
-    assert reliability(str(whole).replace("'", '"')) is False
-    assert reliability('{"depth": 1}') is None
-    assert reliability("1") is None
+    kept = {"history": "keepAll", "reliability": "reliable", "durability": "transientLocal"}
+    assert profile_of("", 5) == Profile(depth=5)
+    assert profile_of(json.dumps(whole), 5) == Profile(depth=1, is_reliable=False)
+    assert profile_of(json.dumps(whole | kept), 5) == Profile(depth=0, is_durable=True)
+    assert profile_of('{"depth": 1}', 5) is None
+    assert profile_of("1", 5) is None
 
 
 @pytest.mark.parametrize(("version", "looks"), [(1, False), (2, True)])

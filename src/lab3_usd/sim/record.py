@@ -48,6 +48,14 @@ class View(Struct, frozen=True):
     place: Affine | None = None  # of the optical frame, where it is known; metres
 
 
+class Profile(Struct, frozen=True):
+    """How a publisher offers its messages (QoS); a depth of 0 keeps all."""
+
+    depth: int = 10
+    is_reliable: bool = True
+    is_durable: bool = False  # kept for subscribers that come late: "transient local"
+
+
 class Message(Struct):
     """A message: when it was sent, in which session between Play and Stop, and its header."""
 
@@ -61,6 +69,7 @@ class Message(Struct):
     session: int = 0
     at: float = 0.0
     static: bool = False
+    profile: Profile = Profile()
 
 
 class Pose(Struct, frozen=True):

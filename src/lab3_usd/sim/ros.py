@@ -9,18 +9,19 @@ from typing import TYPE_CHECKING
 from msgspec import Struct, field
 
 from lab3_usd.model.affine import Vector
-from lab3_usd.sim.record import Message
+from lab3_usd.sim.record import Message, Profile
 
 if TYPE_CHECKING:
     from lab3_usd.sim.execution.running import Running
     from lab3_usd.sim.world import World
 
 _NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-_PROFILE = (
+_FIELDS = (
     "history", "depth", "reliability", "durability",
     "deadline", "lifespan", "liveliness", "leaseDuration",
 )  # fmt: skip
 DEFAULT_CONTEXT = 0
+STATIC = Profile(depth=1, is_durable=True)  # of static transforms, whatever their node says
 Twist = tuple[Vector, Vector]  # linear and angular velocity
 
 
@@ -29,7 +30,7 @@ class Endpoint(Struct, frozen=True):
 
     domain: int
     topic: str
-    reliable: bool = True
+    profile: Profile = Profile()
 
 
 class Network(Struct):
@@ -80,29 +81,34 @@ def open_endpoint(node: Running, world: World, start: str = "") -> Endpoint | No
     space = namespace_of(node, world, start)
     name = node.text("topicName", world)
     topic = f"{'/' + space if space else ''}/{trimmed(name)}" if name else ""
-    reliable = reliability(node.text("qosProfile", world))
+    profile = profile_of(node.text("qosProfile", world), int(node.number("queueSize", world)))
     if domain is None:
         node.fails("its context is none", "W02")
-    elif reliable is None:
+    elif profile is None:
         node.fails("its QoS profile is none", "P04")
     elif _NAME.fullmatch(topic) is None:
         node.fails(f"{topic or 'an empty name'} is no topic", "P01")
     else:
-        return Endpoint(domain, topic, reliable)
+        return Endpoint(domain, topic, profile)
     return None
 
 
-def reliability(profile: str) -> bool | None:
-    """Whether a QoS profile is reliable; None where it is none (Ros2QoS.h)."""
-    if not profile:
-        return True
+def profile_of(text: str, queue_size: int) -> Profile | None:
+    """Return the profile of `qosProfile`, which is JSON, or None where it is none (Ros2QoS.h)."""
+    if not text:
+        return Profile(queue_size or Profile().depth)
     try:
-        qos = json.loads(profile)
-    except ValueError:
+        qos = json.loads(text)
+    except (ValueError, RecursionError):
         return None
-    if not isinstance(qos, dict) or not set(_PROFILE) <= qos.keys():
+    if not isinstance(qos, dict) or not set(_FIELDS) <= qos.keys():
         return None
-    return bool(qos["reliability"] != "bestEffort")
+    depth = qos["depth"] if isinstance(qos["depth"], int) else 0
+    return Profile(
+        depth=0 if qos["history"] == "keepAll" else max(depth, 1),
+        is_reliable=qos["reliability"] != "bestEffort",
+        is_durable=qos["durability"] == "transientLocal",
+    )
 
 
 def opened(node: Running, world: World) -> tuple[Endpoint | None, bool]:
@@ -122,5 +128,6 @@ def send(node: Running, world: World, endpoint: Endpoint, message: Message) -> N
     if endpoint.domain != world.network.commands.domain:
         message.away = endpoint.domain
     message.topic, message.node = endpoint.topic, node.path
+    message.profile = STATIC if message.static else endpoint.profile
     message.session, message.at = world.session, world.since_play
     world.network.sent.append(message)

@@ -109,8 +109,6 @@ def decode(text: str) -> Qos | None:
     import json  # noqa: PLC0415 - few stages write profiles out
 
     try:
-        import json  # noqa: PLC0415 - only where a profile is written
-
         data = json.loads(text)
     except (ValueError, RecursionError):
         return None

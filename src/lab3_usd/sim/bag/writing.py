@@ -21,8 +21,8 @@ from ruamel.yaml import YAML
 from lab3_usd.sim.bag.messages import STORE, TWIST, command, nanoseconds, serialized
 from lab3_usd.sim.behaviour.evidence import Evidence
 from lab3_usd.sim.drive import RATE, command_frames
+from lab3_usd.sim.record import Profile
 
-DEPTH = 10
 HUMBLE = 5  # the version of its metadata
 _LATER = ("custom_data", "ros_distro")  # keys that came after it
 _HASH = "type_description_hash"
@@ -39,7 +39,7 @@ class Record(NamedTuple):
     topic: str
     type: str
     data: bytes
-    static: bool = False
+    profile: Profile = Profile()
 
 
 def write_bag(folder: Path, evidence: Evidence) -> int:
@@ -54,7 +54,7 @@ def write_bag(folder: Path, evidence: Evidence) -> int:
             key = (each.topic, each.type)
             if key not in connections:
                 connections[key] = writer.add_connection(
-                    *key, typestore=STORE, offered_qos_profiles=[_profile(static=each.static)]
+                    *key, typestore=STORE, offered_qos_profiles=[_offered(each.profile)]
                 )
             writer.write(connections[key], each.nanoseconds, each.data)
     _as_humble(folder / "metadata.yaml")
@@ -76,7 +76,7 @@ def _messages(evidence: Evidence) -> Iterator[Record]:
         data = None if each.away is not None else serialized(each)
         if data is not None:
             time = nanoseconds(starts[each.session] + each.at)
-            yield Record(time, each.topic, each.type, data, each.static)
+            yield Record(time, each.topic, each.type, data, each.profile)
 
 
 def _commands(evidence: Evidence) -> Iterator[Record]:
@@ -86,13 +86,12 @@ def _commands(evidence: Evidence) -> Iterator[Record]:
             yield Record(time, evidence.wanted.commands, TWIST, command(leg))
 
 
-def _profile(*, static: bool) -> Qos:
-    """Return what a publisher of Isaac Sim offers: reliable; kept for late ones if static."""
+def _offered(profile: Profile) -> Qos:
     return Qos(
-        QosHistory.KEEP_LAST,
-        1 if static else DEPTH,
-        QosReliability.RELIABLE,
-        QosDurability.TRANSIENT_LOCAL if static else QosDurability.VOLATILE,
+        QosHistory.KEEP_LAST if profile.depth else QosHistory.KEEP_ALL,
+        profile.depth,
+        QosReliability.RELIABLE if profile.is_reliable else QosReliability.BEST_EFFORT,
+        QosDurability.TRANSIENT_LOCAL if profile.is_durable else QosDurability.VOLATILE,
         _FOREVER,
         _FOREVER,
         QosLiveliness.AUTOMATIC,

@@ -17,7 +17,7 @@ from cyclonedds.util import duration
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.bag.messages import TWIST, serialized
 from lab3_usd.sim.live.wire_types import wire_topic, wire_type
-from lab3_usd.sim.record import Message
+from lab3_usd.sim.record import Message, Profile
 from lab3_usd.sim.ros import Twist
 
 DEPTH = 10
@@ -42,12 +42,12 @@ CONFIGURATION = """
 """
 
 
-def _profile(*, static: bool = False) -> Qos:
-    """Return the profile of publishers and subscribers in Humble, or that of static transforms."""
+def _qos(profile: Profile) -> Qos:
+    reliable = Policy.Reliability.Reliable(_BLOCKED)
     return Qos(
-        Policy.Reliability.Reliable(_BLOCKED),
-        Policy.Durability.TransientLocal if static else Policy.Durability.Volatile,
-        Policy.History.KeepLast(1 if static else DEPTH),
+        reliable if profile.is_reliable else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if profile.is_durable else Policy.Durability.Volatile,
+        Policy.History.KeepLast(profile.depth) if profile.depth else Policy.History.KeepAll,
         Policy.DataRepresentation(use_cdrv0_representation=True),
     )
 
@@ -73,7 +73,7 @@ class Link:
             raise UsageError(message) from error
         if commands:
             topic = Topic(self._participant, wire_topic(commands), wire_type(TWIST))
-            self._reader = DataReader(self._participant, topic, qos=_profile())
+            self._reader = DataReader(self._participant, topic, qos=_qos(Profile(DEPTH)))
 
     def publish(self, message: Message) -> None:
         """Send a message, but for pixels and points, which a dry run does not make."""
@@ -110,6 +110,6 @@ class Link:
         if key not in self._writers:
             kind = wire_type(message.type)
             topic = Topic(self._participant, wire_topic(message.topic), kind)
-            profile = _profile(static=message.static)
-            self._writers[key] = DataWriter(self._participant, topic, qos=profile)
+            offered = _qos(message.profile)
+            self._writers[key] = DataWriter(self._participant, topic, qos=offered)
         return self._writers[key]
