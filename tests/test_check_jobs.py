@@ -26,8 +26,9 @@ from lab3_usd import build_checkpoint
 from lab3_usd.check.registry import all_rules
 from lab3_usd.cli import lab3
 from lab3_usd.judge import processes
-from lab3_usd.judge.entries import Entry, JudgeSettings, crashed_entry
+from lab3_usd.judge.entries import JudgeSettings, crashed_entry
 from lab3_usd.judge.processes import in_processes
+from lab3_usd.judge.results import Entry
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.registry import FORMATS, render
 
@@ -184,16 +185,11 @@ def test_progress_is_shown_on_a_terminal(
         def isatty(self) -> bool:
             return True
 
-    from lab3_usd.commands import check as command  # noqa: PLC0415
-    from lab3_usd.commands.steps.checking import run  # noqa: PLC0415
-    from lab3_usd.commands.steps.configuring import with_config  # noqa: PLC0415
-
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    with command.command.make_context("check", ["--jobs", "2", *map(str, stages)]) as context:
-        options = {**context.params, "output": os.devnull}
-    paths = [*options.pop("paths")]
-    assert run(paths, with_config(paths, options)) == 1
+    asked = ["check", "--jobs", "2", "--output", os.devnull, *map(str, stages)]
+    with pytest.raises(SystemExit, match="1"):
+        lab3(asked)
     assert "100%" in terminal.getvalue()
 
 

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
+from collections.abc import Generator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from lab3_usd.commands.steps.configuring import config_options, with_config
 from lab3_usd.commands.steps.report_options import native_option, report_options, view_options
+
+if TYPE_CHECKING:
+    from lab3_usd.commands.steps.judging import Judge
+    from lab3_usd.judge.results import Entry, Results
 
 
 @click.command("check")
@@ -29,6 +35,41 @@ def command(paths: tuple[str, ...], **options: Any) -> None:  # noqa: ANN401 - o
     each file's name. Exit status: 0 nothing found, 1 findings, 2 wrong usage or no
     such path, 3 the tool itself failed.
     """
-    from lab3_usd.commands.steps.checking import run  # noqa: PLC0415 - keeps --help fast
+    options = with_config(paths, options)
+    shared = tuple(options[name] for name in ("starter", "maps") if options[name] is not None)
+    from lab3_usd.commands.steps.judging import run  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.commands.steps.reporting import refuse_unusable  # noqa: PLC0415
 
-    sys.exit(run([*paths], with_config(paths, options)))
+    refuse_unusable((*paths, *shared), options)
+    sys.exit(run(paths, _judge(shared, options), options))
+
+
+def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
+    """Say how stages and submissions are found and judged.
+
+    Raises:
+        UsageError: the checkpoint is unknown, or usd-core has no validators.
+    """
+    from lab3_usd.commands.steps.judging import Judge  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.commands.steps.options import checkpoint_number  # noqa: PLC0415
+    from lab3_usd.commands.steps.reporting import wants_native  # noqa: PLC0415
+    from lab3_usd.judge import entries  # noqa: PLC0415
+    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+
+    number, starter, maps = (options[name] for name in ("checkpoint", "starter", "maps"))
+    settings = entries.JudgeSettings(
+        checkpoint=None if number is None else checkpoint_number(number, load_lab().checkpoints),
+        starter=None if starter is None else Path(starter),
+        maps=None if maps is None else Path(maps),
+        require_evidence=options["require_evidence"],
+        config=options["config"],
+        heeds_ignores=True,
+        native=wants_native(options),
+    )
+
+    def judge(found: list[Entry], jobs: int) -> Generator[Results]:
+        opened = entries.with_kept_starter(settings) if options["watch"] else settings
+        return entries.judge_entries(found, opened, jobs)
+
+    renew = entries.with_kept_starter.cache_clear
+    return Judge(lambda path: entries.find_entries(path, settings), judge, shared, renew)

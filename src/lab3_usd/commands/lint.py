@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from lab3_usd.commands.steps.configuring import config_options, with_config
 from lab3_usd.commands.steps.report_options import native_option, report_options, view_options
+
+if TYPE_CHECKING:
+    from lab3_usd.commands.steps.judging import Judge
 
 
 @click.command("lint")
@@ -31,6 +35,27 @@ def command(paths: tuple[str, ...], **options: Any) -> None:  # noqa: ANN401 - o
     and sensors that do not fit together. Exit status: 0 nothing found, 1 findings, 2 wrong usage
     or no such path, 3 the tool itself failed.
     """
-    from lab3_usd.commands.steps.linting import run  # noqa: PLC0415 - keeps --help fast
+    options = with_config(paths, options)
+    from lab3_usd.commands.steps.judging import run  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.commands.steps.reporting import refuse_unusable  # noqa: PLC0415
 
-    sys.exit(run([*paths], with_config(paths, options)))
+    refuse_unusable(paths, options)
+    sys.exit(run(paths, _judge(options), options))
+
+
+def _judge(options: Mapping[str, Any]) -> Judge:
+    """Say how stages are found and judged.
+
+    Raises:
+        UsageError: the release is unknown, or usd-core has no validators.
+    """
+    from lab3_usd.commands.steps.judging import Judge  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.commands.steps.reporting import wants_native  # noqa: PLC0415
+    from lab3_usd.judge.lint import LintSettings, find_stages, lint_lab, lint_stages  # noqa: PLC0415
+    from lab3_usd.spec.isaac import NEWEST  # noqa: PLC0415
+
+    settings = LintSettings(
+        options["release"] or NEWEST, heeds_ignores=True, native=wants_native(options)
+    )
+    lint_lab(settings.release)
+    return Judge(find_stages, lambda found, jobs: lint_stages(found, settings, jobs))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -13,7 +13,14 @@ from msgspec.structs import replace
 from lab3_usd.config.config import Config
 from lab3_usd.config.findings import matching
 from lab3_usd.errors import UsageError
-from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE, unreadable, with_findings
+from lab3_usd.judge.results import (
+    STAGE_ENDINGS,
+    UNREADABLE,
+    Entry,
+    Results,
+    unreadable,
+    with_findings,
+)
 from lab3_usd.judge.stage import check_stage, checkpoint_of
 from lab3_usd.model.finding import Crash, Finding, StageResult, Submission
 from lab3_usd.spec.lab import Lab
@@ -21,8 +28,6 @@ from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:
     from lab3_usd.judge.starter import Starter
-
-Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
 
 
 class JudgeSettings(Struct, frozen=True):
@@ -40,13 +45,6 @@ class JudgeSettings(Struct, frozen=True):
     config: Config = Config()
     heeds_ignores: bool = False
     native: bool = False
-
-
-class Entry(NamedTuple):
-    """A path to judge: a stage, or the folder of a submission."""
-
-    path: str
-    is_submission: bool
 
 
 def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:

@@ -14,7 +14,15 @@ from lab3_usd.check.lint.linter import lint
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE, located, unreadable, verdict_of
+from lab3_usd.judge.results import (
+    STAGE_ENDINGS,
+    UNREADABLE,
+    Entry,
+    Results,
+    located,
+    unreadable,
+    verdict_of,
+)
 from lab3_usd.model.finding import Crash, Score, StageResult
 from lab3_usd.model.order import ordered
 from lab3_usd.spec.isaac import NEWEST
@@ -104,7 +112,7 @@ def lint_open_stage(stage: Any, release: str = NEWEST) -> RuleResults:  # noqa: 
     return RuleResults(ordered(found.findings), found.crashes)
 
 
-def find_stages(path: str) -> Iterator[str]:
+def find_stages(path: str) -> Iterator[Entry]:
     """Yield what a path names: a stage, or the stages in a folder and below it.
 
     Folders whose names begin with a dot are left out, and links to folders are not followed.
@@ -113,13 +121,13 @@ def find_stages(path: str) -> Iterator[str]:
         UsageError: the folder holds no stage.
     """
     if not Path(path).is_dir():
-        yield path
+        yield Entry(path)
         return
     files = sorted(_stages_below(path))
     if not files:
         message = f"{path}: holds no stage, nor does a folder in it"
         raise UsageError(message)
-    yield from map(str, files)
+    yield from (Entry(str(file)) for file in files)
 
 
 def _stages_below(path: str) -> Iterator[Path]:
@@ -131,24 +139,25 @@ def _stages_below(path: str) -> Iterator[Path]:
 
 
 def lint_stages(
-    paths: Sequence[str], settings: LintSettings, jobs: int = 1
-) -> Generator[StageResult]:
+    entries: Sequence[Entry], settings: LintSettings, jobs: int = 1
+) -> Generator[Results]:
     """Yield the result of each stage, in order, judged in as many processes as asked for."""
-    if min(jobs, len(paths)) <= 1:
+    if min(jobs, len(entries)) <= 1:
         from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, only when needed
 
         with kept_open():
-            yield from (lint_stage(path, settings) for path in paths)
+            yield from (_lint(settings, entry) for entry in entries)
         return
     from lab3_usd.judge.processes import in_processes  # noqa: PLC0415 - only with --jobs
 
-    yield from in_processes(partial(_lint, settings), _crashed, paths, min(jobs, len(paths)))
+    yield from in_processes(partial(_lint, settings), _crashed, entries, min(jobs, len(entries)))
 
 
-def _lint(settings: LintSettings, path: str) -> StageResult:
-    return lint_stage(path, settings)
+def _lint(settings: LintSettings, entry: Entry) -> Results:
+    return (lint_stage(entry.path, settings),), ()
 
 
-def _crashed(path: str, how: str) -> StageResult:
+def _crashed(entry: Entry, how: str) -> Results:
     reason = f"the process that read it ended ({how})"
-    return replace(unreadable(path, None, reason), crashes=(Crash(UNREADABLE, reason),))
+    result = unreadable(entry.path, None, reason)
+    return (replace(result, crashes=(Crash(UNREADABLE, reason),)),), ()

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
-from lab3_usd.model.finding import Crash, Finding, Score, StageResult, Verdict
+from lab3_usd.model.finding import Crash, Finding, Score, StageResult, Submission, Verdict
 from lab3_usd.model.order import ordered
 
 UNREADABLE = "F01"
 STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
+
+
+Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
+
+
+class Entry(NamedTuple):
+    """A path to judge: a stage, or the folder of a submission."""
+
+    path: str
+    is_submission: bool = False
 
 
 def unreadable(path: str, checkpoint: str | None, reason: str) -> StageResult:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import nullcontext
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,29 +24,23 @@ EXIT_FOUND = 1
 EXIT_CRASH = 3
 
 
-def refuse_missing(paths: Iterable[str]) -> None:
-    """Refuse paths that lead to nothing.
+def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:
+    """Refuse an unknown format, paths that lead to nothing, and to write over what is read.
 
     Raises:
-        UsageError: there is no file or folder at one of them.
+        UsageError: there is no such format, no file or folder at a path, or the output is a
+            stage, a given file, or a file that a given folder holds.
     """
+    format_named(options["form"])
     for path in paths:
         if not Path(path).exists():
             message = f"{path}: there is no such file or folder"
             raise UsageError(message)
-
-
-def refuse_output(path: str | None, paths: Iterable[str]) -> None:
-    """Refuse to write the report over anything that this call reads.
-
-    Raises:
-        UsageError: the output is a stage, a given file, or a file that a given folder holds.
-    """
-    if path is None:
+    if options["output"] is None:
         return
-    output = Path(path)
-    read = {Path(each).resolve() for each in paths}
-    is_read = output.exists() and not read.isdisjoint({output.resolve(), *output.resolve().parents})
+    output = Path(options["output"])
+    above = {output.resolve(), *output.resolve().parents}
+    is_read = output.exists() and not above.isdisjoint(Path(each).resolve() for each in paths)
     if is_read or output.suffix.lower() in STAGE_ENDINGS:
         message = f"{output}: is, or may be, a file that is checked; write the report elsewhere"
         raise UsageError(message)
@@ -87,7 +80,7 @@ def wanted(
     return (*(each for each in every if each.rule == UNREADABLE), *asked)
 
 
-def news(report: Report, options: Mapping[str, Any]) -> Report:
+def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
     """Return a report without what the baseline knows; say what is known no longer.
 
     Raises:
@@ -109,17 +102,8 @@ def news(report: Report, options: Mapping[str, Any]) -> Report:
     return found.report
 
 
-def progress(judged: Iterable[Any], count: int, options: Mapping[str, Any]) -> Any:  # noqa: ANN401
-    """Show a bar on standard error while many files are judged, on a terminal only."""
-    if options["quiet"] or count < 3 or not sys.stderr.isatty():  # noqa: PLR2004
-        return nullcontext(judged)
-    return click.progressbar(judged, count, label="checking", file=sys.stderr)
-
-
-def rendered(
-    report: Report, options: Mapping[str, Any], points: Mapping[str, float] | None = None
-) -> str:
-    """Return a report in the format asked for; `points` are what each checkpoint is worth."""
+def rendered(report: Report, options: Mapping[str, Any]) -> str:
+    """Return a report in the format asked for."""
     form = format_named(options["form"])
     rules = None
     if form.manual or options["verbose"]:
@@ -134,8 +118,8 @@ def rendered(
         statistics=options["statistics"],
         source=options["source"],
         each=options["each"],
-        points=points or {},
-        dry_runs=options.get("dry_runs", {}),
+        points=_points(report) if options["form"] == "text" else {},
+        dry_runs=options["dry_runs"],
         changes=_changes(report, options) if form.changes else {},
     )
     return render(options["form"], report, rules, render_options)
@@ -145,6 +129,21 @@ def _changes(report: Report, options: Mapping[str, Any]) -> Changes:
     from lab3_usd.fix.changes import text_changes  # noqa: PLC0415 - pxr, only when needed
 
     return text_changes(report, load_lab(), options.get("starter"))
+
+
+def _points(report: Report) -> dict[str, float]:
+    """Return what each checkpoint is worth by the lab's rubric, where stages are told together."""
+    if len(report.results) < 2 or all(each.checkpoint is None for each in report.results):  # noqa: PLR2004
+        return {}
+    from lab3_usd.grade.scoring.load_rubric import FILE, load_rubric  # noqa: PLC0415 - for folders
+
+    points: dict[str, float] = {}
+    lab = load_lab()
+    if not (lab.folder / FILE).is_file():
+        return {}
+    for item in load_rubric(None, lab).items:
+        points[item.checkpoint] = points.get(item.checkpoint, 0.0) + item.points
+    return points
 
 
 def write_report(text: str, output: str | None) -> None:
@@ -158,21 +157,13 @@ def write_report(text: str, output: str | None) -> None:
     write_whole(Path(output), text.encode("utf-8", "replace"), force=True)
 
 
-def _has_crashed(report: Report) -> bool:
-    return any(each.crashes for each in _parts(report))
-
-
-def _parts(report: Report) -> Iterator[StageResult | Submission]:
-    yield from report.results
-    yield from report.submissions
-
-
 def exit_code(report: Report, options: Mapping[str, Any]) -> int:
     """Return the exit code of a run, which a crash of ours decides before anything else."""
-    if _has_crashed(report):
+    judged: list[StageResult | Submission] = [*report.results, *report.submissions]
+    if any(each.crashes for each in judged):
         return EXIT_CRASH
     if options["exit_zero"]:
         return 0
     bad = ("error", "warning") if options["fail_on"] == "warning" else ("error",)
-    found = any(finding.severity in bad for each in _parts(report) for finding in each.findings)
+    found = any(finding.severity in bad for each in judged for finding in each.findings)
     return EXIT_FOUND if found else 0

@@ -1,0 +1,99 @@
+"""The driver of the commands that judge stages: find, judge, report; once, or at each save."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Generator, Iterable, Mapping
+from contextlib import closing, nullcontext
+from typing import Any, NamedTuple
+
+import click
+from msgspec.structs import replace
+
+from lab3_usd.commands.steps.reporting import (
+    exit_code,
+    rendered,
+    wanted,
+    without_baseline,
+    write_report,
+)
+from lab3_usd.judge.results import Entry, Results, with_findings
+from lab3_usd.model.finding import Report, StageResult, Submission
+
+
+class Judge(NamedTuple):
+    """What a command does in its own way: find what a path names, judge it in N processes.
+
+    `shared` are the files and folders that everything is judged with; `renew` is called when one
+    of these was saved.
+    """
+
+    find: Callable[[str], Iterable[Entry]]
+    judge: Callable[[list[Entry], int], Generator[Results]]
+    shared: tuple[str, ...] = ()
+    renew: Callable[[], object] = tuple
+
+
+def run(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
+    """Judge everything that the paths name, print the report, and return the exit code.
+
+    Raises:
+        UsageError: a path names nothing that can be judged.
+    """
+    options = {**options, "dry_runs": {}}
+    if options["watch"]:
+        return _watch(paths, judge, options)
+    entries = [entry for path in paths for entry in judge.find(path)]
+    from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, only when it is needed
+
+    # The comparison with the starter, and some formats, look at the stage again.
+    with kept_open():
+        report = _judged(entries, judge, options)
+        write_report(rendered(report, options), options["output"])
+    return exit_code(report, options)
+
+
+def _watch(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
+    from lab3_usd.commands.steps.watching import Watched, prepare, watch  # noqa: PLC0415 - only with --watch
+
+    prepare(options)
+    watched = Watched(
+        names=lambda: [entry.path for path in paths for entry in judge.find(path)],
+        judge=lambda name: _judged([*judge.find(name)], judge, options),
+        render=lambda report: rendered(report, options),
+        shared=judge.shared,
+        renew=judge.renew,
+    )
+    return watch(paths, watched, options)
+
+
+def _judged(entries: list[Entry], judge: Judge, options: Mapping[str, Any]) -> Report:
+    """Judge all entries, and keep the findings that are asked for."""
+    results: list[StageResult] = []
+    submissions: list[Submission] = []
+    judged = judge.judge(entries, options["jobs"])
+    with closing(judged), _progress(judged, len(entries), options) as bar:
+        for stages, about in bar:
+            results += (
+                with_findings(each, wanted(each.findings, each.path, options))
+                for each in _played(stages, options)
+            )
+            submissions += (
+                replace(each, findings=wanted(each.findings, each.path, options)) for each in about
+            )
+    return without_baseline(Report(tuple(results), tuple(submissions)), options)
+
+
+def _played(stages: Iterable[StageResult], options: Mapping[str, Any]) -> Iterable[StageResult]:
+    if not options.get("sim"):
+        return stages
+    from lab3_usd.commands.steps.dry_runs import with_dry_run  # noqa: PLC0415 - only with --sim
+
+    return (with_dry_run(each, options["dry_runs"]) for each in stages)
+
+
+def _progress(judged: Iterable[Any], count: int, options: Mapping[str, Any]) -> Any:  # noqa: ANN401
+    """Show a bar on standard error while many files are judged, on a terminal only."""
+    if options["quiet"] or count < 3 or not sys.stderr.isatty():  # noqa: PLR2004
+        return nullcontext(judged)
+    return click.progressbar(judged, count, label="checking", file=sys.stderr)
