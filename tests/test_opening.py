@@ -11,7 +11,7 @@ import pytest
 from pxr import Tf, Usd
 
 from lab3_usd.errors import StageError
-from lab3_usd.judge.folder_starter import find_starters
+from lab3_usd.judge.folder import find_starters
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.submission import Listing
 from lab3_usd.spec.load.loader import load_lab

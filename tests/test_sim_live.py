@@ -38,9 +38,8 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from lab3_usd.sim.live import link as link_module
-from lab3_usd.sim.live.link import Link
+from lab3_usd.sim.live.link import Link, wire_type
 from lab3_usd.sim.live.playing import Lived, play_live
-from lab3_usd.sim.live.wire_types import wire_type
 
 TRIED = itertools.count()
 PEERS = Path(__file__).parent / "live_peer"

@@ -13,10 +13,9 @@ import pytest
 from breaking import correct_stage, the_lab
 
 from lab3_usd.model.scene import Graph, Input, Node, Scene
-from lab3_usd.sim.execution.program import compile_graphs
+from lab3_usd.sim.execution.program import compile_graphs, type_of
 from lab3_usd.sim.execution.registry import function_of, functions
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.execution.types import type_of
 from lab3_usd.sim.record import Odometry, Profile, Scan, Transform, View
 from lab3_usd.sim.rendering import render
 from lab3_usd.sim.robot.machines import Machines

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.describe.catalog import catalog_text
 from lab3_usd.describe.checkpoints import (
     FileNames,
@@ -17,7 +18,6 @@ from lab3_usd.describe.checkpoints import (
     describe_steps,
     file_names,
 )
-from lab3_usd.describe.frames import describe_frames, frames_outside
 from lab3_usd.describe.grading import rubric_text, submission_text
 from lab3_usd.describe.graphs import GraphText, describe_graphs
 from lab3_usd.describe.running import ros_text
@@ -26,8 +26,10 @@ from lab3_usd.describe.sensors import describe_sensors, targets_of
 from lab3_usd.describe.source import Source, read_source
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import UsageError
+from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lint.graph_names import graph_frames, named_frames
 from lab3_usd.spec.lint.rubric import RUBRIC_FILE
 from lab3_usd.spec.load.catalog import FILE as CATALOG
 from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
@@ -106,8 +108,8 @@ def _parts(source: Source) -> _Parts:
     sensors = describe_sensors(source, sections, scene["robot"]["path"])
     scene |= {"sensors": sensors} if sensors else {}
     lab = replace(source.lab, graphs=graphs, scene=complete_scene(scene))
-    frames = describe_frames(stage, lab, f"{texts[-1].spec.handout[0]}6")
-    return _Parts(texts, names, scene, frames, lab, tuple(frames_outside(frames, lab)))
+    frames = _describe_frames(stage, lab, f"{texts[-1].spec.handout[0]}6")
+    return _Parts(texts, names, scene, frames, lab, tuple(_frames_outside(frames, lab)))
 
 
 def _home(sensor: str, texts: Sequence[GraphText]) -> str:
@@ -148,3 +150,35 @@ def _graph_text(text: GraphText) -> str:
         lines = "\n".join(f"  {line}" for line in text.left_out)
         head += f"\nNot described, because no file of a lab can hold it:\n{lines}"
     return document(head, text.data)
+
+
+def _describe_frames(stage: StageModel, lab: Lab, section: str) -> dict[str, Any]:
+    """Describe the tree; `lab` has the new graphs and scene."""
+    edges = _edges(stage, lab)
+    base = lab.scene["robot"]["base_frame"]
+    data = {"handout": section, "edges": [f"{parent} -> {child}" for parent, child in edges]}
+    is_known = any(base in edge for edge in edges)
+    return data | ({"deeper_under": base} if is_known else {})
+
+
+def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
+    """Return the transforms: what the stage publishes, and what missing assets would add to it."""
+    given = list(graph_frames(lab))
+    known = {each.child for each in given}
+    found = {
+        edge.child: (edge.parent, edge.child)
+        for edge in published_edges(stage, lab)
+        if edge.child in known and edge.parent != edge.child
+    }
+    for each in given:
+        if each.parent:
+            found.setdefault(each.child, (each.parent, each.child))
+    return list(found.values())
+
+
+def _frames_outside(frames: Mapping[str, Any], lab: Lab) -> Iterator[str]:
+    """Yield the frames of messages that the described tree does not have, with their places."""
+    tree = {name for edge in frames["edges"] for name in edge.split(" -> ")}
+    for each in named_frames(lab):
+        if tree and each.child not in tree:
+            yield f"{each.place}: '{each.child}' is no frame of the tree that the stage publishes"

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
+from lab3_usd.errors import StageError
 from lab3_usd.judge.folder_checks import (
     FolderContents,
     judge_maps,
@@ -20,15 +21,16 @@ from lab3_usd.judge.folder_checks import (
     map_findings,
     read_saved_outputs,
 )
-from lab3_usd.judge.folder_starter import Starters, find_starters
 from lab3_usd.judge.recordings import opens_all, read_recordings
 from lab3_usd.judge.stage import check_stage
-from lab3_usd.judge.starter import Starter, against_starter
+from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.lab.submission.listing import folder_named, list_submission
 from lab3_usd.model.finding import Finding, StageResult, Submission
 from lab3_usd.model.order import ordered
-from lab3_usd.model.submission import SubmissionSubject
+from lab3_usd.model.stage import StageModel
+from lab3_usd.model.submission import Listing, StarterFile, SubmissionSubject
 from lab3_usd.spec.file_names import named_checkpoint
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
 __all__ = [
@@ -39,6 +41,13 @@ __all__ = [
     "lone_stage_notes",
     "map_findings",
 ]
+
+
+class _Starters(Struct, frozen=True):
+    """The starter to compare stages with, None for none, and the one in the submission."""
+
+    compared: Starter | None = None
+    submitted: StarterFile | None = None
 
 
 class FolderSettings(Struct, frozen=True):
@@ -108,7 +117,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
 
 
 def _results(
-    contents: FolderContents, starters: Starters, settings: FolderSettings
+    contents: FolderContents, starters: _Starters, settings: FolderSettings
 ) -> Iterator[tuple[str, StageResult]]:
     """Judge the files that USD can open; the others have a finding of their own."""
     endings = (*contents.spec.stages.endings, *contents.spec.stages.openable)
@@ -131,7 +140,7 @@ def _results(
 
 
 def _subject(
-    contents: FolderContents, results: Mapping[str, StageResult], starters: Starters
+    contents: FolderContents, results: Mapping[str, StageResult], starters: _Starters
 ) -> SubmissionSubject:
     return SubmissionSubject(
         lab=contents.lab,
@@ -162,3 +171,46 @@ def _with_files(findings: Iterable[Finding], folder: Path) -> Iterator[Finding]:
         path = folder / each.prim
         is_file = not path.is_symlink() and path.is_file()
         yield replace(each, layer=str(path)) if is_file else each
+
+
+def find_starters(
+    folder: Path, listing: Listing, supplied: Path | Starter | None, lab: Lab
+) -> _Starters:
+    """Open the supplied starter, else the submission's own; only the first is trusted.
+
+    Raises:
+        StageError: the supplied starter cannot be opened.
+    """
+    trusted = open_starter(supplied, lab) if isinstance(supplied, Path) else supplied
+    if listing.starter is None:
+        return _Starters(trusted)
+    submitted = StarterFile(listing.starter)
+    try:
+        own = open_starter(folder / listing.starter, lab, trusted=False)
+        holds = tuple(_holds(own, trusted, lab))
+    except StageError as error:
+        fault = str(error).removeprefix(f"{folder / listing.starter}: ")
+        return _Starters(trusted, replace(submitted, fault=fault))
+    compared = trusted if trusted is not None else None if holds else own
+    return _Starters(compared, replace(submitted, holds=holds))
+
+
+def _holds(own: Starter, trusted: Starter | None, lab: Lab) -> Iterator[str]:
+    """Yield what a starter holds that only the lab adds, or has otherwise than the supplied one."""
+    from lab3_usd.stage.compare.starter import compare_starter  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+
+    model = read_model(own.stage, lab, str(own.path))
+    added = list(_added(model, lab))
+    yield from added
+    if trusted is not None and not added:
+        first = next(iter(lab.checkpoints))
+        changes = compare_starter(trusted.stage, own.stage, lab, first).changes
+        yield from (f"a change of {change.prim}" for change in changes)
+
+
+def _added(model: StageModel, lab: Lab) -> Iterator[str]:
+    yield from (graph.path for graph in model.graphs)
+    for sensor in lab.sensors.values():
+        if model.prim(sensor["path"]) is not None:
+            yield sensor["path"]

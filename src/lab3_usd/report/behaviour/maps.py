@@ -5,16 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from lab3_usd.model.behaviour import Replay
-from lab3_usd.report.behaviour.drawing import (
-    dots_path,
-    line_path,
-    moments_svg,
-    robot_svg,
-    segments_path,
-    svg_element,
-    units,
-)
+from lab3_usd.model.behaviour import Moment, Place, Replay, Segment
+
+_SCALE = 100.0  # units of the drawing in a metre
+_DOT = "h0"  # a line without length, which a round cap makes a dot
 
 EDGE = 0.3  # metres around what is drawn
 FAR = 25.0  # metres from the robot beyond which nothing is drawn
@@ -32,11 +26,11 @@ def room_svg(found: Replay, *, still: bool = False) -> str:
     box = _box([*ends, *seen, *_path(found)], least=2.0)
     parts = [
         _grid(box),
-        f'<path class="wall" d="{segments_path(walls)}"/>',
-        f'<path class="path" d="{line_path(_path(found))}"/>',
-        moments_svg(found.moments, found.radius, furthest(found), scan=True, still=still),
+        f'<path class="wall" d="{_segments_path(walls)}"/>',
+        f'<path class="path" d="{_line_path(_path(found))}"/>',
+        _moments_svg(found.moments, found.radius, furthest(found), scan=True, still=still),
     ]
-    return svg_element(box, "The room, the walls, the path and the scan", "room", parts)
+    return _svg_element(box, "The room, the walls, the path and the scan", "room", parts)
 
 
 def near_svg(found: Replay, *, still: bool = False) -> str:
@@ -48,13 +42,13 @@ def near_svg(found: Replay, *, still: bool = False) -> str:
     box = _box(ends, least=0.8, edge=0.05)
     parts = [
         _grid(box),
-        f'<path class="wall" d="{segments_path(found.walls)}"/>',
-        f'<g class="start">{robot_svg(found.moments[0].robot, found.radius)}</g>',
-        f'<path class="path" d="{line_path(_path(found))}"/>',
-        f'<path class="told" d="{dots_path(says)}"/>' if says else "",
-        moments_svg(found.moments, found.radius, furthest(found), scan=False, still=still),
+        f'<path class="wall" d="{_segments_path(found.walls)}"/>',
+        f'<g class="start">{_robot_svg(found.moments[0].robot, found.radius)}</g>',
+        f'<path class="path" d="{_line_path(_path(found))}"/>',
+        f'<path class="told" d="{_dots_path(says)}"/>' if says else "",
+        _moments_svg(found.moments, found.radius, furthest(found), scan=False, still=still),
     ]
-    return svg_element(box, "The path of the robot, and odometry as dots", "near", parts)
+    return _svg_element(box, "The path of the robot, and odometry as dots", "near", parts)
 
 
 def furthest(found: Replay) -> int:
@@ -97,10 +91,10 @@ def _grid(box: Box) -> str:
     lines += [(left, y, left + wide, y) for y in _rounds(bottom, tall, step)]
     size = max(wide, tall)
     text = (
-        f'<text x="{units(left + size * 0.015)}" y="{units(-bottom - size * 0.015)}"'
-        f' font-size="{units(size * 0.03)}">a square is {step:g} m</text>'
+        f'<text x="{_units(left + size * 0.015)}" y="{_units(-bottom - size * 0.015)}"'
+        f' font-size="{_units(size * 0.03)}">a square is {step:g} m</text>'
     )
-    return f'<path class="grid" d="{segments_path(lines)}"/>{text}'
+    return f'<path class="grid" d="{_segments_path(lines)}"/>{text}'
 
 
 def _rounds(first: float, length: float, step: float) -> Iterator[float]:
@@ -108,3 +102,61 @@ def _rounds(first: float, length: float, step: float) -> Iterator[float]:
     while number * step < first + length:
         yield number * step
         number += 1
+
+
+def _units(metres: float) -> str:
+    """Return a length as the drawing has it."""
+    return f"{metres * _SCALE:.1f}".removesuffix(".0")
+
+
+def _at(x: float, y: float) -> str:
+    """Return a point; y goes up in a room and down in a drawing."""
+    return f"{_units(x)} {_units(-y)}"
+
+
+def _line_path(points: Iterable[tuple[float, float]]) -> str:
+    """Return a line through points."""
+    return "M" + "L".join(_at(x, y) for x, y in points)
+
+
+def _segments_path(segments: Iterable[Segment]) -> str:
+    """Return separate lines."""
+    return "".join(f"M{_at(a, b)}L{_at(c, d)}" for a, b, c, d in segments)
+
+
+def _dots_path(points: Iterable[tuple[float, float]]) -> str:
+    """Return dots."""
+    return "".join(f"M{_at(x, y)}{_DOT}" for x, y in points)
+
+
+def _robot_svg(place: Place, radius: float) -> str:
+    """Return a robot: a circle with a line to where it looks."""
+    x, y, turned = place
+    ahead = (x + radius * math.cos(turned), y + radius * math.sin(turned))
+    circle = f'<circle cx="{_units(x)}" cy="{_units(-y)}" r="{_units(radius)}"/>'
+    return f'{circle}<path d="{_line_path([(x, y), ahead])}"/>'
+
+
+def _moments_svg(
+    moments: Sequence[Moment], radius: float, shown: int, *, scan: bool, still: bool
+) -> str:
+    """Return a group for each moment, all but one hidden; a still has that one alone."""
+    groups = []
+    for number, moment in enumerate(moments):
+        if still and number != shown:
+            continue
+        hidden = "" if number == shown else " hidden"
+        points = f'<path class="scan" d="{_dots_path(moment.points)}"/>' if scan else ""
+        robot = f'<g class="robot">{_robot_svg(moment.robot, radius)}</g>'
+        groups.append(f'<g data-moment="{number}"{hidden}>{points}{robot}</g>')
+    return "".join(groups)
+
+
+def _svg_element(
+    box: tuple[float, float, float, float], label: str, kind: str, parts: Iterable[str]
+) -> str:
+    """Return a whole drawing of a box of the room: left, bottom, width, height in metres."""
+    left, bottom, wide, tall = box
+    view = f"{_units(left)} {_units(-bottom - tall)} {_units(wide)} {_units(tall)}"
+    head = f'<svg class="{kind}" role="img" aria-label="{label}" viewBox="{view}">'
+    return f"{head}{''.join(parts)}</svg>"

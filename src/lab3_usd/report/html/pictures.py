@@ -1,18 +1,36 @@
-"""The pictures of a block: one for all stages with the same graph, linked to its faults."""
+"""The pictures of a block: one for all stages with the same graph, linked to its faults.
+
+A link leads to the element of a picture that shows a fault, and to the view around it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct, field
 
+from lab3_usd.model.finding import Finding
 from lab3_usd.report.blocks import Block
 from lab3_usd.report.faults import Fault
 from lab3_usd.report.html.model import Link, PagePicture, Topic
-from lab3_usd.report.html.picture_links import PictureTarget, related_targets, target_of
 from lab3_usd.report.html.stage_content import StageContent
-from lab3_usd.report.picture import Picture
+from lab3_usd.report.layout.canvas import LEGEND_LINE
+from lab3_usd.report.picture import HEADER, Box, Picture, port_id
 from lab3_usd.report.picture_formats.svg import svg
+
+_WIDTH = 380.0  # of the part of a picture beside a fault, unless the box is wider
+_SHAPE = 0.5  # its height, by its width
+_ROUND = 30.0  # room around the box
+_ABOVE = 14.0
+
+
+class _PictureTarget(Struct, frozen=True):
+    """The id of an element of a picture, without prefix, and the view around it."""
+
+    id: str
+    view: str = ""
+
 
 # Characters in one block, so that the page of a whole submission stays below 400 kB.
 PICTURE_CHARACTERS = 300_000
@@ -89,25 +107,25 @@ def _shared_pictures(
         yield _SharedPicture(f"{block.id}-g{number}", picture, shows, lines)
 
 
-def _targets(shared: _SharedPicture, block_faults: Sequence[Fault]) -> dict[str, PictureTarget]:
+def _targets(shared: _SharedPicture, block_faults: Sequence[Fault]) -> dict[str, _PictureTarget]:
     """Return where in the picture each fault is, by the id of the fault."""
     targets = {}
     for fault in block_faults:
-        target = target_of(fault.finding, shared.picture)
+        target = _target_of(fault.finding, shared.picture)
         if target is not None and set(fault.stages) & set(shared.stages):
             targets[fault.id] = target
     return targets
 
 
 def _svg(
-    shared: _SharedPicture, targets: Mapping[str, PictureTarget], block_faults: Sequence[Fault]
+    shared: _SharedPicture, targets: Mapping[str, _PictureTarget], block_faults: Sequence[Fault]
 ) -> str:
     links: dict[str, str] = {}
     for name, target in targets.items():
         links.setdefault(target.id, f"#{name}")
     for fault in block_faults:
         if fault.id in targets:
-            for target in related_targets(fault.finding, shared.picture):
+            for target in _related_targets(fault.finding, shared.picture):
                 links.setdefault(target.id, f"#{fault.id}")
     text = svg(shared.picture, f"{shared.id}-", links)
     # The parts beside the faults are drawn from this element; what has links is no image.
@@ -115,7 +133,7 @@ def _svg(
     return text.replace("<svg ", f'<svg id="{shared.id}" ', 1).replace('role="img"', role, 1)
 
 
-def _link(shared: _SharedPicture, target: PictureTarget) -> Link:
+def _link(shared: _SharedPicture, target: _PictureTarget) -> Link:
     return Link(
         target=f"{shared.id}-{target.id}",
         picture=shared.id,
@@ -126,7 +144,7 @@ def _link(shared: _SharedPicture, target: PictureTarget) -> Link:
 
 
 def _page_picture(
-    shared: _SharedPicture, targets: Mapping[str, PictureTarget], text: str | None
+    shared: _SharedPicture, targets: Mapping[str, _PictureTarget], text: str | None
 ) -> PagePicture:
     picture = shared.picture
     return PagePicture(
@@ -148,3 +166,54 @@ def topics(contents: Mapping[int, StageContent]) -> tuple[Topic, ...]:
         for cells in contents[index].topics:
             stages.setdefault(cells, []).append(index)
     return tuple(Topic(cells, tuple(dict.fromkeys(shows))) for cells, shows in stages.items())
+
+
+def _target_of(finding: Finding, picture: Picture) -> _PictureTarget | None:
+    """Return the element that marks the fault in the picture, None if there is none.
+
+    A missing node's finding lies at the graph and names the node.
+    """
+    if picture.kind == "frames":
+        return None
+    boxes = {box.key: box for box in picture.boxes}
+    if finding.prim in boxes:
+        return _target_in(boxes[finding.prim], finding.property, picture)
+    if finding.prim != picture.path:
+        return None
+    for box in picture.boxes:
+        name = re.escape(box.key.rpartition("/")[2].removesuffix("_missing"))
+        if box.state == "missing" and re.search(rf"\({name}\)", finding.message):
+            return _target_in(box, None, picture)
+    return _PictureTarget(port_id(picture.path))
+
+
+def _related_targets(finding: Finding, picture: Picture) -> Iterator[_PictureTarget]:
+    """Yield the other ports that a finding names, as far as they are in the picture."""
+    boxes = {box.key: box for box in picture.boxes if picture.kind == "graph"}
+    for site in finding.related:
+        prim, _, prop = site.partition(".")
+        if prim in boxes and (not prop or boxes[prim].row(prop)):
+            yield _target_in(boxes[prim], prop or None, picture)
+
+
+def _target_in(box: Box, prop: str | None, picture: Picture) -> _PictureTarget:
+    row = None if prop is None else box.row(prop)
+    if row is None:
+        return _PictureTarget(port_id(box.key), _view(box, HEADER, picture))
+    return _PictureTarget(port_id(box.key, row.port), _view(box, row.y, picture))
+
+
+def _view(box: Box, down: float, picture: Picture) -> str:
+    """Return the part of the picture around a row of a box, its title too where that fits."""
+    width = max(_WIDTH, box.w + 2 * _ROUND)
+    height = width * _SHAPE
+    across = min(box.x + box.w / 2, box.x + width / 2 - _ROUND)
+    has_title = down + _ROUND < height - _ABOVE
+    top = box.y - _ABOVE if has_title else box.y + down - height / 2
+    low = picture.legend[0].y - LEGEND_LINE  # the legend is no part of what is shown
+    left, top = (_within(across - width / 2, picture.width - width), _within(top, low - height))
+    return f"{left:.0f} {top:.0f} {width:.0f} {height:.0f}"
+
+
+def _within(value: float, most: float) -> float:
+    return max(0.0, min(value, most))

@@ -1,28 +1,36 @@
-"""Judges a recording by the checks of a dry run, and by those of its own."""
+"""Judges a recording by the checks of a dry run, and by those of its own.
+
+The commands of the recording become legs, and odometry the path, as a dry run has them.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from msgspec.structs import replace
 
 from lab3_usd.errors import RecordingError
 from lab3_usd.model.affine import HERE
-from lab3_usd.model.behaviour import Behaviour, Check, Topic, Unknown
+from lab3_usd.model.behaviour import Behaviour, Check, Place, Topic, Unknown
 from lab3_usd.sim.bag.checks import CHECKS, Recorded
-from lab3_usd.sim.bag.driven import legs, path
 from lab3_usd.sim.bag.files import Layout, layout_at, opened
 from lab3_usd.sim.bag.gathering import Gathered, Topics, gather
 from lab3_usd.sim.bag.packing import Bounds
 from lab3_usd.sim.behaviour.asked import interface, map_topic, reached_topics, static_topics
-from lab3_usd.sim.behaviour.evidence import PHYSICAL, Evidence, Fault, Interface
+from lab3_usd.sim.behaviour.evidence import PHYSICAL, Evidence, Fault, Interface, angle
 from lab3_usd.sim.behaviour.judge import CHECKS as SHARED
 from lab3_usd.sim.behaviour.judge import verdict
-from lab3_usd.sim.drive import Session
+from lab3_usd.sim.drive import RATE, Leg, Session, leg_name
 from lab3_usd.sim.outcome import is_asked, path_rows, told_legs
+from lab3_usd.sim.record import Pose
 from lab3_usd.spec.lab import Lab
+
+_LONG = 1.0  # seconds of one command, from which on it is judged
+_SAME = 1e-3  # m/s and rad/s between commands
+_VARIED = "varied"
+_Told = tuple[float, float, float]  # forward, to the left, turning
 
 _TOPIC = re.compile(r"/[A-Za-z0-9_/]+")
 _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv|action)/[A-Za-z0-9_]+")
@@ -156,3 +164,59 @@ def _remarks(found: Gathered) -> Iterator[str]:
         yield f"{odd} topics have a name or type that is none"
     if not found.commands:
         yield "no command was recorded, so that nothing is said of how the robot follows"
+
+
+def legs(
+    commands: Sequence[tuple[float, _Told]], seconds: float, limits: tuple[float, float]
+) -> tuple[Leg, ...]:
+    """Return what was told: a command holds until the next, as Isaac Sim's subscriber has it."""
+    return tuple(_legs(commands, round(seconds * RATE), limits))
+
+
+def _legs(
+    commands: Sequence[tuple[float, _Told]], end: int, limits: tuple[float, float]
+) -> Iterator[Leg]:
+    first, told = 0, None
+    changes = [each for each in commands if round(each[0] * RATE) < end]
+    for at, command in [*changes, (end / RATE, None)]:
+        if told is not None and command is not None and _same(told, command):
+            continue
+        frame = max(first, round(at * RATE))
+        if frame > first:
+            yield _leg(told, (frame - first) / RATE, limits)
+        first, told = frame, command
+
+
+def _same(one: _Told, other: _Told) -> bool:
+    return all(abs(a - b) < _SAME for a, b in zip(one, other, strict=True))
+
+
+def _leg(told: _Told | None, seconds: float, limits: tuple[float, float]) -> Leg:
+    if told is None:
+        return Leg("idle", seconds)
+    if seconds < _LONG:
+        return Leg(_VARIED, seconds, told)
+    aside = told[1] and not told[0] and not told[2]
+    return Leg("sideways" if aside else leg_name(told[0], told[2], limits), seconds, told)
+
+
+def path(places: Sequence[tuple[float, Place]], drive: Sequence[Leg]) -> Iterator[Pose]:
+    """Yield a pose for each frame of the drive, between what odometry says."""
+    if not places:
+        return
+    ahead, frame = 0, 0
+    for leg in drive:
+        for _ in range(round(leg.seconds * RATE)):
+            frame += 1
+            at = frame / RATE
+            while ahead + 1 < len(places) and places[ahead + 1][0] <= at:
+                ahead += 1
+            here, there = places[ahead], places[min(ahead + 1, len(places) - 1)]
+            yield Pose(0, at, leg.name, *_between(here, there, at))
+
+
+def _between(one: tuple[float, Place], other: tuple[float, Place], at: float) -> Place:
+    span = other[0] - one[0]
+    part = min(1.0, max(0.0, (at - one[0]) / span)) if span > 0 else 0.0
+    (x, y, turned), (u, v, later) = one[1], other[1]
+    return (x + part * (u - x), y + part * (v - y), turned + part * angle(later - turned))

@@ -11,12 +11,27 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.model.scene import Graph, Input, Scene
-from lab3_usd.sim.execution.registry import FRAME, STEP, event_of, function_of
+from lab3_usd.model.scene import Graph, Input, Node, Scene
+from lab3_usd.sim.execution.registry import CONSTANT, FRAME, STEP, event_of, function_of
 from lab3_usd.sim.execution.running import Running, initial, push
-from lab3_usd.sim.execution.types import type_of
 from lab3_usd.sim.world import World
-from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, Port, can_connect
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_connect
+
+_USD = {"execution": "uint"}
+_UNLISTED = {  # outputs of types that the catalog does not describe, as far as they run here
+    "OnTick": {
+        "outputs:tick": "execution",
+        "outputs:deltaSeconds": "double",
+        "outputs:time": "double",
+        "outputs:frame": "double",
+    },
+    "OnPhysicsStep": {
+        "outputs:step": "execution",
+        "outputs:deltaSimulationTime": "double",
+        "outputs:deltaSystemTime": "double",
+    },
+    "IsaacReadSystemTime": {"outputs:systemTime": "double"},
+}
 
 _STAGES = {FRAME: "pipelineStageSimulation", STEP: "pipelineStageOnDemand"}
 _PUSH = ("push", "dirty_push")
@@ -155,3 +170,33 @@ def _in_order(nodes: dict[str, Running]) -> list[Running]:
         for path in ready or [next(each for each in nodes if each not in found)]:
             found[path] = nodes[path]
     return list(found.values())
+
+
+def type_of(node: Node, catalog: Catalog) -> NodeType | None:
+    """Return the type of a node; a constant of whatever kind is what it is declared as."""
+    known = catalog.get(node.type)
+    if known is not None:
+        return known
+    modern = catalog.modern(node.type)
+    family, _, name = modern.rpartition(".")
+    if family not in _families(catalog):
+        return None
+    if name.startswith(CONSTANT):
+        return _constant(node)
+    return _made(modern, _UNLISTED[name]) if name in _UNLISTED else None
+
+
+def _families(catalog: Catalog) -> frozenset[str]:
+    """Return what stands before the names of types: the extensions that are known at all."""
+    return frozenset(each.rpartition(".")[0] for each in (*catalog.types, *catalog.events))
+
+
+def _made(name: str, ports: dict[str, str]) -> NodeType:
+    made = {each: Port(each, kind, _USD.get(kind, kind)) for each, kind in ports.items()}
+    return NodeType(name, 1, name, name, name, made)
+
+
+def _constant(node: Node) -> NodeType:
+    kind = node.inputs["inputs:value"].type if "inputs:value" in node.inputs else "token"
+    port = Port("inputs:value", kind, kind, output_only=True)
+    return NodeType(node.type, 1, node.type, node.type, node.type, {port.name: port})

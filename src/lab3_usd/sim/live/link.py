@@ -1,24 +1,47 @@
-"""The connection to other programs of ROS 2 on this computer: Cyclone DDS, loopback only."""
+"""The connection to other programs of ROS 2 on this computer: Cyclone DDS, loopback only.
+
+Messages have the types that Cyclone DDS makes of those of ROS 2.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 from cyclonedds.core import DDSException
 from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.idl import IdlStruct, make_idl_struct, types
 from cyclonedds.internal import InvalidSample
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
+from rosbags.interfaces import Nodetype
 
 from lab3_usd.errors import UsageError
-from lab3_usd.sim.bag.messages import TWIST, serialized
-from lab3_usd.sim.live.wire_types import wire_topic, wire_type
+from lab3_usd.sim.bag.messages import STORE, TWIST, serialized
 from lab3_usd.sim.record import Message, Profile
 from lab3_usd.sim.ros import Twist
+
+_OF: Any = types  # the library types no subscripts of its own
+_BASES: dict[str, Any] = {
+    "bool": bool,
+    "byte": types.byte,
+    "char": types.uint8,
+    "int8": types.int8,
+    "uint8": types.uint8,
+    "int16": types.int16,
+    "uint16": types.uint16,
+    "int32": types.int32,
+    "uint32": types.uint32,
+    "int64": types.int64,
+    "uint64": types.uint64,
+    "float32": types.float32,
+    "float64": types.float64,
+    "string": str,
+}
 
 DEPTH = 10
 FASTEST = 1e6  # metres or radians a second: what is beyond it, or no number, is no command
@@ -72,7 +95,7 @@ class Link:
             message = f"--live: DDS does not start in domain {domain} on 127.0.0.1: {error.msg}"
             raise UsageError(message) from error
         if commands:
-            topic = Topic(self._participant, wire_topic(commands), wire_type(TWIST))
+            topic = Topic(self._participant, _wire_topic(commands), wire_type(TWIST))
             self._reader = DataReader(self._participant, topic, qos=_qos(Profile(DEPTH)))
 
     def publish(self, message: Message) -> None:
@@ -109,7 +132,38 @@ class Link:
         key = (message.node, message.topic, message.type)
         if key not in self._writers:
             kind = wire_type(message.type)
-            topic = Topic(self._participant, wire_topic(message.topic), kind)
+            topic = Topic(self._participant, _wire_topic(message.topic), kind)
             offered = _qos(message.profile)
             self._writers[key] = DataWriter(self._participant, topic, qos=offered)
         return self._writers[key]
+
+
+def _wire_topic(topic: str) -> str:
+    """Return the name of a topic of ROS 2 on the wire: `rt/odom` for `/odom`."""
+    return f"rt{topic}"
+
+
+def _wire_name(kind: str) -> str:
+    """Return the name of a message type on the wire: `geometry_msgs::msg::dds_::Twist_`."""
+    package, _, name = kind.split("/")
+    return f"{package}::msg::dds_::{name}_"
+
+
+@cache
+def wire_type(kind: str) -> type[IdlStruct]:
+    """Return the type of DDS that a message type of ROS 2 is on the wire."""
+    _, fields = STORE.fielddefs[kind]
+    name = _wire_name(kind)
+    made = {field: _field(*described) for field, described in fields}
+    return make_idl_struct(name.rpartition(":")[2], name.replace("::", "."), made)
+
+
+def _field(node: Nodetype, of: Any) -> Any:  # noqa: ANN401 - the library's description, its type
+    if node is Nodetype.BASE:
+        return _BASES[of[0]]
+    if node is Nodetype.NAME:
+        return wire_type(of)
+    inner, length = of
+    if node is Nodetype.ARRAY:
+        return _OF.array[_field(*inner), length]
+    return _OF.sequence[_field(*inner)]

@@ -1,4 +1,4 @@
-"""Everything that moves on a stage, and where each prim is now."""
+"""Everything that moves on a stage, and where each prim is now, on which wheels."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from lab3_usd.model.scene import Scene
 from lab3_usd.sim.geometry.cuts import cut, height_at
 from lab3_usd.sim.geometry.shapes import placed
 from lab3_usd.sim.robot.assembly import ROOT, Bodies, collides
+from lab3_usd.sim.robot.joints import HINGE, Joint, Wheel
 from lab3_usd.sim.robot.machine import Machine
-from lab3_usd.sim.robot.wheels import bound, solution, wheel_at
+
+_UPRIGHT = 0.5  # an axle that stands steeper rolls nowhere
 
 TOUCH = 5e-3  # metres between the lowest point of all and that of a wheel that still touches
 STEP_UP = 0.05  # metres that the ground may be above a robot's origin
@@ -130,13 +132,13 @@ class Machines:
             low = min(each[2] for each in every)
             machine.home = 0.0 if machine.held else ground - low - z
             machine.walls = cut(self.static, ground + SKIRT * unit)
-        bound(machine, every)
+        _bound(machine, every)
         if machine.grounded and ground is not None:
             low = min(each[2] for each in every)
             for joint in machine.joints.values():
-                wheel = wheel_at(machine, joint, points, low + TOUCH * unit)
+                wheel = _wheel_at(machine, joint, points, low + TOUCH * unit)
                 machine.wheels += [wheel] if wheel is not None else []
-            machine.solve = solution(machine.wheels)
+            machine.solve = _solution(machine.wheels)
 
     def _points(self, body: str, machine: Machine) -> list[Vector]:
         """Return the corners of a body's collision shapes, with the base turned as at the start."""
@@ -148,3 +150,55 @@ class Machines:
                 at = base.then(machine.rest[body]).then(back).then(prim.world)
                 found.extend(point for each in placed(prim, at) for point in each)
         return found
+
+
+def _bound(machine: Machine, points: list[Vector]) -> None:
+    """Note the circle that a machine takes up on the ground."""
+    xs, ys = [each[0] for each in points], [each[1] for each in points]
+    machine.middle = ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2)
+    u, v = machine.middle
+    machine.radius = max(math.hypot(x - u, y - v) for x, y in zip(xs, ys, strict=True))
+
+
+def _wheel_at(
+    machine: Machine, joint: Joint, points: dict[str, list[Vector]], touch: float
+) -> Wheel | None:
+    """Return the wheel at a joint, or None where it does not touch or cannot roll."""
+    body = next(each for each, parent in machine.parents.items() if parent is joint)
+    low = min((each[2] for each in points[body]), default=math.inf)
+    if joint.kind != HINGE or low > touch:
+        return None
+    inner = joint.bodies.index(body)
+    frame = Affine(machine.start.rows).then(machine.rest[body]).then(joint.frames[inner])
+    x, y, z = frame.origin
+    axle = frame.turn(joint.axis)
+    flat = math.hypot(axle[0], axle[1])
+    if flat < _UPRIGHT:
+        return None
+    sign = 1.0 if inner else -1.0
+    return Wheel(joint, sign, (z - low) * flat, (axle[1] / flat, -axle[0] / flat), (x, y))
+
+
+def _solution(wheels: list[Wheel]) -> list[tuple[float, float, float]]:
+    """Return for each wheel what a unit of rolling adds to the base's motion (x, y, turn).
+
+    Each wheel rolls as its drive says, if it has one, and none slides along its axle; what is
+    left open stays as small as it can be, what contradicts is evened out.
+    """
+    lines = []
+    for number, wheel in enumerate(wheels):
+        (x, y), (u, v) = wheel.contact, wheel.along
+        if wheel.joint.holds:
+            lines.append(((u, v, x * v - y * u), number))
+        lines.append(((-v, u, x * u + y * v), -1))
+    matrix = [[1e-9 * (i == j) for j in range(3)] for i in range(3)]
+    for row, _ in lines:
+        for i in range(3):
+            for j in range(3):
+                matrix[i][j] += row[i] * row[j]
+    back = Affine(tuple(map(tuple, matrix))).inverse()  # type: ignore[arg-type]
+    found = [(0.0, 0.0, 0.0)] * len(wheels)
+    for row, number in lines:
+        if number >= 0:
+            found[number] = back.turn(row)
+    return found

@@ -1,4 +1,4 @@
-"""Holds the files of a lab against each other."""
+"""Holds the files of a lab against each other, and names those that nothing reads."""
 
 from __future__ import annotations
 
@@ -9,10 +9,18 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.checkpoint_ids import checklist_faults, checkpoint_faults
 from lab3_usd.spec.lint.fault import LabFault
 from lab3_usd.spec.lint.frames import frame_faults
-from lab3_usd.spec.lint.rubric import rubric_faults
+from lab3_usd.spec.lint.graph_names import file_of
+from lab3_usd.spec.lint.rubric import RUBRIC_FILE, rubric_faults
 from lab3_usd.spec.lint.sections import section_faults
 from lab3_usd.spec.lint.topics import topic_faults
-from lab3_usd.spec.lint.unused import unused_files
+from lab3_usd.spec.load.catalog import FILE as CATALOG
+from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
+from lab3_usd.spec.load.ros import FILE as ROS
+from lab3_usd.spec.load.submission import FILE as SUBMISSION
+from lab3_usd.spec.scene import SCENE_FILE
+from lab3_usd.spec.starter import STARTER_FILE
+
+_FIXED = (CATALOG, CHECKPOINTS, ROS, RUBRIC_FILE, SCENE_FILE, STARTER_FILE, SUBMISSION)
 
 
 def lab_faults(lab: Lab) -> Iterator[LabFault]:
@@ -27,7 +35,7 @@ def lab_faults(lab: Lab) -> Iterator[LabFault]:
     yield from topic_faults(lab)
     yield from rubric_faults(lab)
     yield from section_faults(lab)
-    yield from unused_files(lab)
+    yield from _unused_files(lab)
 
 
 def refuse_faulty(lab: Lab) -> None:
@@ -41,3 +49,12 @@ def refuse_faulty(lab: Lab) -> None:
         more = f"; and {len(errors) - 1} more, see lab3 lab check" if len(errors) > 1 else ""
         message = f"{errors[0]}{more}"
         raise SpecError(message)
+
+
+def _unused_files(lab: Lab) -> Iterator[LabFault]:
+    """Yield the YAML files that no checkpoint asks for."""
+    used = {*_FIXED, *(file_of(graph) for graph in lab.graphs.values())}
+    for path in sorted(lab.folder.glob("*.yaml")):
+        if path.name not in used:
+            message = "no checkpoint adds this graph"
+            yield LabFault(path.name, "graph", message, f"{CHECKPOINTS}: checkpoints", "warning")
