@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
+import struct
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-from pxr import Tf, Usd
+from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
 from lab3_usd.judge.folder import find_starters
@@ -16,8 +16,9 @@ from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.submission import Listing
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import open_stage
-from lab3_usd.stage.read.ports import DamagedError, property_names
+from lab3_usd.stage.read.ports import declared_properties
 from lab3_usd.stage.read.reader import read_stage
+from lab3_usd.stage.write.starter import build_starter
 
 
 def saved(path: Path) -> Path:
@@ -45,16 +46,32 @@ def test_a_name_that_is_no_utf_8_is_said(tmp_path: Path) -> None:
     assert str(refused.value).encode("utf-8")
 
 
-def test_a_property_without_a_name_is_damage() -> None:
-    prim = SimpleNamespace(GetAuthoredPropertyNames=lambda: ["a", ""], GetPath=lambda: "/World")
-    with pytest.raises(DamagedError, match="/World"):
-        property_names(prim)
+def test_a_property_without_a_name_is_damage(tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_00_student_start.usdc"
+    layer = Sdf.Layer.CreateAnonymous(".usdc")
+    node = Sdf.CreatePrimInLayer(layer, "/World")
+    node.specifier, node.typeName = Sdf.SpecifierDef, "OmniGraphNode"
+    for name in ("one", "two"):
+        Sdf.AttributeSpec(node, name, Sdf.ValueTypeNames.Float)
+    layer.Export(str(path))
+    saved_as = path.read_bytes()
+    names = [struct.pack("<QII", 2, number, number + 1) for number in range(99)]
+    (found,) = (each for each in names if each in saved_as)
+    path.write_bytes(saved_as.replace(found, struct.pack("<QII", 2, 9999, 9999)))
+    assert check_stage(path).verdict == "unreadable"
+
+
+def test_properties_go_by_their_own_names(tmp_path: Path) -> None:
+    starter = tmp_path / "starter.usda"
+    build_starter(starter)
+    stage = Usd.Stage.Open(str(starter))
+    for prim in stage.Traverse():
+        assert all(name == each.GetName() for name, each in declared_properties(prim).items())
 
 
 @pytest.mark.parametrize(
     "error",
     [
-        DamagedError("a property without a name"),
         Tf.ErrorException("!propName.IsEmpty()"),
         UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte"),
     ],
@@ -77,7 +94,7 @@ def test_a_starter_in_which_damage_shows_late_is_a_fault_of_the_submission(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_arguments: object) -> None:
-        raise DamagedError
+        raise Tf.ErrorException
 
     listing = Listing({}, starter=saved(tmp_path / "start.usda").name)
     monkeypatch.setattr("lab3_usd.stage.read.reader._read_model", fail)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from pxr import Usd
+
 from lab3_usd.spec.catalog import Value
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.plain_values import plain_value
-from lab3_usd.stage.read.ports import property_names
+from lab3_usd.stage.read.ports import declared_properties
 from lab3_usd.stage.read.prims import DAMAGE
 
 Authored = dict[str, tuple[str, Value]]  # type and value by name
@@ -27,9 +29,8 @@ def authored_attributes(path: Path, prims: Iterable[str]) -> dict[str, Authored]
         for prim_path in prims:
             prim = stage.GetPrimAtPath(prim_path)
             said = found.setdefault(prim_path, {})
-            for name in property_names(prim):
-                attribute = prim.GetAttribute(name)
-                value = plain_value(attribute.Get()) if attribute else None
+            for name, each in declared_properties(prim).items():
+                value = plain_value(each.Get()) if isinstance(each, Usd.Attribute) else None
                 if value is not None:
-                    said[name] = (str(attribute.GetTypeName()), value)
+                    said[name] = (str(each.GetTypeName()), value)
     return found

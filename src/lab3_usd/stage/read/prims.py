@@ -17,10 +17,10 @@ from lab3_usd.stage.geometry.transforms import TransformCache
 from lab3_usd.stage.read.missing_assets import is_in_scene
 from lab3_usd.stage.read.opening import stage_errors
 from lab3_usd.stage.read.plain_values import plain_value
-from lab3_usd.stage.read.ports import DamagedError, property_names
+from lab3_usd.stage.read.ports import declared_properties
 
 EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
-DAMAGE = (Tf.ErrorException, UnicodeDecodeError, DamagedError)
+DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
@@ -92,15 +92,13 @@ class PrimReader:
 def _read_values(found: Usd.Prim, prim: Prim, asked: AbstractSet[str]) -> None:
     attributes: dict[str, Value] = {}
     relationships: dict[str, tuple[str, ...]] = {}
-    for name in property_names(found):
+    for name, each in declared_properties(found).items():
         if _ATTRIBUTES.match(name) is None and name not in asked:
             continue
-        attribute = found.GetAttribute(name)
-        if not attribute:
-            targets = found.GetRelationship(name).GetTargets()
-            relationships[name] = tuple(str(target) for target in targets)
+        if not isinstance(each, Usd.Attribute):
+            relationships[name] = tuple(map(str, each.GetTargets()))
             continue
-        value = plain_value(attribute.Get())
+        value = plain_value(each.Get())
         if value is not None:
             attributes[name] = value
     prim.attributes, prim.relationships = attributes, relationships

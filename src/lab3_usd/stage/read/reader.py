@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from pxr import Usd
 
@@ -24,13 +23,13 @@ from lab3_usd.stage.read.layers import find_muted
 from lab3_usd.stage.read.missing_assets import find_unresolved, is_in_scene
 from lab3_usd.stage.read.opening import cached, open_stage, quiet, stage_errors
 from lab3_usd.stage.read.plain_values import plain_value
-from lab3_usd.stage.read.ports import read_ports
-from lab3_usd.stage.read.prims import DAMAGE, EVERYTHING, PrimIndex, PrimReader, StagePrims, schemas
+from lab3_usd.stage.read.ports import Properties, declared_properties, declared_value, read_ports
+from lab3_usd.stage.read.prims import DAMAGE, EVERYTHING, PrimIndex, PrimReader, StagePrims
 from lab3_usd.stage.read.time_samples import changes_after_start, hold_start_values
 
 _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"
-_NODE_TYPE = "node:type"
+_NODE_TYPE, _VERSION = "node:type", "node:typeVersion"
 
 
 def read_stage(path: Path | str, lab: Lab) -> StageModel:
@@ -119,7 +118,7 @@ class _Scan:
             if is_ignored:
                 self._ignored(prim, apis)
             elif kind == form.node_type:
-                self._node(prim, above[-1] if above else "")
+                self._node(prim, apis, above[-1] if above else "")
             else:
                 known.add(prim, kind, apis)
                 if above or kind == form.type or (apis and scripts.among(apis)):
@@ -127,7 +126,8 @@ class _Scan:
 
     def _ignored(self, prim: Usd.Prim, apis: Sequence[str]) -> None:
         if prim.IsActive():
-            self._note_script(str(prim.GetPath()), _text(prim, _NODE_TYPE), apis)
+            node_type = str(plain_value(prim.GetAttribute(_NODE_TYPE).Get()) or "")
+            self._note_script(str(prim.GetPath()), node_type, apis)
 
     def _other(self, prim: Usd.Prim, kind: str, apis: Sequence[str], above: list[str]) -> None:
         """Look closer at a prim that is a graph, is in one or carries schemas."""
@@ -144,7 +144,7 @@ class _Scan:
     def _is_live(self, prim: Usd.Prim) -> bool:
         return bool(prim.IsActive() and is_in_scene(prim, self._hidden))
 
-    def _node(self, prim: Usd.Prim, graph: str) -> None:
+    def _node(self, prim: Usd.Prim, apis: Sequence[str], graph: str) -> None:
         if not self._is_live(prim):
             self._note_absent(prim, graph)
             return
@@ -153,13 +153,14 @@ class _Scan:
             return  # a leftover, which is no node
         if node.own_namespace:
             self._namespaces[node.path] = node.namespace
-        self._note_script(node.path, node.type_name, schemas(prim))
+        self._note_script(node.path, node.type_name, apis)
         self.nodes[graph].append(node)
 
     def _note_absent(self, prim: Usd.Prim, graph: str) -> None:
         """Keep a prim that looks like a node and is none: its own graph may miss it."""
-        catalog, type_name = self._lab.catalog, _text(prim, _NODE_TYPE)
-        ports = read_ports(prim, catalog.get(type_name))
+        catalog, properties = self._lab.catalog, declared_properties(prim)
+        type_name = _text(properties, _NODE_TYPE)
+        ports = read_ports(properties, catalog.get(type_name))
         if not (ports or type_name):
             return
         reason = f"of {prim.GetTypeName() or 'no type'}, not {catalog.graph.node_type}"
@@ -176,33 +177,35 @@ class _Scan:
             self.scripts.append(Script(path, carrier))
 
     def _read_node(self, prim: Usd.Prim) -> Node:
-        type_name, own = _text(prim, _NODE_TYPE), _text(prim, _NAMESPACE)
+        path, properties = str(prim.GetPath()), declared_properties(prim)
+        type_name, own = _text(properties, _NODE_TYPE), _text(properties, _NAMESPACE)
         kind = self._lab.catalog.get(type_name)
-        version = plain_value(_value_of(prim, "node:typeVersion"))
+        version = declared_value(properties, _VERSION)
+        above = self._namespace(prim.GetParent(), path.rpartition("/")[0] or "/")
         return Node(
-            path=str(prim.GetPath()),
+            path=path,
             type_name=type_name,
             type=kind,
             version=version if isinstance(version, int) else None,
-            ports=read_ports(prim, kind),
-            position=_pair(plain_value(_value_of(prim, _POSITION))),
-            namespace="/".join(filter(None, (self._namespace(prim.GetParent()), own))),
+            ports=read_ports(properties, kind),
+            position=_pair(declared_value(properties, _POSITION)),
+            namespace="/".join(filter(None, (above, own))),
             own_namespace=own,
         )
 
-    def _namespace(self, prim: Usd.Prim) -> str:
-        """Join the namespaces of a prim and of those above it, outermost first.
+    def _namespace(self, prim: Usd.Prim, path: str) -> str:
+        """Join the namespaces of the prim at a path and of those above it, outermost first.
 
         A node that is none says nothing.
         """
         ahead = []
-        while (path := str(prim.GetPath())) not in self._namespaces:
+        while path not in self._namespaces:
             ahead.append((path, prim))
-            prim = prim.GetParent()
+            prim, path = prim.GetParent(), path.rpartition("/")[0] or "/"
         joined = self._namespaces[path]
         for place, each in reversed(ahead):
             is_node = each.GetTypeName() == self._lab.catalog.graph.node_type
-            own = None if is_node else plain_value(_value_of(each, _NAMESPACE))
+            own = None if is_node else plain_value(each.GetAttribute(_NAMESPACE).Get())
             joined = "/".join(filter(None, (joined, own if isinstance(own, str) else "")))
             self._namespaces[place] = joined
         return joined
@@ -232,13 +235,8 @@ def _kilograms(stage: Usd.Stage) -> float:
     return 1.0 if value is None else float(value)
 
 
-def _value_of(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401
-    attribute = prim.GetAttribute(name)
-    return attribute.Get() if attribute else None
-
-
-def _text(prim: Usd.Prim, name: str) -> str:
-    return str(plain_value(_value_of(prim, name)) or "")
+def _text(properties: Properties, name: str) -> str:
+    return str(declared_value(properties, name) or "")
 
 
 def _pair(value: Value | None) -> tuple[float, float] | None:
