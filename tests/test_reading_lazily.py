@@ -215,9 +215,9 @@ def test_no_shape_is_measured_twice(top: str, monkeypatch: pytest.MonkeyPatch) -
     measured: list[str] = []
     around = colliders._world_box
 
-    def noted(prim: Usd.Prim, places: object) -> object:
-        measured.append(str(prim.GetPath()))
-        return around(prim, places)  # type: ignore[arg-type]
+    def noted(prim: Usd.Prim, path: str, places: object) -> object:
+        measured.append(path)
+        return around(prim, path, places)  # type: ignore[arg-type]
 
     monkeypatch.setattr(colliders, "_world_box", noted)
     model = read_model(rocks(40), LAB, "x")

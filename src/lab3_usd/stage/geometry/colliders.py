@@ -38,6 +38,7 @@ class StageColliders(Colliders):
         """Measure the prims of a stage."""
         self._prims = prims
         self._reader = reader
+        self._present: list[Prim] = []
         self._boxes: dict[str, _Box | None] = {}
         self._bodies: dict[str, str] = {"": ""}
         self._metres = float(reader.stage.GetMetadata("metersPerUnit"))
@@ -60,8 +61,10 @@ class StageColliders(Colliders):
             for box in self._measured(prim)
         )
 
-    def _colliding(self) -> Iterator[Prim]:
-        return (prim for prim in self._prims.with_api(_COLLISION) if prim.present)
+    def _colliding(self) -> list[Prim]:
+        if not self._present:
+            self._present += (prim for prim in self._prims.with_api(_COLLISION) if prim.present)
+        return self._present
 
     def _body(self, path: str) -> str:
         """Return the nearest rigid body at or above a path."""
@@ -79,17 +82,17 @@ class StageColliders(Colliders):
         path = prim.path
         if path not in self._boxes:
             with stage_errors(self._reader.name, *DAMAGE):
-                self._measure(self._reader.stage.GetPrimAtPath(path))
+                self._measure(self._reader.stage.GetPrimAtPath(path), path)
         box = self._boxes[path]
         if box is not None:
             low, high = (_scaled(corner, self._metres) for corner in box)
             yield Collider(path, self._body(path), low, high)
 
-    def _measure(self, top: Usd.Prim) -> None:
+    def _measure(self, top: Usd.Prim, top_path: str) -> None:
         """Measure a collision prim and those below it, each shape once."""
         transforms = self._reader.transforms
         if not top.GetAllChildrenNames() and not top.IsInstance():
-            self._boxes[str(top.GetPath())] = _world_box(top, transforms)
+            self._boxes[top_path] = _world_box(top, top_path, transforms)
             return
         open_boxes: list[list[_Box]] = [[]]
         prims = iter(Usd.PrimRange.PreAndPostVisit(top, _PARTS))
@@ -97,7 +100,7 @@ class StageColliders(Colliders):
             path = str(prim.GetPath())
             if not prims.IsPostVisit():
                 known = path in self._boxes
-                box = self._boxes[path] if known else _world_box(prim, transforms)
+                box = self._boxes[path] if known else _world_box(prim, path, transforms)
                 open_boxes.append([] if box is None else [box])
                 if known:
                     prims.PruneChildren()
@@ -107,22 +110,21 @@ class StageColliders(Colliders):
             open_boxes[-1] += [] if box is None else [box]
             if prim == top or _COLLISION in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
                 self._boxes[path] = box
-        self._boxes.setdefault(str(top.GetPath()), None)
+        self._boxes.setdefault(top_path, None)
 
 
-def _world_box(prim: Usd.Prim, transforms: TransformCache) -> _Box | None:
-    kind = str(prim.GetTypeName())
+def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | None:
+    kind, (_, world) = prim.GetTypeName(), transforms.of(prim, path)
     if kind in _ROUND:
-        return _around(transforms.world(prim), *_round_sizes(prim), has_balls=_ROUND[kind])
+        return _around(world, *_round_sizes(prim), has_balls=_ROUND[kind])
     if kind == "Sphere":
-        return _around(transforms.world(prim), _number(prim, "radius"), 0.0, 0, has_balls=True)
+        return _around(world, _number(prim, "radius"), 0.0, 0, has_balls=True)
     if kind == "Cube":
-        return _cube_box(transforms.world(prim), _number(prim, "size") / 2)
-    attribute = prim.GetAttribute("points")
-    points = attribute.Get() if attribute else None
+        return _cube_box(world, _number(prim, "size") / 2)
+    points = prim.GetAttribute("points").Get()
     if not points or not isinstance(points, Vt.Vec3fArray):
         return None
-    matrix = Gf.Matrix4d(*transforms.world(prim))
+    matrix = Gf.Matrix4d(*world)
     if len(points) <= _FEW:
         return _bounds([tuple(matrix.Transform(Gf.Vec3d(point))) for point in points])
     return _box_of_many(points, matrix)
