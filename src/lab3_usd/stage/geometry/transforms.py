@@ -56,19 +56,25 @@ class TransformCache:
         return self.of(prim, str(prim.GetPath()))[1]
 
     def _read(self, prim: Usd.Prim, parent: Matrix) -> tuple[Matrix | None, Matrix]:
-        if not prim.GetAttribute(ORDER).HasAuthoredValue():
+        order = prim.GetAttribute(ORDER).Get()
+        if order is None:
             return None, parent
-        local, is_reset = local_transform(prim)
+        local, is_reset = _composed(prim, order)
         return local, local if is_reset else multiply(local, parent)
 
 
 def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
-    """Return the local matrix, and whether it leaves the parent's transform out.
+    """Return the local matrix, and whether it leaves the parent's transform out."""
+    return _composed(prim, prim.GetAttribute(ORDER).Get())
 
-    An operation without a value, or of a kind that USD does not have, moves nothing.
+
+def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:  # noqa: ANN401
+    """Compose the operations of a prim.
+
+    One without a value, or of a kind that USD does not have, moves nothing.
     """
     matrix, is_reset = IDENTITY, False
-    for name in _names(prim.GetAttribute(ORDER).Get()):
+    for name in _names(order):
         if name == RESET:
             matrix, is_reset = IDENTITY, True
             continue
@@ -88,8 +94,7 @@ def _names(order: Any) -> list[str]:  # noqa: ANN401 - of any type where a file 
 
 
 def _operation(prim: Usd.Prim, name: str) -> Matrix | None:
-    attribute = prim.GetAttribute(name)
-    value = attribute.Get() if attribute else None
+    value = prim.GetAttribute(name).Get()
     make = _MAKERS.get(name.split(":")[1]) if value is not None and ":" in name else None
     try:
         return None if make is None else make(value)
@@ -113,7 +118,7 @@ def _scaling(value: Any) -> Matrix:  # noqa: ANN401
 
 def _vector(value: Any) -> tuple[float, float, float]:  # noqa: ANN401
     x, y, z = elements(value)
-    return _number(x), _number(y), _number(z)
+    return _number(x), y, z  # which are of one type
 
 
 def _number(value: Any) -> float:  # noqa: ANN401
