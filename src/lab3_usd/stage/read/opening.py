@@ -78,14 +78,14 @@ def quiet() -> Iterator[None]:
 
     usd-core writes them to file descriptor 2 from C++, past `sys.stderr`.
     """
-    with open(os.devnull, "w") as devnull:  # noqa: PTH123 - a device, not a path
-        saved = os.dup(2)
-        try:
-            os.dup2(devnull.fileno(), 2)
-            yield
-        finally:
-            os.dup2(saved, 2)
-            os.close(saved)
+    saved, devnull = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(devnull, 2)
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(devnull)
 
 
 class stage_errors:  # noqa: N801 - used as a function is; made of one it takes five times as long
