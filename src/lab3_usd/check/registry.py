@@ -168,7 +168,7 @@ def rule(
 
 def all_rules() -> dict[str, Rule]:
     """Return every rule by id, in order of id; imports the families on the first call."""
-    _import(FAMILIES)
+    _import(tuple(FAMILIES))
     return dict(sorted(_RULES.items()))
 
 
@@ -196,7 +196,8 @@ def rules_of(scope: Scope, *families: str) -> list[Rule]:
     return list(_in_order(scope, families))
 
 
-def _import(families: Iterable[str]) -> None:
+@cache
+def _import(families: tuple[str, ...]) -> None:
     for family in families:
         for module in MODULES[family]:
             importlib.import_module(f"lab3_usd.check.rules.{module}")
