@@ -27,17 +27,13 @@ _FAMILIES = (
 
 
 class Found(NamedTuple):
-    """A setting of the spec, the node it is asked of, and the value it has there."""
+    """A setting of the spec, the node it is asked of, its value there, and whether it is met."""
 
     node: Node
     spec: NodeSpec
     setting: Setting
     value: Value | None
-
-    @property
-    def met(self) -> bool:
-        """Whether the value is the one asked for."""
-        return setting_matches(self.node, self.setting, self.value)
+    met: bool
 
 
 @once_per_stage
@@ -50,7 +46,7 @@ def _find_settings(subject: GraphSubject) -> Iterator[Found]:
     for node, spec in subject.matched():
         for setting in spec.settings:
             value = setting_value(subject.live_nodes, node, setting.port)
-            yield Found(node, spec, setting, value)
+            yield Found(node, spec, setting, value, setting_matches(node, setting, value))
 
 
 def setting_problem(found: Found, message: str) -> Problem:
@@ -98,12 +94,16 @@ def _swapped(subject: GraphSubject) -> dict[tuple[str, str], str]:
     wrong = [found for found in settings_of(subject) if not found.met]
     pairs = {}
     for one, other in combinations(wrong, 2):
-        if one.spec.type is other.spec.type and one.setting.port == other.setting.port:
-            crossed = one._replace(value=other.value).met and other._replace(value=one.value).met
-            if crossed:
-                pairs[one.node.path, one.setting.port] = other.node.path
-                pairs[other.node.path, one.setting.port] = ""
+        if one.spec.type is not other.spec.type or one.setting.port != other.setting.port:
+            continue
+        if _would_be_met(one, other.value) and _would_be_met(other, one.value):
+            pairs[one.node.path, one.setting.port] = other.node.path
+            pairs[other.node.path, one.setting.port] = ""
     return pairs
+
+
+def _would_be_met(found: Found, value: Value | None) -> bool:
+    return setting_matches(found.node, found.setting, value)
 
 
 @rule("P01", "wrong-value", scope="graph")
