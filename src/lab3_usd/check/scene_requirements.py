@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from lab3_usd.check.scene.sensor_location import CAMERA, LIDAR, OTHER, kind_of
@@ -12,6 +13,7 @@ from lab3_usd.spec.lab import Checkpoint, Lab
 SCENE = "Scene"
 
 
+@lru_cache(maxsize=16)
 def scene_items(lab: Lab, checkpoint: Checkpoint) -> tuple[SceneItem, ...]:
     """Return what the checkpoint asks of the scene, in the order of the scene file."""
     items = [*_stage_items(lab), *_robot_items(lab, checkpoint), *_wheel_items(lab)]

@@ -114,9 +114,11 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
     """
     stage = subject.stage
     for prim, spec in _links(subject):
+        if not spec.get("collision"):
+            continue
         shapes = stage.with_api(COLLISION_API)
         parts = [part for part in shapes if is_at_or_below(part.path, prim.path)]
-        if not spec.get("collision") or any(map(collides, parts)):
+        if any(map(collides, parts)):
             continue
         off = [part for part in parts if part.present]
         if is_subtree_unresolved(stage, prim.path):
