@@ -10,8 +10,7 @@ from breaking import correct_stage, the_lab
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import Judgement, judge
-from lab3_usd.model.finding import Finding
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import Finding, ordered
 from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.stage.read.reader import read_model
 

@@ -19,8 +19,7 @@ from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.check.subject import GraphSubject
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.stage import check_stage, checkpoint_of
-from lab3_usd.model.finding import Finding, Problem
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import Finding, Problem, ordered
 from lab3_usd.stage.write.builder import build_checkpoint
 
 

@@ -8,8 +8,7 @@ import pytest
 from breaking import broken, judged, place
 from pxr import Sdf
 
-from lab3_usd.model.finding import Finding
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import Finding, ordered
 
 ROBOT = "/turtlebot3_burger"
 DRIVE = "/turtlebot3_burger/ROS_Drive"

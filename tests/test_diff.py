@@ -19,7 +19,7 @@ from lab3_usd.commands.diff import command
 from lab3_usd.data import data_folder
 from lab3_usd.diff.stages import compare_stages
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.model.stage_diff import PARTS
+from lab3_usd.model.changes import PARTS
 from lab3_usd.report.diff.text import TITLES
 
 Told = tuple[str, str, str, str]

@@ -18,8 +18,7 @@ from click.testing import CliRunner
 from grade_files import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.commands import grade as grade_command
-from lab3_usd.commands.grade import command
-from lab3_usd.commands.steps.rate import Rate, line
+from lab3_usd.commands.grade import Rate, command, line
 from lab3_usd.data import data_folder
 from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of

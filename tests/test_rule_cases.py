@@ -11,7 +11,7 @@ import yaml
 from breaking import broken, judged, place
 
 from lab3_usd.check.checker import Judgement
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import ordered
 
 FOLDER = Path(__file__).resolve().parent / "cases"
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd.commands.steps.configuring import config_options, with_config
-from lab3_usd.commands.steps.report_options import native_option, report_options, view_options
+from lab3_usd.commands.steps.options import native_option, report_options, view_options
 
 if TYPE_CHECKING:
     from lab3_usd.commands.steps.judging import Judge

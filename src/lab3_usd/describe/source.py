@@ -15,7 +15,7 @@ from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.lab import Lab
-from lab3_usd.stage.read.authored import Authored, authored_attributes
+from lab3_usd.stage.read.prims import Authored, authored_attributes
 from lab3_usd.stage.read.reader import read_stage
 
 _PLAIN_TYPES = ("", "Xform", "Scope")

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 
 from lab3_usd.diff.pairs import GraphPair, StagePairs
+from lab3_usd.model.changes import StageChange
 from lab3_usd.model.formatting import display, format_paths, node_title
 from lab3_usd.model.stage import GraphModel, Node
-from lab3_usd.model.stage_diff import StageChange
 from lab3_usd.spec.catalog import INPUT, Value
 from lab3_usd.spec.graph_form import GraphForm
 

@@ -12,8 +12,8 @@ from lab3_usd.check.ros.topics import Endpoint, endpoints
 from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.diff.graphs import graph_changes
 from lab3_usd.diff.pairs import StagePairs, pair_stages
+from lab3_usd.model.changes import EDITS, PARTS, StageChange, StageDiff
 from lab3_usd.model.stage import StageModel
-from lab3_usd.model.stage_diff import EDITS, PARTS, StageChange, StageDiff
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.compare.scenes import scene_changes
 from lab3_usd.stage.read.opening import open_stage

@@ -11,8 +11,16 @@ from lab3_usd.errors import StageError
 from lab3_usd.fix.source_tree import ROOT, parent_path, read_blocks
 from lab3_usd.fix.splices import Splice, indent_at, indented, insertion, removal, spliced
 from lab3_usd.fix.text_editor import PrimChange, apply_changes
-from lab3_usd.stage.edit.contents import crate_bytes, is_text, layer_from, same_content
-from lab3_usd.stage.edit.rendering import child_names, has_prim, render_prim, render_tree
+from lab3_usd.stage.edit.contents import (
+    child_names,
+    crate_bytes,
+    has_prim,
+    is_text,
+    layer_from,
+    render_prim,
+    render_tree,
+    same_content,
+)
 from lab3_usd.stage.edit.session import EditedLayer
 from lab3_usd.stage.read.usda_scan import ASSET, BLOCK_COMMENT, LINE_COMMENT, STRING
 

@@ -20,8 +20,7 @@ from lab3_usd.fix.layer_bytes import new_bytes
 from lab3_usd.judge.ignoring import heeded
 from lab3_usd.judge.lint import lint_lab
 from lab3_usd.judge.starter import open_against_starter, open_starter
-from lab3_usd.model.finding import Finding, Score, Site, StageResult, site_of
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import Finding, Score, Site, StageResult, ordered, site_of
 from lab3_usd.model.repair import MovePrim, Repair
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.load.loader import load_isaac_types

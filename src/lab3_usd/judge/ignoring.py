@@ -11,9 +11,7 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import FAMILIES, Scope, all_rules
 from lab3_usd.check.rule_runs import run_rule
 from lab3_usd.judge.results import located, verdict_of
-from lab3_usd.model.finding import Finding, StageResult
-from lab3_usd.model.ignore_notes import IgnoreNote
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import Finding, IgnoreNote, StageResult, ordered
 
 UNUSED = "F06"
 _WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint"})

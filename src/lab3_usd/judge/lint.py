@@ -23,8 +23,7 @@ from lab3_usd.judge.results import (
     unreadable,
     verdict_of,
 )
-from lab3_usd.model.finding import Crash, Score, StageResult
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import Crash, Score, StageResult, ordered
 from lab3_usd.spec.isaac import NEWEST
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_isaac_types, load_lab

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
-from lab3_usd.model.finding import Crash, Finding, Score, StageResult, Submission, Verdict
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import Crash, Finding, Score, StageResult, Submission, Verdict, ordered
 
 UNREADABLE = "F01"
 STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")

@@ -10,8 +10,7 @@ from lab3_usd.check.requirements import score
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.judge.results import located, unreadable, verdict_of
-from lab3_usd.model.finding import StageResult
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import StageResult, ordered
 from lab3_usd.spec.file_names import named_checkpoint
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab

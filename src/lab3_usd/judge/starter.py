@@ -18,8 +18,7 @@ from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_requirements import scene_items
 from lab3_usd.judge.results import located
 from lab3_usd.model.changes import Site
-from lab3_usd.model.finding import Finding, Requirement, StageResult
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import Finding, Requirement, StageResult, ordered
 from lab3_usd.model.physics import JOINT_ENABLED
 from lab3_usd.spec.lab import Lab
 

@@ -1,13 +1,22 @@
-"""What a check says: problems that rules yield, findings and results that reports read."""
+"""What a check says: problems that rules yield, findings and results that reports read.
+
+Findings have one order everywhere, and notes in a stage may ignore them on purpose.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import re
+from collections.abc import Collection, Iterable
 from typing import Literal
 
 from msgspec import Struct, field
 
+from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.repair import Repair
+
+_SECTION = re.compile(r"(?:([A-Z])(?=\d|$))?(\d+)?(?:\.(\d+))?")
+_NUMBER, _DIGITS = re.compile(r"\d+"), 6
+SectionKey = tuple[int, str, int, int, str]
 
 Severity = Literal["error", "warning", "note"]
 Verdict = Literal["pass", "fail", "unreadable"]
@@ -53,6 +62,32 @@ class Finding(Struct, frozen=True):
 
 
 Site = tuple[str, str, str | None]
+
+
+class IgnoreNote(Struct, frozen=True):
+    """A rule or family that is ignored at one place; '' where the note names none.
+
+    A note in the custom data of a prim is about that prim and all below it, one of a property
+    about that alone. A comment has no prim: it is about one `line` of a `layer`, and stands at
+    the line `written`.
+    """
+
+    rule: str
+    prim: str = ""
+    property: str | None = None
+    layer: str = ""
+    line: int | None = None
+    written: int | None = None
+
+    def covers(self, finding: Finding) -> bool:
+        """Whether the note is about a finding."""
+        if not is_among(finding.rule, (self.rule,)):
+            return False
+        if not self.prim:
+            return finding.layer == self.layer and finding.line == self.line
+        if self.property is not None:
+            return (finding.prim, finding.property) == (self.prim, self.property)
+        return is_at_or_below(finding.prim, self.prim)
 
 
 def family_of(rule: str) -> str:
@@ -137,3 +172,40 @@ class Submission(Struct, frozen=True):
     findings: tuple[Finding, ...] = ()
     checklist: tuple[ChecklistItem, ...] = ()
     crashes: tuple[Crash, ...] = field(default=())
+
+
+def section_key(name: str | None) -> SectionKey:
+    """Return what sorts sections as the handout has them: 4.4, Parts A to J, 6.1, 8.11, none.
+
+    Sections of another form, as `Ex 9` and `Ex 10`, are sorted by their words and numbers.
+    """
+    found = _SECTION.match(name or "")
+    letter, number, below = found.groups() if found else (None, None, None)
+    before_the_parts = 5
+    if letter:
+        place = 1
+    elif number:
+        place = 0 if int(number) <= before_the_parts else 2
+    else:
+        place = 3 if name else 4
+    words = _NUMBER.sub(lambda each: each[0].zfill(_DIGITS), name or "")
+    return place, letter or "", int(number or 0), int(below or 0), words
+
+
+def ordered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Sort findings by severity, section of the handout, place and rule.
+
+    No run and no hash seed changes the order.
+    """
+    return tuple(sorted(findings, key=_key))
+
+
+def _key(finding: Finding) -> tuple[int, SectionKey, str, str, str, str]:
+    return (
+        SEVERITIES.index(finding.severity),
+        section_key(finding.handout),
+        finding.prim,
+        finding.property or "",
+        finding.rule,
+        finding.message,
+    )

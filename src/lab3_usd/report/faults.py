@@ -8,8 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.model.finding import SEVERITIES, Finding
-from lab3_usd.model.order import SectionKey, section_key
+from lab3_usd.model.finding import SEVERITIES, Finding, SectionKey, section_key
 from lab3_usd.report.blocks import Block, Stages, short_path
 
 _NOT_OPENED = ("F03", "Z01", "Z02")

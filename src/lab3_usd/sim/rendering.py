@@ -8,8 +8,7 @@ from lab3_usd.sim.nodes.camera import IMAGES
 from lab3_usd.sim.nodes.frames import OPTICAL
 from lab3_usd.sim.record import Message, Scan, View
 from lab3_usd.sim.ros import send
-from lab3_usd.sim.sensors import Writer
-from lab3_usd.sim.world import World
+from lab3_usd.sim.world import World, Writer
 
 
 def render(world: World) -> None:

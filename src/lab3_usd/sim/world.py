@@ -1,4 +1,7 @@
-"""What nodes see while a stage plays: the scene, the robot, the network, the sensors, the time."""
+"""What nodes see while a stage plays: the scene, the robot, the network, the sensors, the time.
+
+A render product has writers, which publish what its sensor sees.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,38 @@ from msgspec import Struct, field
 from lab3_usd.model.scene import Scene
 from lab3_usd.sim.drive import RATE
 from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.lidar.rays import Beam
 from lab3_usd.sim.lidar.surroundings import Surroundings
 from lab3_usd.sim.robot.machines import Machines
-from lab3_usd.sim.ros import Network
-from lab3_usd.sim.sensors import Product, Writer
+from lab3_usd.sim.ros import Endpoint, Network
 
 LATE = 1.0e9  # seconds: what system time counts from
+
+
+class Product(Struct, frozen=True):
+    """A render product: its sensor and its size."""
+
+    sensor: str
+    width: int
+    height: int
+
+
+class Writer(Struct):
+    """What publishes the pictures of a product, by itself until Stop."""
+
+    node: Running
+    endpoint: Endpoint
+    product: Product
+    rate: float  # 0 is every frame
+    skip: int
+    frame_id: str
+    clock: str  # which time stamps it
+    kind: str
+    beam: Beam | None = None
+    covered: float = 1.0  # the part of a turn that one picture shows
+    rendered: int = 0
+    due: float = 0.0
+    matrix: tuple[float, ...] = field(default_factory=tuple)
 
 
 class World(Struct):

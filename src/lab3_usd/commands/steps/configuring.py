@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
-from lab3_usd.commands.steps.options import split_rules
+from lab3_usd.commands.steps.options import all_of, split_rules
 from lab3_usd.data import LAB_VARIABLE
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-
-_CONFIG_OPTIONS = (
+config_options = all_of(
     click.option(
         "--config",
         "config_file",
@@ -24,13 +22,6 @@ _CONFIG_OPTIONS = (
     ),
     click.option("--isolated", is_flag=True, help="Use no configuration."),
 )
-
-
-def config_options(command: Command) -> Command:
-    """Add the options that choose the configuration."""
-    for option in reversed(_CONFIG_OPTIONS):
-        command = option(command)
-    return command
 
 
 def with_config(paths: Iterable[str], options: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Options that several commands share, among them those of all that judge stages."""
 
 from __future__ import annotations
 
@@ -13,9 +13,92 @@ import click
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import is_among
 
-_Decorated = Callable[..., Any]
+_Command = Callable[..., Any]
+Option = Callable[[_Command], _Command]
 
-text_or_json: Callable[[_Decorated], _Decorated] = click.option(
+
+def all_of(*options: Option) -> Option:
+    """Return several options as one, which adds them in this order."""
+
+    def add(command: _Command) -> _Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
+
+
+# What is reported, where and in which form.
+report_options = all_of(
+    click.option(
+        "--format",
+        "form",
+        default="text",
+        metavar="NAME",
+        show_default=True,
+        help="How to report: text, json, sarif, ... (a wrong name lists them all).",
+    ),
+    click.option("--output", "-o", type=click.Path(), help="Write the report to this file."),
+    click.option(
+        "--select", multiple=True, metavar="RULES", help="Only these rules (W01) or families (W)."
+    ),
+    click.option("--ignore", multiple=True, metavar="RULES", help="Not these rules or families."),
+    click.option(
+        "--fail-on",
+        type=click.Choice(["error", "warning"]),
+        default="error",
+        show_default=True,
+        help="Exit 1 from this severity on.",
+    ),
+    click.option("--exit-zero", is_flag=True, help="Exit 0 whatever is found."),
+    click.option(
+        "--baseline",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Leave out what this file knows.",
+    ),
+    click.option(
+        "--write-baseline",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Write all findings to this file, as known from now on.",
+    ),
+)
+
+
+native_option = click.option(
+    "--native", is_flag=True, help="Also run the validators that come with OpenUSD (rules UV)."
+)
+
+
+# How many judge at once, and how much is shown.
+view_options = all_of(
+    click.option(
+        "--jobs",
+        "-j",
+        type=click.IntRange(1, 256),
+        default=1,
+        metavar="N",
+        show_default=True,
+        help="Judge N files or submissions at once, each in a process of its own.",
+    ),
+    click.option(
+        "--watch", is_flag=True, help="Judge again whatever is saved, until Ctrl-C (extra watch)."
+    ),
+    click.option("--quiet", "-q", is_flag=True, help="Only the summary lines."),
+    click.option("--verbose", "-v", is_flag=True, help="Also why each rule matters."),
+    click.option("--each", is_flag=True, help="Report a folder file by file, not fault by fault."),
+    click.option(
+        "--source",
+        type=click.Choice(["auto", "always", "never"]),
+        default="auto",
+        show_default=True,
+        help="Show the lines of the file at fault; auto: for a single stage.",
+    ),
+    click.option("--statistics", is_flag=True, help="Count the faults by rule."),
+)
+
+text_or_json: Option = click.option(
     "--format",
     "form",
     type=click.Choice(["text", "json"]),
@@ -25,18 +108,18 @@ text_or_json: Callable[[_Decorated], _Decorated] = click.option(
 )
 
 
-def script_options(command: _Decorated) -> _Decorated:
-    """Let a command that writes a script be told where to, and whether to replace a file."""
-    force = click.option("--force", is_flag=True, help="Replace a file that exists.")
-    where = click.option(
+# Where a command writes its script, and whether it replaces a file.
+script_options = all_of(
+    click.option(
         "-o",
         "--out",
         "script",
         required=True,
         type=click.Path(path_type=Path, dir_okay=False),
         help="Where to write the script.",
-    )
-    return where(force(command))
+    ),
+    click.option("--force", is_flag=True, help="Replace a file that exists."),
+)
 
 
 def split_rules(values: Iterable[str]) -> tuple[str, ...]:

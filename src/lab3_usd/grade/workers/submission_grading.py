@@ -25,8 +25,7 @@ from lab3_usd.grade.workers.messages import Json, Task, status_of
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.judge.results import with_findings
 from lab3_usd.judge.starter import Starter
-from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
-from lab3_usd.model.order import ordered
+from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.fence.layers import BlockedAsset, Fence

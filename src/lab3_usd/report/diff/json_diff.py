@@ -6,7 +6,7 @@ import json
 
 from msgspec.structs import asdict
 
-from lab3_usd.model.stage_diff import StageDiff
+from lab3_usd.model.changes import StageDiff
 from lab3_usd.report.safe_text import truncated_values
 from lab3_usd.report.tool import NAME, tool_version
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import groupby
 
-from lab3_usd.model.stage_diff import Edit, Part, StageChange, StageDiff
+from lab3_usd.model.changes import Edit, Part, StageChange, StageDiff
 from lab3_usd.report.safe_text import printable
 
 TITLES: dict[Part, str] = {

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
-from lab3_usd.model.finding import Finding, Severity
-from lab3_usd.model.order import section_key
+from lab3_usd.model.finding import Finding, Severity, section_key
 from lab3_usd.report.blocks import Block
 from lab3_usd.report.faults import Fault
 from lab3_usd.report.html.model import Card, Chapter, ExcerptLine, Excerpts, Link, Rank, Section

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.model.changes import Edit, StageChange
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import Node
-from lab3_usd.model.stage_diff import Edit, StageChange
 from lab3_usd.report.layout.box_size import sized
 from lab3_usd.report.layout.canvas import on_canvas
 from lab3_usd.report.layout.missing_positions import position_missing

@@ -6,8 +6,7 @@ from lab3_usd.sim.execution.registry import computes
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.nodes.lidar import RATE
 from lab3_usd.sim.nodes.products import attach, product_of
-from lab3_usd.sim.sensors import Product
-from lab3_usd.sim.world import World
+from lab3_usd.sim.world import Product, World
 
 IMAGES = {
     "rgb": "sensor_msgs/msg/Image",

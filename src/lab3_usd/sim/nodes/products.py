@@ -9,8 +9,7 @@ from __future__ import annotations
 from lab3_usd.sim.execution.registry import computes
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.ros import open_endpoint
-from lab3_usd.sim.sensors import Product, Writer
-from lab3_usd.sim.world import World
+from lab3_usd.sim.world import Product, World, Writer
 
 
 @computes("OgnIsaacRunOneSimulationFrame")

@@ -9,8 +9,8 @@ from typing import Any
 from msgspec import Struct
 from pxr import Usd
 
+from lab3_usd.model.changes import Part, StageChange
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.stage_diff import Part, StageChange
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.compare.placement import matrix_of, shown_place
 from lab3_usd.stage.compare.terms import applied_schemas, pattern

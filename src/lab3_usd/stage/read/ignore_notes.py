@@ -10,7 +10,7 @@ from typing import Any
 
 from pxr import Sdf, Usd
 
-from lab3_usd.model.ignore_notes import IgnoreNote
+from lab3_usd.model.finding import IgnoreNote
 
 _GROUP, _KEY = "lab3", "ignore"
 NAME = f"{_GROUP}:{_KEY}"

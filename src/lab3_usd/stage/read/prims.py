@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from pathlib import Path
 from typing import Any
 
 from msgspec import Struct, field
@@ -15,9 +16,11 @@ from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph_form import GraphForm
 from lab3_usd.stage.geometry.transforms import TransformCache
 from lab3_usd.stage.read.missing_assets import is_in_scene
-from lab3_usd.stage.read.opening import stage_errors
+from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.plain_values import plain_value
 from lab3_usd.stage.read.ports import declared_properties
+
+Authored = dict[str, tuple[str, Value]]  # type and value by name
 
 EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
@@ -208,3 +211,23 @@ class StagePrims(Prims):
         prim = self._index.prims[number]
         with stage_errors(self._reader.name, *DAMAGE):
             return self._prim(prim, str(prim.GetPath()))
+
+
+@quiet()
+def authored_attributes(path: Path, prims: Iterable[str]) -> dict[str, Authored]:
+    """Return the types and values of the attributes that a stage writes at prims, by prim.
+
+    Raises:
+        StageError: the stage cannot be read.
+    """
+    with stage_errors(str(path), *DAMAGE):
+        stage = open_stage(path)
+        found: dict[str, Authored] = {}
+        for prim_path in prims:
+            prim = stage.GetPrimAtPath(prim_path)
+            said = found.setdefault(prim_path, {})
+            for name, each in declared_properties(prim).items():
+                value = plain_value(each.Get()) if isinstance(each, Usd.Attribute) else None
+                if value is not None:
+                    said[name] = (str(each.GetTypeName()), value)
+    return found

@@ -7,8 +7,7 @@ from pathlib import PurePath
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.subject import ModelSubject, StageSubject
-from lab3_usd.model.finding import Problem
-from lab3_usd.model.ignore_notes import IgnoreNote
+from lab3_usd.model.finding import IgnoreNote, Problem
 from lab3_usd.model.paths import is_at_or_below
 
 
