@@ -55,17 +55,30 @@ def test_the_text_is_the_golden_one(name: str) -> None:
     assert shown == golden.read_text(encoding="utf-8")
 
 
-def test_what_is_not_shown_yet_is_counted_and_listed_when_verbose() -> None:
+def test_what_is_not_refuted_is_counted_and_listed_when_verbose() -> None:
     def shown(count: int, options: Options) -> str:
         items = [ChecklistItem("7", f"line {n}", "not shown", "none") for n in range(count)]
         items.insert(1, ChecklistItem("7", "a wall", "not met", "gone"))
+        items.insert(2, ChecklistItem("7", "a door", "person", "the video"))
         return render("text", Report((), (Submission("ana", (), tuple(items)),)), RULES, options)
 
-    few, many = shown(3, Options()), shown(4, Options())
-    assert [f"line {n}" in few for n in range(3)] == [True] * 3
-    assert "    not met    a wall: gone\n    not shown  4 lines; --verbose lists them\n" in many
+    few, many = shown(2, Options()), shown(3, Options())
+    assert [each in few for each in ("line 0", "line 1", "a door")] == [True] * 3
+    said = "3 not shown, 1 for a person to judge; --verbose lists them"
+    assert f"    not met    a wall: gone\n    {said}\n" in many
     assert "line 0" not in many
-    assert "line 0" in shown(4, Options(verbosity="verbose"))
+    assert "line 0" in shown(3, Options(verbosity="verbose"))
+
+
+def test_notes_stand_together_unless_all_is_told() -> None:
+    note = replace(MISSING_WIRE, severity="note")
+    report = Report((replace(FAILED, findings=(MISSING_WIRE, note, note)),))
+    lines = render("text", report, RULES, Options(each=True)).splitlines()
+    (first, second) = (n for n, line in enumerate(lines) if line.startswith("note "))
+    assert lines[first - 1] == ""
+    assert "" not in lines[first:second]
+    told = render("text", report, RULES, Options(each=True, verbosity="verbose"))
+    assert told.count("\n\nnote ") == 2
 
 
 def test_colours_change_nothing_but_colour() -> None:

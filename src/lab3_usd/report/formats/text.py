@@ -19,7 +19,6 @@ from lab3_usd.report.text.checklist import checklist_lines
 from lab3_usd.report.text.findings import (
     REPAIRABLE,
     Page,
-    finding_block,
     finding_blocks,
     is_repairable,
 )
@@ -98,10 +97,9 @@ def _together(block: Block, page: Page) -> list[str]:
         return lines
     found = faults(block)
     lines += repairs(found, block, page)
-    explained: set[str] = set()
-    for fault in found:
-        where = where_found(fault.stages, block)
-        lines += finding_block(fault.finding, page, explained, where)
+    lines += finding_blocks(
+        ((fault.finding, where_found(fault.stages, block)) for fault in found), page
+    )
     if block.submission is not None:
         lines += checklist_lines(block.submission.checklist, page.options, page.width)
     return lines
@@ -110,14 +108,14 @@ def _together(block: Block, page: Page) -> list[str]:
 def _stage_section(result: StageResult, page: Page) -> list[str]:
     lines = [_stage_heading(result, page), *_crash_lines(result.crashes, page)]
     if page.options.verbosity != "quiet":
-        lines += finding_blocks(result.findings, page)
+        lines += finding_blocks(((each, "") for each in result.findings), page)
     return lines
 
 
 def _submission_section(submission: Submission, page: Page) -> list[str]:
     lines = [*_submission_heading(submission, page)]
     if page.options.verbosity != "quiet":
-        lines += finding_blocks(submission.findings, page)
+        lines += finding_blocks(((each, "") for each in submission.findings), page)
         lines += checklist_lines(submission.checklist, page.options, page.width)
     return lines
 

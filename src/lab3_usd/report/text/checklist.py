@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from itertools import groupby
-from typing import Literal
 
 from lab3_usd.model.finding import ChecklistItem
 from lab3_usd.report.formats.registry import Options
 from lab3_usd.report.safe_text import visible
 from lab3_usd.report.text.ansi import paint
 
-UNSEEN: Literal["not shown"] = "not shown"
-FEW = 3  # of one section, that are listed in any case
+FEW = 3  # of one section, that are listed even where they are not refuted
 STATES = {
     "met": "met",
     "not met": "not met",
-    UNSEEN: "not shown",
+    "not shown": "not shown",
     "person": "for a person to judge",
 }
 
@@ -27,13 +25,12 @@ def checklist_lines(
 ) -> Iterator[str]:
     """Yield a line that counts the items, and each by its section.
 
-    Those met, and many of one section for which nothing was handed in, only when verbose.
+    Those met only when verbose, and many of one section that are not refuted as a count.
     """
     if not items:
         return
-    counts = [(sum(item.state == state for item in items), state) for state in STATES]
     yield ""
-    yield "checklist: " + ", ".join(f"{count} {STATES[state]}" for count, state in counts if count)
+    yield f"checklist: {_counts(items)}"
     shown = [item for item in items if item.state != "met" or options.verbosity == "verbose"]
     for section, members in groupby(shown, key=lambda item: item.section):
         yield f"  {visible(section)}"
@@ -41,14 +38,18 @@ def checklist_lines(
 
 
 def _section_lines(items: list[ChecklistItem], options: Options, width: int) -> Iterator[str]:
-    unseen = [item for item in items if item.state == UNSEEN]
-    is_short = len(unseen) > FEW and options.verbosity != "verbose"
+    others = [item for item in items if item.state != "not met"]
+    is_short = len(others) > FEW and options.verbosity != "verbose"
     for item in items:
-        if not (is_short and item.state == UNSEEN):
+        if not is_short or item.state == "not met":
             yield from _item_lines(item, width, color=options.color)
     if is_short:
-        said = ChecklistItem("", f"{len(unseen)} lines; --verbose lists them", UNSEEN)
-        yield from _item_lines(said, width, color=options.color)
+        yield f"    {_counts(others)}; --verbose lists them"
+
+
+def _counts(items: Collection[ChecklistItem]) -> str:
+    counts = [(sum(item.state == state for item in items), state) for state in STATES]
+    return ", ".join(f"{count} {STATES[state]}" for count, state in counts if count)
 
 
 def _item_lines(item: ChecklistItem, width: int, *, color: bool) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
@@ -51,25 +51,26 @@ def is_repairable(finding: Finding) -> bool:
     return finding.fix is not None and finding.fix.safe
 
 
-def finding_blocks(findings: Sequence[Finding], page: Page) -> Iterator[str]:
-    """Yield the lines of findings; notes are one line unless the report is verbose."""
-    explained: set[str] = set()
-    for finding in findings:
-        yield from finding_block(finding, page, explained)
+def finding_blocks(found: Iterable[tuple[Finding, str]], page: Page) -> Iterator[str]:
+    """Yield the lines of findings, each with the stages that have it, or "".
 
-
-def finding_block(
-    finding: Finding, page: Page, explained: set[str], where: str = ""
-) -> Iterator[str]:
-    """Yield an empty line and the lines of one finding.
-
-    `explained` are the rules whose reason has been given; `where` names the stages that have it.
+    Notes are lines without space between them unless the report is verbose.
     """
-    told = f" ({where})" if where else ""
-    yield ""
-    if finding.severity == "note" and not page.verbose:
-        yield from _heading(finding, page, f"{site(finding)}: {finding.message}{told}")
-        return
+    explained: set[str] = set()  # the rules whose reason has been given
+    is_in_notes = False
+    for finding, where in found:
+        is_line = finding.severity == "note" and not page.verbose
+        if not (is_line and is_in_notes):
+            yield ""
+        if is_line:
+            told = f" ({where})" if where else ""
+            yield from _heading(finding, page, f"{site(finding)}: {finding.message}{told}")
+        else:
+            yield from _finding_lines(finding, where, page, explained)
+        is_in_notes = is_line
+
+
+def _finding_lines(finding: Finding, where: str, page: Page, explained: set[str]) -> Iterator[str]:
     yield from _heading(finding, page, site(finding))
     if where:
         yield INDENT + paint(visible(where), "dim", color=page.color)
