@@ -7,7 +7,7 @@ from pxr import Usd
 from lab3_usd.model.behaviour import Check
 from lab3_usd.sim.behaviour.evidence import Evidence, Interface
 from lab3_usd.sim.behaviour.judge import judge
-from lab3_usd.sim.drive import fixed_drive
+from lab3_usd.sim.execution.drive import fixed_drive
 from lab3_usd.sim.play import record
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.stage.read.scene import read_scene

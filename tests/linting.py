@@ -8,8 +8,8 @@ from breaking import STEPS
 from foreign_robots import ROBOTS
 from pxr import Usd
 
-from lab3_usd.check.lint.linter import lint
 from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.linter import lint
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.judge.lint import lint_lab
 from lab3_usd.spec.load.loader import load_isaac_types

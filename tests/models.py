@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from msgspec.structs import replace
 
 from lab3_usd.check.match.result import Roles
-from lab3_usd.check.subject import StageSubject
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.model.stage import GraphModel, Node, PortState, Prim, StageModel
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import GraphSpec

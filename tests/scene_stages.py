@@ -8,9 +8,9 @@ from pathlib import Path
 
 from pxr import Sdf, Usd
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Rule, rules_of
 from lab3_usd.check.rule_runs import finding_of
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.load.loader import load_lab

@@ -14,9 +14,9 @@ from msgspec.structs import replace
 from pxr import Usd
 
 from lab3_usd.check import checker
+from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.check.registry import Rule, all_rules, rules_of
 from lab3_usd.check.rule_runs import finding_of
-from lab3_usd.check.subject import GraphSubject
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.stage import check_stage, checkpoint_of
 from lab3_usd.model.finding import Finding, Problem, ordered

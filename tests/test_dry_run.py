@@ -13,9 +13,9 @@ from pxr import Usd
 from second_author import Style
 
 from lab3_usd.sim.behaviour.judge import CHECKS, judge
-from lab3_usd.sim.drive import fixed_drive
+from lab3_usd.sim.execution.drive import fixed_drive
+from lab3_usd.sim.execution.record import Odometry
 from lab3_usd.sim.play import record
-from lab3_usd.sim.record import Odometry
 from lab3_usd.stage.read.scene import read_scene
 from lab3_usd.stage.write.builder import build_checkpoint
 

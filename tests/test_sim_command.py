@@ -28,7 +28,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.report.behaviour.words import LOOKS
 from lab3_usd.sim.behaviour.asked import interface
 from lab3_usd.sim.behaviour.judge import CHECKS
-from lab3_usd.sim.drive import drive_of
+from lab3_usd.sim.execution.drive import drive_of
 
 DRIVE, CLOCK = "/turtlebot3_burger/ROS_Drive", "/World/ROS_Clock"
 

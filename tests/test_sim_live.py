@@ -26,9 +26,9 @@ from lab3_usd.commands.steps import living
 from lab3_usd.commands.steps.living import said_of
 from lab3_usd.model.scene import Scene
 from lab3_usd.sim.bag.messages import serialized
+from lab3_usd.sim.execution.record import Message, Profile, Transform
+from lab3_usd.sim.execution.ros import STATIC
 from lab3_usd.sim.play import Player, player_of
-from lab3_usd.sim.record import Message, Profile, Transform
-from lab3_usd.sim.ros import STATIC
 from lab3_usd.stage.read.scene import read_scene
 
 pytest.importorskip("cyclonedds", reason="the extra lab3-usd[live] is not installed")

@@ -14,13 +14,13 @@ from breaking import correct_stage, the_lab
 
 from lab3_usd.model.scene import Graph, Input, Node, Scene
 from lab3_usd.sim.execution.program import compile_graphs, type_of
+from lab3_usd.sim.execution.record import Odometry, Profile, Scan, Transform, View
 from lab3_usd.sim.execution.registry import function_of, functions
+from lab3_usd.sim.execution.ros import Endpoint, Network, profile_of, trimmed
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.record import Odometry, Profile, Scan, Transform, View
+from lab3_usd.sim.execution.world import World, world_of
 from lab3_usd.sim.rendering import render
 from lab3_usd.sim.robot.machines import Machines
-from lab3_usd.sim.ros import Endpoint, Network, profile_of, trimmed
-from lab3_usd.sim.world import World, world_of
 from lab3_usd.stage.read.scene import read_scene
 
 ISAAC, ROS = "isaacsim.core.nodes.", "isaacsim.ros2.bridge."

@@ -21,7 +21,7 @@ from sabotage import Fault, graph_faults
 
 from lab3_usd.judge.starter import starter_findings
 from lab3_usd.model.finding import Finding
-from lab3_usd.sim.record import Recording
+from lab3_usd.sim.execution.record import Recording
 from lab3_usd.stage.write.starter import build_starter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))

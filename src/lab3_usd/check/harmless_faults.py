@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lab3_usd.check.match.conformance import same_value, source_path
 from lab3_usd.check.match.connections import is_live
-from lab3_usd.check.subject import GraphSubject
+from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.spec.catalog import INPUT, Value
 from lab3_usd.spec.graph import GraphSpec, PortRef, Setting, Wire
 

@@ -12,10 +12,10 @@ from lab3_usd.check.match.conformance import (
     source_path,
     target_matches,
 )
+from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.relocation import relocated_path
 from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_requirements import SCENE, scene_items
-from lab3_usd.check.subject import GraphSubject, StageSubject
 from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.check.tf.lab_frames import tf_view, waived_frames
 from lab3_usd.model.finding import Finding, Requirement, Score

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.scene.axles import anchor, axle
 from lab3_usd.check.scene.wheel_joints import WheelJoint, tied_joints
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.errors import UsageError
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import (

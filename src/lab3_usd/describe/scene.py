@@ -7,8 +7,8 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.scene.ground import boxes, has_ground, lights, planes
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.describe.robot import PART, describe_robot, describe_wheels, moved_joints
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import SCENE, collides

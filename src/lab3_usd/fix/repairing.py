@@ -10,8 +10,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import Judgement, judge
-from lab3_usd.check.lint.linter import lint
 from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.linter import lint
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.files import temporary_beside

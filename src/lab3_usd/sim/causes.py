@@ -8,8 +8,8 @@ from msgspec import Struct
 
 from lab3_usd.sim.behaviour.evidence import Cause
 from lab3_usd.sim.execution.program import Program
+from lab3_usd.sim.execution.record import Message
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.record import Message
 from lab3_usd.sim.robot.machine import Machine
 
 _RADIUS = "wheelRadius"

@@ -15,10 +15,10 @@ from lab3_usd.model.scene import Scene
 from lab3_usd.sim.behaviour.asked import interface
 from lab3_usd.sim.behaviour.evidence import Evidence
 from lab3_usd.sim.behaviour.places import in_root
-from lab3_usd.sim.drive import drive_of, fixed_drive
+from lab3_usd.sim.execution.drive import drive_of, fixed_drive
+from lab3_usd.sim.execution.record import Message, Odometry, Pose, Scan
 from lab3_usd.sim.outcome import outcome
 from lab3_usd.sim.play import record
-from lab3_usd.sim.record import Message, Odometry, Pose, Scan
 from lab3_usd.spec.lab import Lab
 
 _MOMENTS = 48

@@ -7,7 +7,7 @@ from pathlib import Path
 from lab3_usd.errors import UsageError
 from lab3_usd.lab.fill import fill_template
 from lab3_usd.sim.behaviour.asked import interface
-from lab3_usd.sim.drive import COMMANDS, RATE, Leg, fixed_drive
+from lab3_usd.sim.execution.drive import COMMANDS, RATE, Leg, fixed_drive
 from lab3_usd.spec.lab import Lab
 
 _NAMES = ("", "-again", "-domain")  # what a bag is called beside its stage, by session

@@ -9,8 +9,8 @@ from lab3_usd.model.behaviour import Behaviour, Check, Frame, Leg, Topic, Unknow
 from lab3_usd.sim.behaviour.evidence import Evidence, gone
 from lab3_usd.sim.behaviour.judge import judge
 from lab3_usd.sim.behaviour.sensors import rate_of
-from lab3_usd.sim.drive import RATE
-from lab3_usd.sim.record import Message
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.record import Message
 
 EVERY = 6  # frames of the path, of which one is kept
 

@@ -9,15 +9,15 @@ from lab3_usd.model.behaviour import Segment
 from lab3_usd.model.scene import Scene
 from lab3_usd.sim.behaviour.evidence import Evidence, Interface
 from lab3_usd.sim.causes import RunCauses
-from lab3_usd.sim.drive import RATE, Leg, Session, command_frames
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
 from lab3_usd.sim.execution.program import Program, compile_graphs
+from lab3_usd.sim.execution.record import Pose, Recording, Scan
 from lab3_usd.sim.execution.registry import FRAME, STEP
+from lab3_usd.sim.execution.ros import Endpoint, Twist
+from lab3_usd.sim.execution.world import World, world_of
 from lab3_usd.sim.lidar.rays import Beam, sweep
-from lab3_usd.sim.record import Pose, Recording, Scan
 from lab3_usd.sim.rendering import render
 from lab3_usd.sim.robot.machine import Machine
-from lab3_usd.sim.ros import Endpoint, Twist
-from lab3_usd.sim.world import World, world_of
 from lab3_usd.spec.catalog import Catalog
 
 EYES = 0.15  # metres above the robot at which a room without a lidar is drawn

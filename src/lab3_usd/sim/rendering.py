@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from lab3_usd.model.affine import Affine
+from lab3_usd.sim.execution.record import Message, Scan, View
+from lab3_usd.sim.execution.ros import send
+from lab3_usd.sim.execution.world import World, Writer
 from lab3_usd.sim.lidar.rays import Beam, sweep
 from lab3_usd.sim.nodes.camera import IMAGES
 from lab3_usd.sim.nodes.frames import OPTICAL
-from lab3_usd.sim.record import Message, Scan, View
-from lab3_usd.sim.ros import send
-from lab3_usd.sim.world import World, Writer
 
 
 def render(world: World) -> None:

@@ -1,1 +1,1 @@
-"""Which node of a stage plays which role of a spec, and what is wrong with its wires."""
+"""Which node of a stage plays which role of a spec, what is wrong with its wires."""

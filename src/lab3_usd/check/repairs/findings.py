@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from msgspec.structs import replace
 
+from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.repairs.nodes import modern_types, property_edits
-from lab3_usd.check.subject import GraphSubject, StageSubject
 from lab3_usd.check.tf.frame_names import NAME_OVERRIDE
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.repair import (

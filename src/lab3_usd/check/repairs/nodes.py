@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from lab3_usd.check.lint.names import meant
 from lab3_usd.check.match.conformance import setting_matches, source_path
-from lab3_usd.check.subject import GraphSubject
+from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.model.repair import (
     ClearValue,
     Connect,

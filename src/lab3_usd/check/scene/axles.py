@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.scene.wheel_joints import WheelJoint, base_side, ends_of
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import is_pose_unresolved, is_unresolved
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.paths import is_at_or_below

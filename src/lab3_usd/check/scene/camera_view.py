@@ -7,6 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.scene.pose_errors import (
     PoseError,
     pose_errors,
@@ -16,7 +17,6 @@ from lab3_usd.check.scene.pose_errors import (
     vector_text,
 )
 from lab3_usd.check.scene.sensor_location import SensorLocation, candidate_transforms
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.stage import Matrix, Prim
 from lab3_usd.model.transform_math import Vector, angle_between, camera_axes
 

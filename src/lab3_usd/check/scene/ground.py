@@ -6,8 +6,8 @@ import itertools
 import re
 from collections.abc import Iterator
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.scene.pose_errors import vector
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import (
     BODY_API,

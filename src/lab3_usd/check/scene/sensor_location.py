@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.check.subject import StageSubject
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.model.absent_prims import (
     is_pose_unresolved,
     is_unresolved,

@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.check.subject import StageSubject
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.paths import is_at_or_below

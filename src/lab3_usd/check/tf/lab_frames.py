@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from lab3_usd.check.match.conformance import setting_matches, setting_value, target_matches
-from lab3_usd.check.ros.lab_topics import role_specs
+from lab3_usd.check.match.lab_topics import role_specs
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.ros.running import live_nodes, running_nodes
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.tf.frames import Edge, published_edges, unresolved_frames
 from lab3_usd.check.tf.link_tree import FRAME_APIS
 from lab3_usd.check.tf.target_frames import (

@@ -82,7 +82,7 @@ def _say_what(stage: Path, wanted: Interface) -> None:
 
 
 def _after(seconds: float | None) -> Callable[[int], bool]:
-    from lab3_usd.sim.drive import RATE  # noqa: PLC0415
+    from lab3_usd.sim.execution.drive import RATE  # noqa: PLC0415
 
     return lambda frames: seconds is not None and frames >= seconds * RATE
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
-from lab3_usd.sim.record import Odometry, Scan, Transform, View
+from lab3_usd.sim.execution.record import Odometry, Scan, Transform, View
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 LARGEST = 4_000_000  # bytes of a message that is read as a whole

@@ -13,7 +13,7 @@ from lab3_usd.sim.bag.decoding import Decoded, Goal, decode, has_header, header
 from lab3_usd.sim.bag.files import Offered, Raw
 from lab3_usd.sim.bag.timeline import Timeline
 from lab3_usd.sim.behaviour.evidence import Interface
-from lab3_usd.sim.record import Message, Odometry, Recording, Transform
+from lab3_usd.sim.execution.record import Message, Odometry, Recording, Transform
 
 DETAIL = 300.0  # seconds of the simulation that are judged message by message
 MOST_KEPT = 60_000  # messages of these

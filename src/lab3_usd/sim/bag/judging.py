@@ -22,9 +22,9 @@ from lab3_usd.sim.behaviour.asked import interface, map_topic, reached_topics, s
 from lab3_usd.sim.behaviour.evidence import PHYSICAL, Evidence, Fault, Interface, angle
 from lab3_usd.sim.behaviour.judge import CHECKS as SHARED
 from lab3_usd.sim.behaviour.judge import verdict
-from lab3_usd.sim.drive import RATE, Leg, Session, leg_name
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
+from lab3_usd.sim.execution.record import Pose
 from lab3_usd.sim.outcome import is_asked, path_rows, told_legs
-from lab3_usd.sim.record import Pose
 from lab3_usd.spec.lab import Lab
 
 _LONG = 1.0  # seconds of one command, from which on it is judged

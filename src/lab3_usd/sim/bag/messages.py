@@ -6,8 +6,8 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from lab3_usd.model.affine import Quaternion, Vector
-from lab3_usd.sim.drive import Leg
-from lab3_usd.sim.record import Message, Odometry, Scan, Transform, View
+from lab3_usd.sim.execution.drive import Leg
+from lab3_usd.sim.execution.record import Message, Odometry, Scan, Transform, View
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 TWIST = "geometry_msgs/msg/Twist"

@@ -20,8 +20,8 @@ from ruamel.yaml import YAML
 
 from lab3_usd.sim.bag.messages import STORE, TWIST, command, nanoseconds, serialized
 from lab3_usd.sim.behaviour.evidence import Evidence
-from lab3_usd.sim.drive import RATE, command_frames
-from lab3_usd.sim.record import Profile
+from lab3_usd.sim.execution.drive import RATE, command_frames
+from lab3_usd.sim.execution.record import Profile
 
 HUMBLE = 5  # the version of its metadata
 _LATER = ("custom_data", "ros_distro")  # keys that came after it

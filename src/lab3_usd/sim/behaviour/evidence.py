@@ -10,8 +10,8 @@ from msgspec import Struct
 
 from lab3_usd.model.affine import HERE, Affine
 from lab3_usd.model.behaviour import Segment
-from lab3_usd.sim.drive import RATE, Leg, Session
-from lab3_usd.sim.record import Message, Pose, Recording, Scan
+from lab3_usd.sim.execution.drive import RATE, Leg, Session
+from lab3_usd.sim.execution.record import Message, Pose, Recording, Scan
 
 SIZE = (0.6, 1.5)  # how much of a command a robot that follows it may do
 SOON = 6  # frames in which a robot may come to rest

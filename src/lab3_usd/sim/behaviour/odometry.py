@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from lab3_usd.model.affine import Affine, rotation
 from lab3_usd.sim.behaviour.evidence import Evidence, Fault, angle, gone
 from lab3_usd.sim.behaviour.places import agree, in_root
-from lab3_usd.sim.drive import RATE
-from lab3_usd.sim.record import Message, Odometry, Pose
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.record import Message, Odometry, Pose
 
 ODOMETRY = (0.02, math.radians(2.0))
 SPEED = 0.03  # m/s and rad/s between what odometry says and what is

@@ -6,7 +6,7 @@ import math
 
 from lab3_usd.model.affine import HERE, Affine, length, minus, rotation
 from lab3_usd.sim.behaviour.evidence import Evidence
-from lab3_usd.sim.record import Message, Transform
+from lab3_usd.sim.execution.record import Message, Transform
 
 PLACE = (0.02, math.radians(2.0))  # of a sensor, between TF and where it is
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from lab3_usd.model.affine import length, minus
 from lab3_usd.sim.behaviour.evidence import Evidence, Fault
 from lab3_usd.sim.behaviour.places import agree, in_root
-from lab3_usd.sim.record import Message, Scan, View
+from lab3_usd.sim.execution.record import Message, Scan, View
 
 WALL = 0.03  # metres between a scan and the walls
 SHORT = 2.0  # seconds of a recording in which a stream may come once

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from lab3_usd.sim.behaviour.evidence import Evidence, Fault
-from lab3_usd.sim.drive import RATE
+from lab3_usd.sim.execution.drive import RATE
 
 
 def topics(evidence: Evidence) -> Iterator[Fault]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from lab3_usd.sim.behaviour.evidence import Evidence, Fault
-from lab3_usd.sim.record import Message
+from lab3_usd.sim.execution.record import Message
 
 STALE = 0.5  # seconds without a new transform
 

@@ -1,1 +1,1 @@
-"""Runs graphs as they are wired: events push execution, data is pulled."""
+"""Runs graphs as they are wired, in a world with time, commands and a ROS network."""

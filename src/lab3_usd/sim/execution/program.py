@@ -14,7 +14,7 @@ from msgspec import Struct
 from lab3_usd.model.scene import Graph, Input, Node, Scene
 from lab3_usd.sim.execution.registry import CONSTANT, FRAME, STEP, event_of, function_of
 from lab3_usd.sim.execution.running import Running, initial, push
-from lab3_usd.sim.world import World
+from lab3_usd.sim.execution.world import World
 from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_connect
 
 _USD = {"execution": "uint"}

@@ -14,7 +14,7 @@ from lab3_usd.spec.catalog import NodeType
 
 if TYPE_CHECKING:
     from lab3_usd.sim.execution.running import Running
-    from lab3_usd.sim.world import World
+    from lab3_usd.sim.execution.world import World
 
 Function = Callable[["Running", "World"], bool]
 MODULES = (  # below sim/nodes, that hold the functions

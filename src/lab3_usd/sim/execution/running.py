@@ -12,7 +12,7 @@ from lab3_usd.sim.execution.registry import Function
 from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType
 
 if TYPE_CHECKING:
-    from lab3_usd.sim.world import World
+    from lab3_usd.sim.execution.world import World
 
 NO_VECTOR = (0.0, 0.0, 0.0)
 

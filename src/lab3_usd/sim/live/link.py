@@ -22,8 +22,8 @@ from rosbags.interfaces import Nodetype
 
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.bag.messages import STORE, TWIST, serialized
-from lab3_usd.sim.record import Message, Profile
-from lab3_usd.sim.ros import Twist
+from lab3_usd.sim.execution.record import Message, Profile
+from lab3_usd.sim.execution.ros import Twist
 
 _OF: Any = types  # the library types no subscripts of its own
 _BASES: dict[str, Any] = {

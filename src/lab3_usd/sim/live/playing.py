@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
-from lab3_usd.sim.drive import RATE
+from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.live.link import Link
 from lab3_usd.sim.play import Player, unknown_in
 

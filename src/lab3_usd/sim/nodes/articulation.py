@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from lab3_usd.sim.execution.registry import computes
 from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.execution.world import World
 from lab3_usd.sim.robot.joints import Joint
 from lab3_usd.sim.robot.machine import Machine
-from lab3_usd.sim.world import World
 
 
 @computes("IsaacArticulationController")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from lab3_usd.sim.execution.registry import computes
 from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.execution.world import Product, World
 from lab3_usd.sim.nodes.lidar import RATE
 from lab3_usd.sim.nodes.products import attach, product_of
-from lab3_usd.sim.world import Product, World
 
 IMAGES = {
     "rgb": "sensor_msgs/msg/Image",

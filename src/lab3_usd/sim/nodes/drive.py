@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from lab3_usd.sim.execution.registry import computes
+from lab3_usd.sim.execution.ros import open_endpoint
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.ros import open_endpoint
-from lab3_usd.sim.world import World
+from lab3_usd.sim.execution.world import World
 
 _LIMITS = ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration")
 _NO_LIMIT = float("inf")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from lab3_usd.sim.execution.registry import FRAME, STEP, computes
+from lab3_usd.sim.execution.ros import numeric
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.ros import numeric
-from lab3_usd.sim.world import World
+from lab3_usd.sim.execution.world import World
 
 
 @computes("OnPlaybackTick", "OnTick", on=FRAME)

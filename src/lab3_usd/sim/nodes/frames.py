@@ -11,7 +11,7 @@ from lab3_usd.model.affine import Affine, Quaternion
 from lab3_usd.model.scene import Prim, Scene
 
 if TYPE_CHECKING:
-    from lab3_usd.sim.world import World
+    from lab3_usd.sim.execution.world import World
 
 ROOT, BODY, ROBOT = "PhysicsArticulationRootAPI", "PhysicsRigidBodyAPI", "IsaacRobotAPI"
 LINK, JOINT = "IsaacLinkAPI", "IsaacJointAPI"

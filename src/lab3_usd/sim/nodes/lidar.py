@@ -9,9 +9,9 @@ from msgspec.structs import replace
 from lab3_usd.model.scene import Prim
 from lab3_usd.sim.execution.registry import computes
 from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.execution.world import Product, World
 from lab3_usd.sim.lidar.rays import Beam
 from lab3_usd.sim.nodes.products import attach, product_of
-from lab3_usd.sim.world import Product, World
 
 CORE = "omni:sensor:Core:"
 RATE = "omni:sensor:tickRate"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from lab3_usd.model.affine import Affine, Vector, cross, dot, length
+from lab3_usd.sim.execution.record import Message, Odometry
 from lab3_usd.sim.execution.registry import computes
+from lab3_usd.sim.execution.ros import opened, send
 from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.execution.world import World
 from lab3_usd.sim.nodes.turns import wxyz, xyzw
-from lab3_usd.sim.record import Message, Odometry
-from lab3_usd.sim.ros import opened, send
-from lab3_usd.sim.world import World
 
 
 @computes("ROS2PublishClock")

@@ -7,9 +7,9 @@ of the sensor, until Stop.
 from __future__ import annotations
 
 from lab3_usd.sim.execution.registry import computes
+from lab3_usd.sim.execution.ros import open_endpoint
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.ros import open_endpoint
-from lab3_usd.sim.world import Product, World, Writer
+from lab3_usd.sim.execution.world import Product, World, Writer
 
 
 @computes("OgnIsaacRunOneSimulationFrame")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from lab3_usd.model.affine import HERE, Affine, Vector
+from lab3_usd.sim.execution.record import Message, Transform
 from lab3_usd.sim.execution.registry import computes
+from lab3_usd.sim.execution.ros import Endpoint, opened, send
 from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.execution.world import World
 from lab3_usd.sim.nodes.frames import Tree
 from lab3_usd.sim.nodes.turns import wxyz, xyzw
-from lab3_usd.sim.record import Message, Transform
-from lab3_usd.sim.ros import Endpoint, opened, send
-from lab3_usd.sim.world import World
 
 TF = "tf2_msgs/msg/TFMessage"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lab3_usd.sim.execution.registry import CONSTANT, computes
 from lab3_usd.sim.execution.running import NO_VECTOR, Running
-from lab3_usd.sim.world import World
+from lab3_usd.sim.execution.world import World
 
 MOST = 1000  # elements of an array that is made
 

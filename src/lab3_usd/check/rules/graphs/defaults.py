@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 from msgspec.structs import replace
 
 from lab3_usd.check.match.conformance import same_value
+from lab3_usd.check.match.lab_topics import role_specs
+from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.lab_topics import role_specs
 from lab3_usd.check.ros.running import live_nodes
 from lab3_usd.check.ros.topics import moving_prims
 from lab3_usd.check.rules.graphs.limits import stopping_limits
 from lab3_usd.check.rules.graphs.settings import setting_problem, settings_of
-from lab3_usd.check.subject import GraphSubject, StageSubject
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display, format_paths, role_title, short_source

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.subject import GraphSubject, StageSubject
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.formatting import display
 from lab3_usd.model.paths import is_at_or_below

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.conformance import setting_value
+from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.subject import GraphSubject
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display, role_title, short_source
 from lab3_usd.model.physics import number

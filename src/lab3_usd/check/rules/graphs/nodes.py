@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from lab3_usd.check.harmless_faults import without_node
 from lab3_usd.check.hints import shown_graph
 from lab3_usd.check.match.result import Roles
+from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.subject import GraphSubject
 from lab3_usd.model.absent_prims import nodes_outside_graphs
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import role_title

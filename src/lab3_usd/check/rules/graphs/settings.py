@@ -10,8 +10,8 @@ from msgspec.structs import replace
 
 from lab3_usd.check.harmless_faults import with_setting
 from lab3_usd.check.match.conformance import setting_matches, setting_value
+from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.subject import GraphSubject
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display, role_title, short_source

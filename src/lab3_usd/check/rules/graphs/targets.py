@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from lab3_usd.check.match.conformance import target_matches, targets_handout_prims, targets_prims
+from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.subject import GraphSubject
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import format_paths
 from lab3_usd.model.stage import Node

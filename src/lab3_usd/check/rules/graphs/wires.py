@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 from lab3_usd.check.harmless_faults import without_wire
 from lab3_usd.check.match.result import WireFault, connect_hint, source_shown, wire_problem
+from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import is_opened_first, signals_once
 from lab3_usd.check.rules.graphs.limits import stopping_inputs
 from lab3_usd.check.rules.graphs.settings import settings_of
-from lab3_usd.check.subject import GraphSubject
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import short_source
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.lab_topics import repeating_graphs
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.lab_topics import repeating_graphs
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.tf.cycles import frames_in_cycles
 from lab3_usd.check.tf.frames import Edge, certain_edges
 from lab3_usd.check.tf.lab_frames import TfView, is_reported_elsewhere

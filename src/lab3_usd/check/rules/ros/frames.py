@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.subject import Outcome
 from lab3_usd.check.registry import rule
-from lab3_usd.check.subject import Outcome
 from lab3_usd.check.tf.frame_names import NAME_OVERRIDE, frame_name
 from lab3_usd.check.tf.frames import Edge, certain_edges
 from lab3_usd.check.tf.lab_frames import (

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import effective_value
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.check.tf.lab_frames import TfView
 from lab3_usd.check.tf.target_frames import tf_ports
 from lab3_usd.model.finding import Problem

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.lab_topics import repeated_publishers, repeating_graphs, role_specs
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.lab_topics import repeated_publishers, repeating_graphs, role_specs
 from lab3_usd.check.ros.qos import PROFILE
 from lab3_usd.check.ros.running import live_nodes, live_sources
 from lab3_usd.check.ros.topics import Endpoint, endpoints
 from lab3_usd.check.scene.sensor_location import second_lidars
 from lab3_usd.check.scene.wheel_commands import second_commanders
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.wheel_joints import could_hide_joints, has_no_joints, wheel_joints
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below

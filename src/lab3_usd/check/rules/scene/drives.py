@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.axles import AXIS, axle
 from lab3_usd.check.scene.pose_errors import vector, vector_text
@@ -14,7 +15,6 @@ from lab3_usd.check.scene.wheel_joints import (
     tied_joints,
     turning_joints,
 )
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import DRIVE_API, number

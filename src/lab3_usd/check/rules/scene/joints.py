@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.axles import anchor
 from lab3_usd.check.scene.wheel_joints import (
@@ -17,7 +18,6 @@ from lab3_usd.check.scene.wheel_joints import (
     wheel_joints,
     wrong_ends,
 )
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import absence_reason, is_unresolved
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below

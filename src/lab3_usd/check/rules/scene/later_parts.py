@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.sensor_location import (
     CAMERA,
@@ -16,7 +17,6 @@ from lab3_usd.check.scene.sensor_location import (
     sensor_candidates,
     sensors_of,
 )
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.stage import Prim

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from msgspec.structs import replace
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.ground import highest_ground
 from lab3_usd.check.scene.pose_errors import (
@@ -17,7 +18,6 @@ from lab3_usd.check.scene.pose_errors import (
     vector,
     vector_text,
 )
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import is_pose_unresolved
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import collides

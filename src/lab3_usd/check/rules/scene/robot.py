@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.pose_errors import (
     UNSCALED,
@@ -13,7 +14,6 @@ from lab3_usd.check.scene.pose_errors import (
     scale_of,
     vector_text,
 )
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import is_subtree_unresolved, is_unresolved
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.pose_errors import (
     is_near,
@@ -15,7 +16,6 @@ from lab3_usd.check.scene.pose_errors import (
     vector_text,
 )
 from lab3_usd.check.scene.robot_location import namesakes
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import absence_reason, is_unresolved, missing_graphs_text
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.paths import is_at_or_below

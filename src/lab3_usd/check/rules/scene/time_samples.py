@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import live_nodes
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import bodies_below

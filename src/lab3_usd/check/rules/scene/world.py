@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.ground import boxes, falling_ground, has_ground, lights
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import absence_reason, has_unresolved_outside
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from lab3_usd.check.match.conformance import same_value
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.sensors.placement import (
     PresentSensor,
@@ -20,7 +21,6 @@ from lab3_usd.check.rules.sensors.placement import (
 from lab3_usd.check.scene.camera_view import View, camera_misfits
 from lab3_usd.check.scene.pose_errors import PoseError
 from lab3_usd.check.scene.sensor_location import CAMERA, SensorLocation
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from lab3_usd.check.match.conformance import same_value
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.sensors.placement import (
     left_behind_sensors,
@@ -16,7 +17,6 @@ from lab3_usd.check.rules.sensors.placement import (
     wrong_type_sensors,
 )
 from lab3_usd.check.scene.sensor_location import LIDAR, SensorLocation, second_lidars
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.sensors.placement import (
     left_behind_sensors,
@@ -15,7 +16,6 @@ from lab3_usd.check.rules.sensors.placement import (
     wrong_type_sensors,
 )
 from lab3_usd.check.scene.sensor_location import OTHER
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.finding import Problem
 

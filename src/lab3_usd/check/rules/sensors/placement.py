@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from lab3_usd.check.match.conformance import same_value
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.scene.pose_errors import (
     ORDER,
     RESET,
@@ -19,7 +20,6 @@ from lab3_usd.check.scene.sensor_location import (
     find_sensor,
     sensors_of,
 )
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.absent_prims import absence_reason, is_unresolved, missing_graphs_text
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display

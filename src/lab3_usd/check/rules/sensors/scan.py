@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from lab3_usd.check.match.conformance import same_value
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.sensors.placement import PresentSensor, present_sensors
 from lab3_usd.check.scene.sensor_location import LIDAR
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display
 from lab3_usd.model.stage import Prim

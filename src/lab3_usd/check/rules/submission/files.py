@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 
+from lab3_usd.check.match.subject import ModelSubject, StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.subject import ModelSubject, StageSubject
 from lab3_usd.model.finding import IgnoreNote, Problem
 from lab3_usd.model.paths import is_at_or_below
 

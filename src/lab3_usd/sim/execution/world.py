@@ -10,12 +10,12 @@ from typing import Any
 from msgspec import Struct, field
 
 from lab3_usd.model.scene import Scene
-from lab3_usd.sim.drive import RATE
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.ros import Endpoint, Network
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.lidar.rays import Beam
 from lab3_usd.sim.lidar.surroundings import Surroundings
 from lab3_usd.sim.robot.machines import Machines
-from lab3_usd.sim.ros import Endpoint, Network
 
 LATE = 1.0e9  # seconds: what system time counts from
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.ros.topics import Endpoint, endpoints, resolve
-from lab3_usd.check.subject import StageSubject
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.spec.graph import NodeSpec
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from msgspec import Struct, field
 
 from lab3_usd.model.affine import Vector
-from lab3_usd.sim.record import Message, Profile
+from lab3_usd.sim.execution.record import Message, Profile
 
 if TYPE_CHECKING:
     from lab3_usd.sim.execution.running import Running
-    from lab3_usd.sim.world import World
+    from lab3_usd.sim.execution.world import World
 
 _NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _FIELDS = (
