@@ -8,13 +8,20 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
+from unittest.mock import patch
 
+from msgspec.structs import replace
 from pxr import Sdf, Usd
 from ros_outputs import good_outputs
 
 from lab3_usd.data import data_folder
+from lab3_usd.judge import folder as judge_folder
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.lab.nav2.files import nav2_files
+from lab3_usd.model.finding import StageResult
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.load.ros import load_ros
 from lab3_usd.spec.load.submission import load_submission
@@ -77,7 +84,43 @@ def _template() -> Path:
 
 
 def checked(folder: Path, **settings: object) -> FolderResult:
-    return check_folder(folder, FolderSettings(**settings))  # type: ignore[arg-type]
+    """Judge a folder; a stage that is as it was built is judged once for all folders."""
+    with (
+        patch.object(judge_folder, "check_stage", _check_once),
+        patch.object(judge_folder, "against_starter", _compare_once),
+    ):
+        return check_folder(folder, FolderSettings(**settings))  # type: ignore[arg-type]
+
+
+def _check_once(path: str, number: str, lab: Lab) -> StageResult:
+    if not _is_as_built(Path(path), stage_name(number)):
+        return check_stage(path, number, lab)
+    return replace(_built_result(number), path=path)
+
+
+def _compare_once(result: StageResult, starter: Starter, lab: Lab) -> StageResult:
+    number = result.checkpoint or ""
+    if starter.faults or not (
+        _is_as_built(Path(result.path), stage_name(number)) and _is_as_built(starter.path, STARTER)
+    ):
+        return against_starter(result, starter, lab)
+    return replace(_built_beside_starter(number), path=result.path)
+
+
+def _is_as_built(path: Path, name: str) -> bool:
+    return path.is_file() and path.read_bytes() == (_template() / name).read_bytes()
+
+
+@cache
+def _built_result(number: str) -> StageResult:
+    return check_stage(_template() / stage_name(number), number, LAB)
+
+
+@cache
+def _built_beside_starter(number: str) -> StageResult:
+    starter = open_starter(_template() / STARTER, LAB)
+    assert not starter.faults
+    return against_starter(_built_result(number), starter, LAB)
 
 
 def said(result: FolderResult, *severities: str) -> list[str]:

@@ -33,7 +33,13 @@ from submissions import (
 from lab3_usd.check.registry import rules_of
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError
-from lab3_usd.judge.folder import is_submission, lone_stage_notes, map_findings
+from lab3_usd.judge.folder import (
+    FolderSettings,
+    check_folder,
+    is_submission,
+    lone_stage_notes,
+    map_findings,
+)
 from lab3_usd.lab.submission import listing
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.json_report import report_json
@@ -58,6 +64,14 @@ def test_a_complete_submission_has_no_fault(folder: Path) -> None:
     assert [each.checkpoint for each in result.results] == list(LAB.checkpoints)
     assert {each.verdict for each in result.results} == {"pass"}
     assert all(each.score.earned == each.score.possible for each in result.results)
+
+
+def test_what_the_cases_below_judge_once_is_judged_as_ever(folder: Path) -> None:
+    assert checked(folder) == check_folder(folder, FolderSettings())
+    edit_stage(folder / STARTER, heavy)
+    edit("03", heavy)(folder)
+    given = folder / STARTER
+    assert checked(folder, starter=given) == check_folder(folder, FolderSettings(starter=given))
 
 
 @pytest.mark.parametrize("case", ALL, ids=lambda case: case.name)
