@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from grade_files import starter, submission
 from hostile import INPUTS, Kit, make_kit, write_all
+from msgspec.structs import replace
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.intake.limits import Limits
@@ -18,7 +19,10 @@ from lab3_usd.stage.write.builder import build_checkpoint
 
 GOOD = "a_good_one"
 # Few files are copied before their number is too large, also where the machine is busy.
-LIMITS = Limits(seconds=12, files=900)
+LIMITS = Limits(seconds=20, files=900)
+# What never comes to an end ends as early as one likes.
+ENDLESS = ("an_instancing_bomb", "instances_of_instances")
+SOON = replace(LIMITS, seconds=2)
 STATUSES = {
     "a_cut_zip": "unreadable",
     "a_tar_bomb": "too large",
@@ -59,6 +63,11 @@ class Run:
     before: dict[str, bytes]
     rows: dict[str, dict[str, Any]]
 
+    def reports(self, name: str) -> Path:
+        """The folder of a student's reports."""
+        book = "endless" if name in ENDLESS else "class"
+        return self.out / book / "students" / self.rows[name]["folder"]
+
 
 def contents(folder: Path) -> dict[str, bytes]:
     """Everything below a folder, with its bytes where it is a plain file."""
@@ -74,10 +83,15 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     kit = make_kit(place, lambda number, path: build_checkpoint(None, number, path))
     write_all(place / "class", kit)
     submission(place / "class" / GOOD)
+    for name in ENDLESS:
+        (place / "endless").mkdir(exist_ok=True)
+        (place / "class" / name).rename(place / "endless" / name)
     before = contents(kit.outside)
-    settings = ClassSettings(place / "class", starter(), place / "out", limits=LIMITS, jobs=2)
-    rows = {row["student"]: row for row in grade_class(settings)}
-    return Run(kit, settings.out, before, rows)
+    rows = []
+    for book, limits in (("class", LIMITS), ("endless", SOON)):
+        out = place / "out" / book
+        rows += grade_class(ClassSettings(place / book, starter(), out, limits=limits, jobs=2))
+    return Run(kit, place / "out", before, {row["student"]: row for row in rows})
 
 
 def test_there_are_many_of_them() -> None:
@@ -86,8 +100,11 @@ def test_there_are_many_of_them() -> None:
 
 def test_every_submission_has_a_row(run: Run) -> None:
     assert set(run.rows) == {*INPUTS, GOOD}
-    with (run.out / "grades.csv").open(newline="", encoding="utf-8") as file:
-        assert {row["student"] for row in csv.DictReader(file)} == {*INPUTS, GOOD}
+    table = set()
+    for path in run.out.glob("*/grades.csv"):
+        with path.open(newline="", encoding="utf-8") as file:
+            table |= {row["student"] for row in csv.DictReader(file)}
+    assert table == {*INPUTS, GOOD}
 
 
 def test_the_good_one_among_them_has_its_grade(run: Run) -> None:
@@ -107,11 +124,10 @@ def test_a_hostile_submission_is_answered_and_never_a_pass(run: Run, name: str) 
 
 @pytest.mark.parametrize("name", INPUTS)
 def test_a_hostile_submission_has_reports_that_say_why(run: Run, name: str) -> None:
-    folder = run.out / "students" / run.rows[name]["folder"]
-    report = json.loads((folder / "report.json").read_text())
+    report = json.loads((run.reports(name) / "report.json").read_text())
     findings = [each for part in ("results", "submissions") for each in report[part]]
     assert any(found["severity"] == "error" for each in findings for found in each["findings"])
-    page = (folder / "report.html").read_text()
+    page = (run.reports(name) / "report.html").read_text()
     assert "<script>alert" not in page
     assert "\x1b" not in page
 
@@ -155,8 +171,7 @@ def test_nothing_of_the_solution_is_shown(run: Run) -> None:
     ],
 )
 def test_reaching_out_is_an_error_of_its_own(run: Run, name: str) -> None:
-    folder = run.out / "students" / run.rows[name]["folder"]
-    report = json.loads((folder / "report.json").read_text())
+    report = json.loads((run.reports(name) / "report.json").read_text())
     rules = {each["rule"] for result in report["results"] for each in result["findings"]}
     left_out = {each["rule"] for found in report["submissions"] for each in found["findings"]}
     assert {"Z01", "Z02"} & (rules | left_out)
