@@ -24,7 +24,7 @@ def clock(tmp_path: Path) -> Path:
 
 def run(pytester: pytest.Pytester, *arguments: str) -> pytest.RunResult:
     """Run pytest with the plugin, whether or not it is installed as one."""
-    return pytester.runpytest_subprocess(*PLUGIN, *arguments)
+    return pytester.runpytest_inprocess(*PLUGIN, *arguments)
 
 
 def test_every_requirement_is_a_test(pytester: pytest.Pytester, clock: Path) -> None:
