@@ -67,6 +67,7 @@ class Browser:
         self.scheme(scheme)
         self.driver.get("about:blank")
         self.logs()
+        self.requests()
         self.driver.get(path.as_uri() + (f"#{at}" if at else ""))
 
     def resize(self, size: tuple[int, int]) -> None:
@@ -108,7 +109,7 @@ class Browser:
                 found.append(message["params"]["request"]["url"])
         return found
 
-    def keep(self, name: str, most: int = 6000) -> Path:
+    def keep(self, name: str, most: int = 2400) -> Path:
         """Keep a picture of the page, down to `most` pixels, among the artifacts."""
         width, height = self.run(
             "return [innerWidth, Math.ceil(document.documentElement.scrollHeight)]"

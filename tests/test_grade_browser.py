@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import DESKTOP, PHONE, Browser, started
+from browser import DESKTOP, PHONE, Browser
 from msgspec import to_builtins
 from test_browser import CONTRASTS
 from test_grade_page import EVIL, ITEMS, page_of, row
@@ -23,12 +22,6 @@ ROWS = [
     row("gus", None, status="timeout", reason="ran out of time (20 s)"),
     row("zoe", 50.0, lost=[{"item": "clock", "requirement": "ROS_Clock/wire/x", "title": EVIL}]),
 ]
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    with started() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +150,6 @@ def test_text_stands_out_from_its_ground(chromium: Browser, page: Path, scheme: 
 @pytest.mark.parametrize(
     ("name", "size", "scheme"),
     [
-        ("class-desktop", DESKTOP, "light"),
         ("class-desktop-dark", DESKTOP, "dark"),
         ("class-phone", PHONE, "light"),
     ],

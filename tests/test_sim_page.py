@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from breaking import broken, correct_stage, the_lab
-from browser import DESKTOP, PHONE, Browser, started
+from browser import DESKTOP, PHONE, Browser
 from click.testing import CliRunner
 from test_browser import CONTRASTS
 
@@ -19,12 +18,6 @@ from lab3_usd.report.behaviour.page import render, tree_lines
 from lab3_usd.sim.dry_run import DryRun, dry_run
 
 EVIL = "<script>window.attacked=1</script>"
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    with started() as running:
-        yield running
 
 
 def run_of(folder: Path, checkpoint: str, *steps: dict[str, object]) -> DryRun:
@@ -127,17 +120,16 @@ def test_the_main_picture_needs_no_script(chromium: Browser, page: Path) -> None
         chromium.scripts(on=True)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_it_fits_and_can_be_read(
-    chromium: Browser, page: Path, size: tuple[int, int], scheme: str
-) -> None:
-    chromium.open(page, size, scheme)
+def test_it_fits_and_can_be_read(chromium: Browser, page: Path, size: tuple[int, int]) -> None:
+    chromium.open(page, size)
     assert chromium.run("return document.documentElement.scrollWidth") <= size[0]
-    found = chromium.run(CONTRASTS)
-    assert len(found) > 60
-    assert [kind for ratio, kind in found if ratio < 4.5] == []
-    chromium.keep(f"sim-{size[0]}-{scheme}")
+    for scheme in ("light", "dark"):
+        chromium.scheme(scheme)
+        found = chromium.run(CONTRASTS)
+        assert len(found) > 60
+        assert [(scheme, kind) for ratio, kind in found if ratio < 4.5] == []
+    chromium.keep(f"sim-{size[0]}")
 
 
 def test_a_report_with_a_dry_run_shows_its_maps(chromium: Browser, tmp_path: Path) -> None:
@@ -153,7 +145,6 @@ def test_a_report_with_a_dry_run_shows_its_maps(chromium: Browser, tmp_path: Pat
     assert chromium.run("return document.documentElement.scrollWidth") == PHONE[0]
     assert len(chromium.shown(".maps .room")) == 2
     assert len(chromium.shown(".maps .scan")) == 1
-    chromium.keep("report-with-dry-run")
     plain = tmp_path / "plain.html"
     CliRunner().invoke(check_command, [str(tmp_path), "--format", "html", "--output", str(plain)])
     assert ".maps" not in plain.read_text(encoding="utf-8")

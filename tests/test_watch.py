@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 from breaking import Step, broken, place
+from browser import Browser
 from click.testing import CliRunner, Result
 from pxr import Sdf
 
@@ -483,24 +484,23 @@ def test_a_binary_stage_that_is_written_slowly_in_place_is_judged_when_it_is_who
     assert running.end() == (0, "")
 
 
-def test_an_open_page_reloads_itself(watcher: Callable[..., Watcher], stage: Path) -> None:
-    from browser import started  # noqa: PLC0415 - skips where there is none
-
+def test_an_open_page_reloads_itself(
+    chromium: Browser, watcher: Callable[..., Watcher], stage: Path
+) -> None:
     page = stage.parents[1] / "page.html"
-    with started() as chromium:
-        running = watcher("--format", "html", "-o", page, stage)
-        chromium.open(page)
-        assert place(DRIVE) not in chromium.one("main").text
-        assert chromium.logs() == []
-        stage.write_bytes(WRONG)
-        running.wait_for("1 new")
-        until = time.monotonic() + 20
-        # Asked in one step: an element may go between finding it and reading it.
-        read = "return document.body ? document.body.innerText : ''"
-        while "wheelRadius is 0.033" not in chromium.run(read):
-            assert time.monotonic() < until, "the page did not reload"
-            time.sleep(0.1)
-        assert running.end() == (0, "")
+    running = watcher("--format", "html", "-o", page, stage)
+    chromium.open(page)
+    assert place(DRIVE) not in chromium.one("main").text
+    assert chromium.logs() == []
+    stage.write_bytes(WRONG)
+    running.wait_for("1 new")
+    until = time.monotonic() + 20
+    # Asked in one step: an element may go between finding it and reading it.
+    read = "return document.body ? document.body.innerText : ''"
+    while "wheelRadius is 0.033" not in chromium.run(read):
+        assert time.monotonic() < until, "the page did not reload"
+        time.sleep(0.1)
+    assert running.end() == (0, "")
 
 
 def keeps_cutting_short(file: int, data: bytes, is_over: threading.Event) -> None:
