@@ -24,7 +24,7 @@ from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
 from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.grade.workers.worker_process import WorkerError
 
-STUDENTS = 8
+STUDENTS = 4
 
 
 @pytest.fixture(scope="module")

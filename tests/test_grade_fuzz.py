@@ -12,7 +12,7 @@ from fuzz_inputs import generate, written
 
 from lab3_usd.grade.workers import worker_process
 
-COUNT = 120
+COUNT = 50
 FUZZ = Path(__file__).resolve().parents[1] / "benchmarks" / "fuzz.py"
 
 
@@ -40,17 +40,18 @@ def test_every_input_is_answered_and_the_tool_never_fails(
 def test_every_input_is_answered_where_workers_misbehave(
     fuzz: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(worker_process, "_MAIN", fuzz.ODD.replace("SHARE", "0.2"))
-    counts = fuzz.fuzz(40, seed=4, seconds=4.0)
-    assert counts.total() == 40
+    monkeypatch.setattr(worker_process, "_MAIN", fuzz.ODD.replace("SHARE", "0.5"))
+    counts = fuzz.fuzz(16, seed=4, seconds=2.0)
+    assert counts.total() == 16
     assert counts["crashed"] + counts["timeout"] + counts["too large"] > 0
     assert counts["unreadable"] + counts["fail"] > 0
 
 
 def test_the_same_seed_gives_the_same_inputs() -> None:
-    first, again = generate(written(), 20, 5), generate(written(), 20, 5)
+    stages = written()
+    first, again = generate(stages, 5, 5), generate(written(), 5, 5)
     assert first == again
-    assert first != generate(written(), 20, 6)
+    assert first != generate(stages, 5, 6)
 
 
 def test_the_command_counts_its_inputs(
