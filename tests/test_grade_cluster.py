@@ -108,7 +108,7 @@ def kill_workers(cluster: Any) -> None:
 def test_a_cluster_without_workers_is_an_error_that_says_what_to_start(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_CONNECT", 1)
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_CONNECT", 0.3)
     with (
         cluster_of(0, tmp_path / "temporary", monkeypatch) as empty,
         pytest.raises(UsageError, match=r"no worker; start one with `dask worker tcp://"),
@@ -165,7 +165,7 @@ def test_a_cluster_that_is_not_there_is_an_error(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed")
-    monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_CONNECT", 1)
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_CONNECT", 0.3)
     runner = cluster_runner("tcp://127.0.0.1:1")
     with pytest.raises(UsageError, match="no Dask scheduler"):
         grade_class(ClassSettings(place, starter(), tmp_path / "book", runner=runner))
