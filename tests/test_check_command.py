@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from in_process import lab3
 from pxr import Usd
 from report_schema import assert_valid
 
@@ -43,6 +44,11 @@ def wrong(clock: Path) -> Path:
 
 
 def check(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return lab3("check", *arguments)
+
+
+def check_alone(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Check in a process of its own."""
     command = [sys.executable, "-m", "lab3_usd", "check", *map(str, arguments)]
     return subprocess.run(command, check=False, capture_output=True, text=True)
 
@@ -58,7 +64,7 @@ def test_a_correct_stage_passes(clock: Path) -> None:
 
 
 def test_a_fault_is_exit_status_1(wrong: Path) -> None:
-    done = check(wrong)
+    done = check_alone(wrong)
     assert done.returncode == 1
     assert "P01" in done.stdout
 
@@ -189,4 +195,5 @@ def test_a_rule_that_crashes_is_never_a_pass(clock: Path, monkeypatch: pytest.Mo
 
 
 def test_two_runs_give_the_same_bytes(wrong: Path) -> None:
-    assert check(wrong, "--format", "json").stdout == check(wrong, "--format", "json").stdout
+    asked = (wrong, "--format", "json")
+    assert check_alone(*asked).stdout == check(*asked).stdout

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 from breaking import correct_stage
 from foreign_robots import rover
+from in_process import lab3
 from pxr import Usd
 from report_schema import assert_valid
 
@@ -19,9 +19,8 @@ from lab3_usd.report.formats.registry import FORMATS
 STAMP = "/World/Clock/clock.inputs:timeStamp"
 
 
-def lint(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "lab3_usd", "lint", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+def lint(*arguments: str | Path) -> CompletedProcess[str]:
+    return lab3("lint", *arguments)
 
 
 def saved(stage: Usd.Stage, path: Path) -> Path:

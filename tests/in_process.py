@@ -1,0 +1,35 @@
+"""The command line run in the process of the tests, where a process of its own is not the point."""
+
+from __future__ import annotations
+
+import gc
+import io
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from subprocess import CompletedProcess
+from unittest.mock import patch
+
+from lab3_usd import cli
+
+
+def lab3(*arguments: object) -> CompletedProcess[str]:
+    """Run `lab3` with these arguments, and return its exit code and what it prints."""
+    words = ["lab3", *map(str, arguments)]
+    out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8", newline="") for _ in range(2))
+    status: object = 0
+    threshold = gc.get_threshold()
+    with patch.object(sys, "argv", words), redirect_stdout(out), redirect_stderr(err):
+        try:
+            cli.main()
+        except SystemExit as leaving:
+            status = leaving.code or 0
+        finally:
+            gc.unfreeze()
+            gc.set_threshold(*threshold)
+    assert isinstance(status, int)
+    return CompletedProcess(words, status, _text_of(out), _text_of(err))
+
+
+def _text_of(stream: io.TextIOWrapper) -> str:
+    stream.seek(0)
+    return stream.read()
