@@ -79,7 +79,7 @@ def graph(path: str, *nodes: Node, active: bool = True, **attributes: Value) -> 
     """A graph as it is saved, holding these nodes."""
     form = {a.name: a.value for a in lab().catalog.graph.attributes}
     named = {name.replace("__", ":"): value for name, value in attributes.items()}
-    return GraphModel(path, lab().catalog.graph.type, active, {**form, **named}, nodes)
+    return GraphModel(path, active, {**form, **named}, nodes)
 
 
 def graph_of(spec: GraphSpec, path: str | None = None) -> GraphModel:

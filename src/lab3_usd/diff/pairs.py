@@ -61,7 +61,7 @@ def _active(stage: StageModel) -> list[GraphModel]:
     """Return the graphs that are part of the scene, and the nodes outside of every graph as one."""
     graphs = [graph for graph in stage.graphs if graph.active]
     if stage.orphans:
-        graphs.append(GraphModel("", "", active=True, attributes={}, nodes=stage.orphans))
+        graphs.append(GraphModel("", active=True, attributes={}, nodes=stage.orphans))
     return graphs
 
 

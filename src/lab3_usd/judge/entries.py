@@ -93,7 +93,7 @@ def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
 
 
 def judge_entries(
-    entries: Sequence[Entry], settings: JudgeSettings, jobs: int = 1
+    entries: Sequence[Entry], settings: JudgeSettings, jobs: int
 ) -> Generator[Results]:
     """Yield the results of each entry, in order, judged in as many processes as asked for.
 

@@ -96,7 +96,7 @@ def _linted(path: str | Path, release: str) -> StageResult:
     return StageResult(str(path), None, verdict, Score(0.0, 0.0), findings, crashes=found.crashes)
 
 
-def lint_open_stage(stage: Any, release: str = NEWEST) -> RuleResults:  # noqa: ANN401 - pxr has no types
+def lint_open_stage(stage: Any) -> RuleResults:  # noqa: ANN401 - pxr has no types
     """Judge a stage that somebody else has open, which is left as it is.
 
     Raises:
@@ -105,9 +105,9 @@ def lint_open_stage(stage: Any, release: str = NEWEST) -> RuleResults:  # noqa: 
     from lab3_usd.stage.read.opening import reopened  # noqa: PLC0415 - pxr, only when needed
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
-    lab = lint_lab(release)
+    lab = lint_lab(NEWEST)
     model = read_model(reopened(stage), lab, stage.GetRootLayer().identifier)
-    found = lint(LintSubject(lab, load_isaac_types(), model, release))
+    found = lint(LintSubject(lab, load_isaac_types(), model, NEWEST))
     return RuleResults(ordered(found.findings), found.crashes)
 
 
@@ -137,9 +137,7 @@ def _stages_below(path: str) -> Iterator[Path]:
         )
 
 
-def lint_stages(
-    entries: Sequence[Entry], settings: LintSettings, jobs: int = 1
-) -> Generator[Results]:
+def lint_stages(entries: Sequence[Entry], settings: LintSettings, jobs: int) -> Generator[Results]:
     """Yield the result of each stage, in order, judged in as many processes as asked for."""
     if min(jobs, len(entries)) <= 1:
         from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, only when needed

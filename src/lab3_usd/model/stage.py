@@ -106,7 +106,6 @@ class GraphModel(Struct, frozen=True):
     """
 
     path: str
-    prim_type: str
     active: bool
     attributes: Mapping[str, Value]
     nodes: tuple[Node, ...]

@@ -19,7 +19,6 @@ from lab3_usd.spec.catalog import INPUT, Value
 PROFILE = "inputs:qosProfile"
 QUEUE = "inputs:queueSize"
 PRESET = "inputs:createProfile"
-CUSTOM = "Custom"
 
 
 class Qos(Struct, frozen=True):

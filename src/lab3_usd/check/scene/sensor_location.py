@@ -113,13 +113,6 @@ def is_used_by_graph(stage: StageModel, prim: Prim) -> bool:
     return any(prim.path in state.targets for state in states)
 
 
-def sensor_location(subject: StageSubject, name: str) -> SensorLocation | None:
-    """Return where the sensor is, None where the checkpoint asks for none."""
-    if name not in subject.checkpoint.sensors:
-        return None
-    return find_sensor(subject.lab, subject.stage, name)
-
-
 def sensor_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
     """Map the path of each sensor that stands elsewhere to the path where it really is."""
     places = [find_sensor(lab, stage, name) for name in lab.sensors]

@@ -7,7 +7,6 @@ given, or a publisher (as before 6.0) looks at prims of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -35,9 +34,6 @@ from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.catalog import NodeType, TfPorts
 from lab3_usd.spec.lab import Lab
-
-if TYPE_CHECKING:
-    import networkx as nx
 
 
 class Edge(Struct, frozen=True):
@@ -113,23 +109,6 @@ def unresolved_frames(stage: StageModel, lab: Lab) -> tuple[UnresolvedFrames, ..
 def certain_edges(edges: Iterable[Edge]) -> list[Edge]:
     """Return the transforms that are sent for certain, not only perhaps."""
     return [edge for edge in edges if edge.sure]
-
-
-def frame_graph(edges: Iterable[Edge]) -> nx.DiGraph[str]:
-    """Return the edges as a networkx graph from parent to child frame.
-
-    Each edge of the graph carries its publisher under `publisher`, and under `edges` every `Edge`
-    it stands for: more than one where several nodes publish the same transform.
-    """
-    import networkx as nx  # noqa: PLC0415 - only explanations and drawings need a graph
-
-    together: dict[tuple[str, str], list[Edge]] = {}
-    for edge in edges:
-        together.setdefault((edge.parent, edge.child), []).append(edge)
-    graph: nx.DiGraph[str] = nx.DiGraph()
-    for (parent, child), same in together.items():
-        graph.add_edge(parent, child, publisher=same[0].publisher, edges=tuple(same))
-    return graph
 
 
 def _tree_publishers(scene: _Scene) -> Iterator[tuple[Node, str]]:

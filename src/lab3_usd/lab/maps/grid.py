@@ -5,18 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
-import yaml
 from msgspec import Struct
 
 from lab3_usd.errors import Lab3Error
-from lab3_usd.lab.plain_yaml import load_plain
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 _WHITE = 255
+_OCCUPIED_THRESHOLD = 0.65
 _TWO_BYTES = 65535
-_AXES = 3
 _MOST_CELLS = 10**8
 _MOST_DIGITS = 9
 _GAP = rb"(?:\s|#[^\n]*\n)+"
@@ -59,61 +56,11 @@ class Grid(Struct, frozen=True):
         """Return the grey value of a cell."""
         return self.cells[row * self.width + column]
 
-    def occupied(self, threshold: float = 0.65) -> Iterator[tuple[int, int]]:
+    def occupied(self) -> Iterator[tuple[int, int]]:
         """Yield (column, row) of the cells that map_server calls occupied, black being 1."""
         for index, value in enumerate(self.cells):
-            if (_WHITE - value) / _WHITE > threshold:
+            if (_WHITE - value) / _WHITE > _OCCUPIED_THRESHOLD:
                 yield index % self.width, index // self.width
-
-
-def read_map_yaml(path: Path) -> MapFile:
-    """Read the YAML of a map.
-
-    Raises:
-        MapError: the file cannot be read, or lacks what map_server needs; the line names the key.
-    """
-    try:
-        data = load_plain(path.read_bytes())
-    except (OSError, yaml.YAMLError, RecursionError, ValueError) as error:
-        message = f"{path} cannot be read as YAML"
-        raise MapError(message) from error
-    if not isinstance(data, dict):
-        message = f"{path} is no map file: expected keys like 'image' and 'resolution'"
-        raise MapError(message)
-    return MapFile(
-        image=_text(data, "image", path),
-        resolution=_number(data, "resolution", path),
-        origin=_origin(data, path),
-        negate=int(_number(data, "negate", path)),
-        occupied_thresh=_number(data, "occupied_thresh", path),
-        free_thresh=_number(data, "free_thresh", path),
-        mode=_text(data, "mode", path) if "mode" in data else "trinary",
-    )
-
-
-def _text(data: dict[Any, Any], key: str, path: Path) -> str:
-    value = data.get(key)
-    if isinstance(value, str):
-        return value
-    message = f"{path}: '{key}' is {value!r}, expected text"
-    raise MapError(message)
-
-
-def _number(data: dict[Any, Any], key: str, path: Path) -> float:
-    value = data.get(key)
-    if isinstance(value, (int, float)):
-        return float(value)
-    message = f"{path}: '{key}' is {value!r}, expected a number"
-    raise MapError(message)
-
-
-def _origin(data: dict[Any, Any], path: Path) -> tuple[float, float, float]:
-    value = data.get("origin")
-    if isinstance(value, list) and len(value) == _AXES:
-        x, y, turn = (_number({"origin": item}, "origin", path) for item in value)
-        return (x, y, turn)
-    message = f"{path}: 'origin' is {value!r}, expected [x, y, turn]"
-    raise MapError(message)
 
 
 def map_yaml(file: MapFile) -> str:

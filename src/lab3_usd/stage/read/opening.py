@@ -20,6 +20,7 @@ _PARSE_ERROR = re.compile(r":(\d+):\d+: parse error")
 _REASONS = {"UTF-8 BOM": "it starts with a byte order mark; save it as UTF-8 without one"}
 _ARGUMENTS = ":SDF_FORMAT_ARGS:"
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
+_MOST_OPEN = 2
 
 
 def _open(path: Path) -> Usd.Stage:
@@ -48,7 +49,7 @@ def cached(key: Hashable, make: Callable[[], _T]) -> _T:
 
 
 @contextmanager
-def kept_open(most: int = 2) -> Iterator[None]:
+def kept_open() -> Iterator[None]:
     """Keep the stages that are opened last open, and what is read of them, for who asks again."""
     if reading_cache.get() is not None:
         yield  # they are kept already
@@ -59,7 +60,7 @@ def kept_open(most: int = 2) -> Iterator[None]:
     def open_once(path: Path) -> Usd.Stage:
         name = os.path.realpath(path)
         stages[name] = stages.pop(name, None) or open_first(path)
-        if len(stages) > most:
+        if len(stages) > _MOST_OPEN:
             del stages[next(iter(stages))]
             known.clear()  # which names stages by where they are in memory
         return stages[name]

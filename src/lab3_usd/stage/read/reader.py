@@ -220,7 +220,6 @@ class _Scan:
                 attributes[attribute.GetName()] = value
         return GraphModel(
             path=path,
-            prim_type=str(prim.GetTypeName()),
             active=self._is_live(prim),
             attributes=attributes,
             nodes=tuple(self.nodes[path]),
