@@ -18,8 +18,8 @@ from lab3_usd.spec.load.catalog import parse_catalog
 from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.scene import check_scene
 from lab3_usd.spec.load.yaml_file import read_yaml
-from lab3_usd.spec.scene import check_scene
 
 Data = dict[str, Any]
 Edit = Callable[[Data], None]

@@ -25,7 +25,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import AbsentPrim, GraphModel, Node, PortState, StageModel
 from lab3_usd.report.picture import Box, Curve, Picture, Row, State, port_id
-from lab3_usd.report.picture_formats.dot import celled, dot, quoted
+from lab3_usd.report.picture_formats.dot import celled, dot
 from lab3_usd.report.picture_formats.mermaid import coded, mermaid
 from lab3_usd.report.picture_formats.png import png
 from lab3_usd.report.picture_formats.svg import svg, svg_file
@@ -40,6 +40,7 @@ from lab3_usd.report.picture_formats.svg_style import (
 from lab3_usd.report.pictures.graph_picture import graph_picture, spec_picture
 from lab3_usd.report.pictures.stage_pictures import stage_pictures
 from lab3_usd.report.pictures.tf_picture import frames_picture, spec_frames_picture
+from lab3_usd.report.safe_text import dot_string
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import GraphSpec
 
@@ -846,7 +847,7 @@ def test_dot_escapes_what_could_end_a_cell(sign: str) -> None:
 
 def test_dot_doubles_backslashes() -> None:
     assert celled("a\\b") == "a\\\\b"
-    assert quoted('a\\"b') == '"a\\\\\\"b"'
+    assert dot_string('a\\"b') == '"a\\\\\\"b"'
 
 
 def test_dot_keeps_every_string_of_a_stage_in_its_quotes() -> None:

@@ -89,7 +89,7 @@ def checking() -> Check:
     try:
         from lab3_usd.judge.stage import check_stage  # noqa: PLC0415 - reports what is missing
         from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
-        from lab3_usd.spec.starter import STARTER_FILE  # noqa: PLC0415
+        from lab3_usd.spec.load.starter import STARTER_FILE  # noqa: PLC0415
         from lab3_usd.stage.write.builder import build_checkpoint  # noqa: PLC0415
 
         lab = load_lab()

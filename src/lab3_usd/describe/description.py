@@ -34,8 +34,8 @@ from lab3_usd.spec.lint.rubric import RUBRIC_FILE
 from lab3_usd.spec.load.catalog import FILE as CATALOG
 from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
 from lab3_usd.spec.load.ros import FILE as ROS
+from lab3_usd.spec.load.scene import SCENE_FILE, complete_scene
 from lab3_usd.spec.load.submission import FILE as SUBMISSION
-from lab3_usd.spec.scene import SCENE_FILE, complete_scene
 
 _SCENE_HEAD = """\
 What the lab asks of the scene itself: units, robot, world, sensors.

@@ -15,7 +15,7 @@ from lab3_usd.model.physics import SCENE, collides
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.scene import complete_scene
+from lab3_usd.spec.load.scene import complete_scene
 
 
 def describe_scene(

@@ -47,6 +47,11 @@ def printable(text: str) -> str:
     return visible(truncated(text))
 
 
+def dot_string(text: str) -> str:
+    """Return any text as a string of Graphviz, in which nothing is an escape."""
+    return '"' + printable(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
 def truncated_values(document: Any) -> Any:  # noqa: ANN401 - whatever JSON holds
     """Return plain data with every text in it truncated."""
     if isinstance(document, str):

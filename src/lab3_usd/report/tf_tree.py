@@ -11,8 +11,7 @@ from msgspec.structs import asdict
 from lab3_usd.check.tf.cycles import frames_in_cycles
 from lab3_usd.check.tf.frames import Edge
 from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames
-from lab3_usd.report.picture_formats.dot import quoted
-from lab3_usd.report.safe_text import printable, truncated_values
+from lab3_usd.report.safe_text import dot_string, printable, truncated_values
 
 _MARK = "  ! "
 
@@ -160,17 +159,19 @@ def as_dot(report: TreeReport) -> str:
     wrong = {fault.frame for fault in tree_faults(report)}
     frames = dict.fromkeys(name for edge in report.edges for name in (edge.parent, edge.child))
     lines = ["digraph tf {", "  node [shape=box, fontname=sans];", "  edge [fontname=sans];"]
-    lines += [f"  {quoted(name)}{' [color=red]' if name in wrong else ''};" for name in frames]
+    lines += [f"  {dot_string(name)}{' [color=red]' if name in wrong else ''};" for name in frames]
     for edge in report.edges:
-        looks = [f"label={quoted('/'.join(edge.publisher.split('/')[-2:]))}"]
-        looks += [f"tooltip={quoted(edge.publisher)}"]
+        looks = [f"label={dot_string('/'.join(edge.publisher.split('/')[-2:]))}"]
+        looks += [f"tooltip={dot_string(edge.publisher)}"]
         looks += ["color=red"] if edge.child in wrong else []
         looks += ["style=dashed"] if edge.static else [] if edge.sure else ["style=dotted"]
-        lines.append(f"  {quoted(edge.parent)} -> {quoted(edge.child)} [{', '.join(looks)}];")
+        lines.append(
+            f"  {dot_string(edge.parent)} -> {dot_string(edge.child)} [{', '.join(looks)}];"
+        )
     for hidden in report.hidden:
-        name = quoted(f"{hidden.what}: asset not found")
+        name = dot_string(f"{hidden.what}: asset not found")
         lines.append(f"  {name} [style=dashed, color=gray];")
-        lines.append(f"  {quoted(hidden.parent)} -> {name} [style=dashed, color=gray];")
+        lines.append(f"  {dot_string(hidden.parent)} -> {name} [style=dashed, color=gray];")
     return "\n".join([*lines, "}"])
 
 

@@ -16,11 +16,11 @@ from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.grade.book.reports import write_reports
 from lab3_usd.grade.intake.archives import ArchiveError
 from lab3_usd.grade.intake.file_filter import RefusedFile
-from lab3_usd.grade.intake.guard import check_layer
 from lab3_usd.grade.intake.limits import Limits, TooLargeError
 from lab3_usd.grade.intake.staging import stage_submission
 from lab3_usd.grade.scoring.rubric import Rubric
 from lab3_usd.grade.scoring.scoring import Grade, grade
+from lab3_usd.grade.workers.guard import check_layer
 from lab3_usd.grade.workers.messages import Json, Task, status_of
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.judge.results import with_findings

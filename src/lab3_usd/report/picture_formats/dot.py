@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.report.picture import Box, Curve, Picture, Row, State
-from lab3_usd.report.safe_text import printable
+from lab3_usd.report.safe_text import dot_string, printable
 
 COLOURS: dict[State, str] = {
     "ok": "#4a5663",
@@ -22,8 +22,8 @@ def dot(picture: Picture) -> str:
     """
     names = {box.key: f"n{place}" for place, box in enumerate(picture.boxes)}
     lines = [
-        f"digraph {quoted(picture.title)} {{",
-        f"  graph [rankdir=LR, label={quoted(f'{picture.title}: {picture.subtitle}')}];",
+        f"digraph {dot_string(picture.title)} {{",
+        f"  graph [rankdir=LR, label={dot_string(f'{picture.title}: {picture.subtitle}')}];",
         '  node [shape=record, fontname="sans-serif", fontsize=11];',
         '  edge [fontname="sans-serif", fontsize=10];',
         *(_node(box, names[box.key]) for box in picture.boxes),
@@ -82,11 +82,6 @@ def _looks(curve: Curve) -> Iterator[str]:
     if curve.state != "ok":
         yield "penwidth=2"
         yield f'label="{curve.state}"'
-
-
-def quoted(text: str) -> str:
-    """Return any text as a quoted string, in which nothing is an escape."""
-    return '"' + printable(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def celled(text: str) -> str:

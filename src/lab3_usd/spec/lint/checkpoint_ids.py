@@ -8,9 +8,9 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.fault import LabFault
 from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
 from lab3_usd.spec.load.ros import FILE as ROS
+from lab3_usd.spec.load.scene import SCENE_FILE
 from lab3_usd.spec.load.submission import FILE as SUBMISSION
 from lab3_usd.spec.ros import FROM_THE_FIRST
-from lab3_usd.spec.scene import SCENE_FILE
 from lab3_usd.spec.submission import ChecklistSpec
 
 _ANY_STAGES = ("", "all", "last")

@@ -9,7 +9,7 @@ from lab3_usd.spec.lint.fault import LabFault, nearest
 from lab3_usd.spec.lint.graph_names import GraphFrame, graph_frames, named_frames
 from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
 from lab3_usd.spec.load.ros import FILE as ROS
-from lab3_usd.spec.scene import SCENE_FILE
+from lab3_usd.spec.load.scene import SCENE_FILE
 
 TREE = "frames: edges"
 _FRAME_FIELDS = ("header.frame_id", "child_frame_id")

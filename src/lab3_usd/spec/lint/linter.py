@@ -16,9 +16,9 @@ from lab3_usd.spec.lint.topics import topic_faults
 from lab3_usd.spec.load.catalog import FILE as CATALOG
 from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
 from lab3_usd.spec.load.ros import FILE as ROS
+from lab3_usd.spec.load.scene import SCENE_FILE
+from lab3_usd.spec.load.starter import STARTER_FILE
 from lab3_usd.spec.load.submission import FILE as SUBMISSION
-from lab3_usd.spec.scene import SCENE_FILE
-from lab3_usd.spec.starter import STARTER_FILE
 
 _FIXED = (CATALOG, CHECKPOINTS, ROS, RUBRIC_FILE, SCENE_FILE, STARTER_FILE, SUBMISSION)
 

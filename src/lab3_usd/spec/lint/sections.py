@@ -14,8 +14,8 @@ from lab3_usd.spec.lint.fault import LabFault
 from lab3_usd.spec.lint.graph_names import file_of
 from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
 from lab3_usd.spec.load.ros import FILE as ROS
+from lab3_usd.spec.load.scene import SCENE_FILE
 from lab3_usd.spec.load.submission import FILE as SUBMISSION
-from lab3_usd.spec.scene import SCENE_FILE
 
 _FORM = r"[A-Z]\d+"  # of sections of parts that the list lacks
 _NUMBER = re.compile(r"\d+$")

@@ -20,9 +20,9 @@ from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.load.loader import load_isaac_types
 from lab3_usd.spec.load.ros import load_ros
+from lab3_usd.spec.load.scene import SCENE_FILE, complete_scene
 from lab3_usd.spec.load.submission import load_submission
 from lab3_usd.spec.load.yaml_file import read_yaml
-from lab3_usd.spec.scene import SCENE_FILE, complete_scene
 
 
 def assemble(folder: Path) -> Lab:

@@ -12,8 +12,8 @@ from lab3_usd.data import data_folder, lab_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.spec import ros
 from lab3_usd.spec.load.records import record, records
+from lab3_usd.spec.load.scene import SCENE_FILE
 from lab3_usd.spec.load.yaml_file import read_yaml
-from lab3_usd.spec.scene import SCENE_FILE
 
 FILE = "ros.yaml"
 _ByName = dict[str, dict[str, Any]]

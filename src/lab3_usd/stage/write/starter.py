@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from lab3_usd.data import lab_folder
 from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.files import write_whole
-from lab3_usd.spec.starter import (
+from lab3_usd.spec.load.starter import (
     STARTER_FILE,
     AttributeSpec,
     PoseSpec,

@@ -14,13 +14,17 @@ from lab3_usd.check.lint.robots import (
     wired_commands,
 )
 from lab3_usd.check.lint.subject import LintSubject
-from lab3_usd.check.lint.wheels import anchor, wheel_distance, wheel_radius
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import effective_value
 from lab3_usd.check.rules.graphs.limits import stopping_limits
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import number
-from lab3_usd.model.stage import Node, Prim
+from lab3_usd.model.stage import Collider, Matrix, Node, Prim, StageModel
+from lab3_usd.model.transform_math import Vector, distance, transform_point
+
+_BODIES = ("physics:body0", "physics:body1")
+_SQUARE = 0.999  # how far along an axis an axis must point
+_ALIKE = 0.02
 
 _RADIUS, _DISTANCE = "inputs:wheelRadius", "inputs:wheelDistance"
 _CLOSE = 0.05  # of the geometry, which a builder rounds
@@ -64,9 +68,9 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
     for _, controller, pair in _driven_pairs(subject):
-        radii = [wheel_radius(joint, subject.stage) for joint in pair]
+        radii = [_wheel_radius(joint, subject.stage) for joint in pair]
         found = {_RADIUS: None if radii[0] != radii[1] else radii[0]}
-        found[_DISTANCE] = wheel_distance(*pair, subject.stage)
+        found[_DISTANCE] = _wheel_distance(*pair, subject.stage)
         for port, measured in found.items():
             value = number(effective_value(controller, port, subject.live))
             if value and measured and not _fits(value, measured, subject):
@@ -146,7 +150,7 @@ def left_and_right(subject: LintSubject) -> Iterator[Problem]:
     """
     for command, controller, (first, second) in _driven_pairs(subject):
         says_so = (_side(first), _side(second)) == ("right", "left")
-        places = [anchor(joint, subject.stage) for joint in (first, second)]
+        places = [_anchor(joint, subject.stage) for joint in (first, second)]
         is_so = True
         if places[0] is not None and places[1] is not None and subject.stage.up_axis == "Z":
             is_so = places[0][1] <= places[1][1]
@@ -167,3 +171,57 @@ def _side(joint: Prim) -> str:
     name = joint.name.lower()
     words = re.split(r"[^a-z]+", name)
     return next((side for side in ("left", "right") if side in name or side[0] in words), "")
+
+
+def _body(joint: Prim, side: int, stage: StageModel) -> Prim | None:
+    paths = joint.relationships.get(_BODIES[side], ())
+    return stage.prim(paths[0]) if paths else None
+
+
+def _wheel_radius(joint: Prim, stage: StageModel) -> float | None:
+    """Return the radius of the wheel that a joint turns, in metres; None where nothing tells it.
+
+    A wheel is as high as it is long: two sides of the box around it are alike. A wheel that was
+    saved turned has a larger box, so that none is taken then.
+    """
+    wheel = _body(joint, 1, stage)
+    if wheel is None or wheel.world is None or not _is_square(wheel.world):
+        return None
+    boxes = list(stage.colliders.below(wheel.path))
+    return _radius(boxes) if boxes else None
+
+
+def _radius(boxes: list[Collider]) -> float | None:
+    sides = sorted(
+        max(box.high[axis] for box in boxes) - min(box.low[axis] for box in boxes)
+        for axis in range(3)
+    )
+    is_wheel = math.isclose(sides[1], sides[2], rel_tol=_ALIKE) and sides[0] < sides[1]
+    return sides[2] / 2 if is_wheel else None
+
+
+def _is_square(world: Matrix) -> bool:
+    """Whether the axes of a prim point along those of the world."""
+    rows = (world[0:3], world[4:7], world[8:11])
+    return all(max(map(abs, row)) > _SQUARE * math.hypot(*row) for row in rows)
+
+
+def _anchor(joint: Prim, stage: StageModel) -> Vector | None:
+    """Return where a joint sits on its base, in the base's own axes and in stage units."""
+    base = _body(joint, 0, stage)
+    place = joint.attributes.get("physics:localPos0", (0.0, 0.0, 0.0))
+    if base is None or not isinstance(place, tuple):
+        return None
+    numbers = [float(each) for each in place if isinstance(each, (int, float))]
+    return (numbers[0], numbers[1], numbers[2]) if len(numbers) == len("xyz") else None
+
+
+def _wheel_distance(one: Prim, other: Prim, stage: StageModel) -> float | None:
+    """Return how far two joints sit apart, in metres; None where nothing tells it."""
+    places = []
+    for joint in (one, other):
+        base, place = _body(joint, 0, stage), _anchor(joint, stage)
+        if base is None or base.world is None or place is None:
+            return None
+        places.append(transform_point(place, base.world))
+    return distance(*places) * stage.meters_per_unit

@@ -11,8 +11,8 @@ from msgspec.structs import fields, replace
 
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.load.records import record
+from lab3_usd.spec.load.scene import SCENE_FILE, Number3, complete_scene
 from lab3_usd.spec.load.yaml_file import read_yaml
-from lab3_usd.spec.scene import SCENE_FILE, Number3, complete_scene
 
 STARTER_FILE = "starter.yaml"
 _Data = dict[str, Any]
