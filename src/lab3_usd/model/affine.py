@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-Vector = tuple[float, float, float]
+from lab3_usd.model.transform_math import Vector, length
+
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
 Rows = tuple[Vector, Vector, Vector]
 _HALF_TURN = 1e-3  # w of a quaternion, below which another part is larger
@@ -113,27 +114,6 @@ def about(axis: Vector, angle: float) -> Rows:
     half = angle / 2.0
     s = math.sin(half)
     return rotation((math.cos(half), axis[0] * s, axis[1] * s, axis[2] * s))
-
-
-def length(vector: Vector) -> float:
-    """Return how long a vector is."""
-    return math.sqrt(dot(vector, vector))
-
-
-def dot(one: Vector, other: Vector) -> float:
-    """Return the scalar product."""
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
-
-
-def cross(one: Vector, other: Vector) -> Vector:
-    """Return the vector product."""
-    (a, b, c), (x, y, z) = one, other
-    return (b * z - c * y, c * x - a * z, a * y - b * x)
-
-
-def minus(one: Vector, other: Vector) -> Vector:
-    """Return the difference."""
-    return (one[0] - other[0], one[1] - other[1], one[2] - other[2])
 
 
 def heading(place: Affine) -> float:

@@ -187,3 +187,8 @@ def length(vector: Vector) -> float:
 def scaled(vector: Vector, factor: float) -> Vector:
     """Return a vector times a number."""
     return (vector[0] * factor, vector[1] * factor, vector[2] * factor)
+
+
+def minus(one: Vector, other: Vector) -> Vector:
+    """Return the difference."""
+    return (one[0] - other[0], one[1] - other[1], one[2] - other[2])

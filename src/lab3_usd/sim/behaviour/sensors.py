@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from lab3_usd.model.affine import length, minus
+from lab3_usd.model.transform_math import length, minus
 from lab3_usd.sim.behaviour.evidence import Evidence, Fault
 from lab3_usd.sim.behaviour.places import agree, in_root
 from lab3_usd.sim.execution.record import Message, Scan, View

@@ -6,7 +6,8 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from lab3_usd.model.affine import Affine, Quaternion, Vector
+from lab3_usd.model.affine import Affine, Quaternion
+from lab3_usd.model.transform_math import Vector
 
 
 class Transform(Struct, frozen=True):

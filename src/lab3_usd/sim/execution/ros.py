@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
 
-from lab3_usd.model.affine import Vector
+from lab3_usd.model.transform_math import Vector
 from lab3_usd.sim.execution.record import Message, Profile
 
 if TYPE_CHECKING:

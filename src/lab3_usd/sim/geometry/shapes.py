@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from lab3_usd.model.affine import Affine, Vector
+from lab3_usd.model.affine import Affine
 from lab3_usd.model.scene import Prim
+from lab3_usd.model.transform_math import Vector
 
 Triangle = tuple[Vector, Vector, Vector]
 Segment = tuple[float, float, float, float]  # from x, y to x, y

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from lab3_usd.model.affine import Affine, Vector, cross, dot, length
+from lab3_usd.model.affine import Affine
+from lab3_usd.model.transform_math import Vector, cross, dot, length
 from lab3_usd.sim.execution.record import Message, Odometry
 from lab3_usd.sim.execution.registry import computes
 from lab3_usd.sim.execution.ros import opened, send

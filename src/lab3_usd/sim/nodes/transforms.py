@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from lab3_usd.model.affine import HERE, Affine, Vector
+from lab3_usd.model.affine import HERE, Affine
+from lab3_usd.model.transform_math import Vector
 from lab3_usd.sim.execution.record import Message, Transform
 from lab3_usd.sim.execution.registry import computes
 from lab3_usd.sim.execution.ros import Endpoint, opened, send

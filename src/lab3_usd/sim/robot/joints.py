@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from lab3_usd.model.affine import Affine, Vector
+from lab3_usd.model.affine import Affine
+from lab3_usd.model.transform_math import Vector
 
 HINGE, SLIDER = "PhysicsRevoluteJoint", "PhysicsPrismaticJoint"
 FIXED = "PhysicsFixedJoint"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from lab3_usd.model.affine import HERE, Affine, Vector, cross, minus
+from lab3_usd.model.affine import HERE, Affine
 from lab3_usd.model.scene import Scene
+from lab3_usd.model.transform_math import Vector, cross, minus
 from lab3_usd.sim.geometry.cuts import cut, height_at
 from lab3_usd.sim.geometry.shapes import placed
 from lab3_usd.sim.robot.assembly import ROOT, Bodies, collides
