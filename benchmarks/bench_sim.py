@@ -21,7 +21,7 @@ from msgspec import Struct
 
 from lab3_usd import build_checkpoint
 from lab3_usd.model.scene import Scene
-from lab3_usd.sim.behaviour.asked import interface
+from lab3_usd.sim.behaviour.ros_interface import interface
 from lab3_usd.sim.execution.drive import Session, fixed_drive
 from lab3_usd.sim.outcome import outcome
 from lab3_usd.sim.play import record

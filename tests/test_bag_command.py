@@ -25,7 +25,7 @@ from lab3_usd.commands.bag import command
 from lab3_usd.commands.sim import command as sim_command
 from lab3_usd.data import data_folder
 from lab3_usd.report.behaviour.words import LOOKS_OF_A_RECORDING
-from lab3_usd.sim.bag import gathering, judging, packing
+from lab3_usd.sim.bag import gathering, judging, limits
 from lab3_usd.sim.bag.checks import CHECKS
 from lab3_usd.sim.behaviour.judge import CHECKS as SHARED
 
@@ -408,11 +408,11 @@ def test_very_many_topics_are_one_line(tmp_path: Path) -> None:
     with closing(sqlite3.connect(tmp_path / "run.db3")) as base, base:
         base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type)")
         base.executemany("INSERT INTO topics(name) VALUES(?)", [(f"/{n}",) for n in range(5000)])
-    assert refused(tmp_path) == f"has more than {packing.MOST_TOPICS} topics"
+    assert refused(tmp_path) == f"has more than {limits.MOST_TOPICS} topics"
 
 
 def test_many_topics_of_mcap_are_one_line(plain: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packing, "MOST_TOPICS", 3)
+    monkeypatch.setattr(limits, "MOST_TOPICS", 3)
     assert refused(plain) == "has more than 3 topics"
 
 
@@ -420,7 +420,7 @@ def test_a_message_that_unpacks_to_too_much_is_one_line(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = rewritten(plain, tmp_path / "run", packing=CompressionMode.MESSAGE)
-    monkeypatch.setattr(packing, "LARGEST_MESSAGE", 100)
+    monkeypatch.setattr(limits, "LARGEST_MESSAGE", 100)
     assert "larger than" in refused(folder)
 
 
@@ -428,7 +428,7 @@ def test_a_file_that_unpacks_to_too_much_is_one_line(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = rewritten(plain, tmp_path / "run", packing=CompressionMode.FILE)
-    monkeypatch.setattr(judging, "Bounds", lambda: packing.Bounds(file=1000))
+    monkeypatch.setattr(judging, "Bounds", lambda: limits.Bounds(file=1000))
     assert "unpacks to more than" in refused(folder)
 
 

@@ -31,7 +31,7 @@ from lab3_usd.grade.workers.worker_process import (
     WorkerError,
     ask,
     end_worker,
-    never,
+    never_stopped,
     start_worker,
 )
 from lab3_usd.grade.workers.worker_slot import WorkerSlot, judge_in
@@ -153,14 +153,14 @@ def test_how_a_worker_ended_and_over_which_file_is_known(
     worker: Worker, student: str, how: str
 ) -> None:
     with pytest.raises(WorkerDiedError) as died:
-        ask(worker, task(student), never)
+        ask(worker, task(student), never_stopped)
     assert (died.value.how, died.value.file) == (how, "second.usda")
     assert died.value.external == (student == "killed")
 
 
 def test_what_a_worker_left_running_goes_with_it(worker: Worker) -> None:
     with pytest.raises(WorkerDiedError):
-        ask(worker, task("parts"), never)
+        ask(worker, task("parts"), never_stopped)
     end_worker(worker)
     assert eventually(lambda: not group_exists(worker.process.pid))
 
@@ -186,9 +186,9 @@ def test_the_next_submission_is_judged_by_another_worker(odd: PoolSettings, befo
 def test_an_idle_worker_that_is_killed_costs_nobody_a_point(odd: PoolSettings) -> None:
     slot = WorkerSlot(odd)
     try:
-        _, first = judge_in(slot, task("well"), never)
+        _, first = judge_in(slot, task("well"), never_stopped)
         os.kill(first["by"], signal.SIGKILL)
-        _, second = judge_in(slot, task("well"), never)
+        _, second = judge_in(slot, task("well"), never_stopped)
     finally:
         slot.stop()
     assert (second["status"], second["broken"]) == ("graded", {})
@@ -200,8 +200,8 @@ def test_a_worker_that_is_killed_at_its_work_is_replaced_once(
     monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
     slot = WorkerSlot(odd)
     try:
-        _, once = judge_in(slot, task("once"), never)
-        _, always = judge_in(slot, task("killed"), never)
+        _, once = judge_in(slot, task("once"), never_stopped)
+        _, always = judge_in(slot, task("killed"), never_stopped)
     finally:
         slot.stop()
     assert (once["status"], once["broken"]) == ("graded", {})
@@ -214,8 +214,8 @@ def test_a_file_at_which_a_worker_crashed_is_read_once_more(
     monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
     slot = WorkerSlot(odd)
     try:
-        _, once = judge_in(slot, task("crashes once"), never)
-        _, always = judge_in(slot, task("crashes"), never)
+        _, once = judge_in(slot, task("crashes once"), never_stopped)
+        _, always = judge_in(slot, task("crashes"), never_stopped)
     finally:
         slot.stop()
     assert (once["status"], once["broken"]) == ("graded", {})
@@ -229,7 +229,7 @@ def test_workers_that_never_begin_are_the_tools_fault(
     monkeypatch.setattr(worker_process, "_MAIN", silent)
     slot = WorkerSlot(odd)
     try:
-        _, answer = judge_in(slot, task("well"), never)
+        _, answer = judge_in(slot, task("well"), never_stopped)
     finally:
         slot.stop()
     assert status_of(answer["failed"]) == "tool failed"
@@ -311,7 +311,7 @@ def test_a_submission_is_judged_again_without_the_file_that_ended_the_worker(
 ) -> None:
     slot = WorkerSlot(odd)
     try:
-        judged, answer = judge_in(slot, task("crashes"), never)
+        judged, answer = judge_in(slot, task("crashes"), never_stopped)
     finally:
         slot.stop()
     assert answer["broken"] == {"second.usda": "crashed usd-core (SIGSEGV)"}
@@ -321,7 +321,7 @@ def test_a_submission_is_judged_again_without_the_file_that_ended_the_worker(
 def test_a_submission_that_ends_every_worker_is_given_up(odd: PoolSettings) -> None:
     slot = WorkerSlot(odd)
     try:
-        _, answer = judge_in(slot, task("early"), never)
+        _, answer = judge_in(slot, task("early"), never_stopped)
     finally:
         slot.stop()
     assert answer == {"failed": "ran out of time (0.6 s)"}
@@ -575,7 +575,7 @@ def test_a_real_worker_judges_and_leaves_nothing_behind(tmp_path: Path) -> None:
     made = start_worker(settings_for(tmp_path))
     try:
         sent = Task("jane", "jane", (Source(tmp_path / "jane"),))
-        answer = ask(made, sent, never)
+        answer = ask(made, sent, never_stopped)
         left = sorted(path.name for path in made.scratch.iterdir())
     finally:
         end_worker(made)

@@ -12,7 +12,7 @@ from grade_files import files_below
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
-from lab3_usd.files import leftovers
+from lab3_usd.files import leftover_files
 from lab3_usd.grade.book.gradebook import (
     check_target,
     known_digest,
@@ -75,7 +75,7 @@ def test_what_only_looks_like_a_half_is_neither_removed_nor_written_over(
 
 def test_a_folder_of_that_name_is_no_half(tmp_path: Path) -> None:
     (tmp_path / ".grades.csv.4e28oqqi").mkdir()
-    assert leftovers(tmp_path, ["grades.csv"]) == ()
+    assert leftover_files(tmp_path, ["grades.csv"]) == ()
 
 
 @pytest.mark.parametrize(

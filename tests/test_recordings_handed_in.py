@@ -42,7 +42,7 @@ from lab3_usd.model.lab_files import (
     Observation,
     RecordingShown,
 )
-from lab3_usd.sim.bag import packing, screening
+from lab3_usd.sim.bag import limits, screening
 from lab3_usd.spec.load.ros import map_facts
 
 RULES = {each.id: each for each in rules_of("evidence", "E")}
@@ -232,7 +232,7 @@ def test_a_database_that_computes_for_ever_is_not_opened(handed_in: Path) -> Non
 
 
 def test_a_million_topics_are_not_read(handed_in: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packing, "MOST_TOPICS", 50)
+    monkeypatch.setattr(limits, "MOST_TOPICS", 50)
     with Writer(handed_in / "results" / "run", version=8, storage_plugin=StoragePlugin.MCAP) as bag:
         for number in range(60):
             bag.add_connection(

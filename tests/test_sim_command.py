@@ -26,8 +26,8 @@ from lab3_usd.commands.sim import command
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
 from lab3_usd.report.behaviour.words import LOOKS
-from lab3_usd.sim.behaviour.asked import interface
 from lab3_usd.sim.behaviour.judge import CHECKS
+from lab3_usd.sim.behaviour.ros_interface import interface
 from lab3_usd.sim.execution.drive import drive_of
 
 DRIVE, CLOCK = "/turtlebot3_burger/ROS_Drive", "/World/ROS_Clock"

@@ -22,8 +22,8 @@ from dry_runs import INTERFACE, driven
 from pxr import Usd
 
 from lab3_usd.commands.sim import command
-from lab3_usd.commands.steps import living
-from lab3_usd.commands.steps.living import said_of
+from lab3_usd.commands.steps import live_run
+from lab3_usd.commands.steps.live_run import said_of
 from lab3_usd.model.scene import Scene
 from lab3_usd.sim.bag.messages import serialized
 from lab3_usd.sim.execution.record import Message, Profile, Transform
@@ -237,7 +237,7 @@ def test_a_domain_that_cannot_be_is_said(monkeypatch: pytest.MonkeyPatch, domain
     monkeypatch.setattr(
         link_module, "CONFIGURATION", link_module.CONFIGURATION.replace("127.0.0.1", "192.0.2.1")
     )
-    with pytest.raises(living.UsageError, match="DDS does not start"):
+    with pytest.raises(live_run.UsageError, match="DDS does not start"):
         Link(domain, "/cmd_vel")
 
 
@@ -303,11 +303,11 @@ def test_the_command_says_what_it_sent(
     ids=" ".join,
 )
 def test_what_does_not_go_together_is_wrong_use(path: Path, words: list[str]) -> None:
-    assert isinstance(sim(path, *words).exception, living.UsageError)
+    assert isinstance(sim(path, *words).exception, live_run.UsageError)
 
 
 def test_without_the_extra_a_line_says_what_to_install(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(living, "find_spec", lambda _: None)
+    monkeypatch.setattr(live_run, "find_spec", lambda _: None)
     assert "pip install 'lab3-usd[live]'" in str(sim(path, "--live").exception)

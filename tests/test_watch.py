@@ -23,7 +23,7 @@ from pxr import Sdf
 
 from lab3_usd import cli
 from lab3_usd.commands.steps import watching
-from lab3_usd.commands.steps.news import news_between
+from lab3_usd.commands.steps.report_changes import changes_between
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding, Report, Score, StageResult
 from lab3_usd.report.html.live_page import live_page, version_file, version_script
@@ -386,7 +386,7 @@ def report(*messages: str) -> Report:
 def test_findings_are_paired(
     before: list[str], after: list[str], figures: tuple[int, int, int]
 ) -> None:
-    found = news_between(report(*before), report(*after))
+    found = changes_between(report(*before), report(*after))
     assert (len(found.new), len(found.changed), len(found.repaired)) == figures
 
 

@@ -56,7 +56,7 @@ def temporary_beside(target: Path, suffix: str = "") -> Path:
     return temporary
 
 
-def leftovers(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:
+def leftover_files(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:
     """Return what writing files of these `names` in `folder` left when it was killed, in order."""
     prefixes = tuple(f".{name}." for name in names)
     return tuple(

@@ -83,7 +83,7 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
     0 all right, 1 something is wrong, 2 unreadable or wrong usage, 3 the tool itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.commands.steps.living import check_live, live  # noqa: PLC0415
+    from lab3_usd.commands.steps.live_run import check_live, live  # noqa: PLC0415
     from lab3_usd.commands.steps.options import checkpoint_number  # noqa: PLC0415
     from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415

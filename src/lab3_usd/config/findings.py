@@ -15,7 +15,9 @@ from lab3_usd.model.finding import Finding, family_of, is_among
 _Value = TypeVar("_Value")
 
 
-def configured(findings: Iterable[Finding], path: str, config: Config) -> Iterator[Finding]:
+def with_config_applied(
+    findings: Iterable[Finding], path: str, config: Config
+) -> Iterator[Finding]:
     """Yield the findings of a file that its patterns do not ignore, as grave as is set.
 
     What is set for a rule counts before what is set for its family.

@@ -17,7 +17,7 @@ from lab3_usd.errors import StageError, UsageError
 from lab3_usd.files import temporary_beside
 from lab3_usd.fix.attempts import Attempt, most_helpful, weight
 from lab3_usd.fix.layer_bytes import new_bytes
-from lab3_usd.judge.ignoring import heeded
+from lab3_usd.judge.ignoring import without_noted
 from lab3_usd.judge.lint import lint_lab
 from lab3_usd.judge.starter import open_against_starter, open_starter
 from lab3_usd.model.finding import Finding, Score, Site, StageResult, ordered, site_of
@@ -137,7 +137,7 @@ def _fixed(
         try:
             findings = tuple(found(file, stage))
             heed = options.heeds_ignores
-            return options.wanted(heeded(findings, stage, file) if heed else findings)
+            return options.wanted(without_noted(findings, stage, file) if heed else findings)
         finally:
             release_start_values(stage)  # which edits are about to change
 

@@ -173,9 +173,9 @@ def _judge_submission(path: str, settings: JudgeSettings) -> Results:
 
 
 def _without_ignored(result: StageResult, settings: JudgeSettings) -> StageResult:
-    from lab3_usd.judge.ignoring import ran, without_ignored  # noqa: PLC0415 - only for lab3 check
+    from lab3_usd.judge.ignoring import scopes_run, without_ignored  # noqa: PLC0415 - only for lab3 check
 
-    return without_ignored(result, ran(starter=settings.starter, native=settings.native))
+    return without_ignored(result, scopes_run(starter=settings.starter, native=settings.native))
 
 
 def _with_native(result: StageResult) -> StageResult:

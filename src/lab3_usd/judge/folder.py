@@ -131,9 +131,9 @@ def _results(
 
             result = with_native(result)
         if settings.heeds_ignores:
-            from lab3_usd.judge.ignoring import ran, without_ignored  # noqa: PLC0415 - only for lab3 check
+            from lab3_usd.judge.ignoring import scopes_run, without_ignored  # noqa: PLC0415 - only for lab3 check
 
-            also = ran(starter=starters.compared, native=settings.native)
+            also = scopes_run(starter=starters.compared, native=settings.native)
             result = without_ignored(result, also)
         yield number, result
 

@@ -18,7 +18,7 @@ _WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint"})
 _WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "frames", "outcome"})
 
 
-def ran(*, starter: object, native: bool) -> frozenset[Scope]:
+def scopes_run(*, starter: object, native: bool) -> frozenset[Scope]:
     """Return the scopes that ran besides: with a starter that is not None, with `--native`."""
     compared: frozenset[Scope] = frozenset() if starter is None else frozenset({"starter"})
     return compared | {"native"} if native else compared
@@ -59,7 +59,7 @@ def _is_for_others(note: IgnoreNote, scopes: Collection[Scope]) -> bool:
     return bool(named) and not any(each.scope in scopes for each in named)
 
 
-def heeded(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:  # noqa: ANN401
+def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:  # noqa: ANN401
     """Return what no note in an open stage ignores, of findings that have no places yet."""
     from lab3_usd.stage.read.ignore_notes import read_ignore_notes  # noqa: PLC0415 - pxr
 

@@ -74,9 +74,9 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
 def _ignoring(result: StageResult, settings: LintSettings) -> StageResult:
     if not settings.heeds_ignores:
         return result
-    from lab3_usd.judge.ignoring import ran, without_ignored  # noqa: PLC0415 - only for lab3 lint
+    from lab3_usd.judge.ignoring import scopes_run, without_ignored  # noqa: PLC0415 - only for lab3 lint
 
-    return without_ignored(result, ran(starter=None, native=settings.native))
+    return without_ignored(result, scopes_run(starter=None, native=settings.native))
 
 
 def _linted(path: str | Path, release: str) -> StageResult:

@@ -75,7 +75,7 @@ def _recordings(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
 def _judged(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> RecordingShown:
     from lab3_usd.sim.bag.files import layout_of  # noqa: PLC0415 - of the extra
     from lab3_usd.sim.bag.judging import judge_what_came  # noqa: PLC0415
-    from lab3_usd.sim.bag.packing import Bounds  # noqa: PLC0415
+    from lab3_usd.sim.bag.limits import Bounds  # noqa: PLC0415
 
     lab, last = until
     name = files[0].path

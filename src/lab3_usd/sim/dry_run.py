@@ -12,9 +12,9 @@ from lab3_usd.errors import StageError
 from lab3_usd.model.affine import Affine, heading, rotation
 from lab3_usd.model.behaviour import Behaviour, Moment, Place, Replay, Unknown
 from lab3_usd.model.scene import Scene
-from lab3_usd.sim.behaviour.asked import interface
 from lab3_usd.sim.behaviour.evidence import Evidence
-from lab3_usd.sim.behaviour.places import in_root
+from lab3_usd.sim.behaviour.ros_interface import interface
+from lab3_usd.sim.behaviour.tf_lookup import in_root
 from lab3_usd.sim.execution.drive import drive_of, fixed_drive
 from lab3_usd.sim.execution.record import Message, Odometry, Pose, Scan
 from lab3_usd.sim.outcome import outcome

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lab3_usd.errors import UsageError
 from lab3_usd.lab.fill import fill_template
-from lab3_usd.sim.behaviour.asked import interface
+from lab3_usd.sim.behaviour.ros_interface import interface
 from lab3_usd.sim.execution.drive import COMMANDS, RATE, Leg, fixed_drive
 from lab3_usd.spec.lab import Lab
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from lab3_usd.model.behaviour import Behaviour, Check, Frame, Leg, Topic, Unknown
-from lab3_usd.sim.behaviour.evidence import Evidence, gone
+from lab3_usd.sim.behaviour.evidence import Evidence, displacement
 from lab3_usd.sim.behaviour.judge import judge
 from lab3_usd.sim.behaviour.sensors import rate_of
 from lab3_usd.sim.execution.drive import RATE
@@ -96,7 +96,7 @@ def told_legs(evidence: Evidence) -> Iterator[Leg]:
     for leg, before, poses in evidence.stretches(*{each.name for each in evidence.drive[0].legs}):
         if leg.command is None or not any(leg.command):
             continue
-        ahead, _, turned = gone(before, poses[-1])
+        ahead, _, turned = displacement(before, poses[-1])
         told = (leg.forward * leg.seconds, math.degrees(leg.turn * leg.seconds))
         done = (round(ahead, 3) + 0.0, round(math.degrees(turned), 1) + 0.0)
         yield Leg(leg.name, leg.seconds, told, done)

@@ -7,13 +7,13 @@ from collections.abc import Collection
 _ALIKE = 0.8
 
 
-def meant(written: str, known: Collection[str]) -> str | None:
+def likely_name(written: str, known: Collection[str]) -> str | None:
     """Return the known name that a name was likely meant to be, None where none is near."""
     same = [name for name in known if name.lower() == written.lower()]
     return same[0] if same else _near(written, known, _ALIKE)
 
 
-def meant_type(written: str, known: Collection[str]) -> str | None:
+def likely_type(written: str, known: Collection[str]) -> str | None:
     """Return the node type that was likely meant: of the same last name, or of one alike."""
     last = written.rpartition(".")[2].removeprefix("Ogn")
     same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
@@ -29,7 +29,7 @@ def _near(written: str, known: Collection[str], least: float) -> str | None:
     return near[0] if near else None
 
 
-def or_meant(name: str | None) -> str:
+def did_you_mean(name: str | None) -> str:
     """Return the end of a sentence that offers a name, nothing without one."""
     return f"; did you mean {name}?" if name else ""
 

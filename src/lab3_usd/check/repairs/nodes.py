@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from lab3_usd.check.lint.names import meant
+from lab3_usd.check.lint.names import likely_name
 from lab3_usd.check.match.conformance import setting_matches, source_path
 from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.model.repair import (
@@ -56,7 +56,7 @@ def modern_types(nodes: Iterable[Node], catalog: Catalog) -> Iterator[Edit]:
 def _unknown_port_edits(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[Edit]:
     """Yield what makes a port right that the type does not have: its name, else no connection."""
     kind = subject.spec.nodes[role].type
-    likely = meant(name, [*kind.ports])
+    likely = likely_name(name, [*kind.ports])
     if likely is not None and _misspelt(kind, node, likely) == name:
         yield from property_edits(subject, role, node, likely)
     elif node.sources(name):
@@ -72,8 +72,8 @@ def _renaming(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:
 def _misspelt(kind: NodeType, node: Node, name: str) -> str | None:
     """Return the property that was likely meant to be a port which the node does not have."""
     unknown = [each for each in node.ports if kind.port(each) is None]
-    written = meant(name, unknown) if name not in node.ports else None
-    return written if written and meant(written, [*kind.ports]) == name else None
+    written = likely_name(name, unknown) if name not in node.ports else None
+    return written if written and likely_name(written, [*kind.ports]) == name else None
 
 
 def _target_edits(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:

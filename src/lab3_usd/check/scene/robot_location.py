@@ -65,7 +65,7 @@ def _link_relocations(links: tuple[str, ...], root: str, stage: StageModel) -> d
     missing = [name for name in links if not _is_there(stage, f"{root}/{name}")]
     relocations: dict[str, str] = {}
     for name in missing:
-        others = namesakes(stage, root, name)
+        others = same_named_prims(stage, root, name)
         if len(others) == 1:
             relocations[f"{root}/{name}"] = others[0]
     if len(missing) == 1 and not relocations:
@@ -79,7 +79,7 @@ def _is_there(stage: StageModel, path: str) -> bool:
     return path in stage.prims or is_unresolved(stage, path)
 
 
-def namesakes(stage: StageModel, root: str, name: str) -> tuple[str, ...]:
+def same_named_prims(stage: StageModel, root: str, name: str) -> tuple[str, ...]:
     """Return the prims below the robot that have the name of a missing link."""
     prims = (prim for prim in stage.named(name) if prim.present)
     has_type = (prim.path for prim in prims if prim.type == "Xform")

@@ -9,12 +9,12 @@ from lab3_usd.check.registry import all_rules
 from lab3_usd.judge.results import with_findings
 from lab3_usd.model.behaviour import Behaviour
 from lab3_usd.model.finding import Finding, StageResult
-from lab3_usd.report.behaviour.still import Still, still
+from lab3_usd.report.behaviour.summary import DryRunSummary, dry_run_summary
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
 
 
-def with_dry_run(result: StageResult, shown: dict[str, Still]) -> StageResult:
+def with_dry_run(result: StageResult, shown: dict[str, DryRunSummary]) -> StageResult:
     """Return a result with a note for each check of a dry run that is bad; the score stays.
 
     What a page shows of it is added to `shown`.
@@ -22,7 +22,7 @@ def with_dry_run(result: StageResult, shown: dict[str, Still]) -> StageResult:
     if result.verdict == "unreadable" or result.checkpoint is None:
         return result
     run = dry_run(Path(result.path), load_lab(), result.checkpoint)
-    drawn = still(run.behaviour, run.replay)
+    drawn = dry_run_summary(run.behaviour, run.replay)
     if drawn is not None:
         shown[result.path] = drawn
     return with_findings(result, (*result.findings, *_notes(run.behaviour)))

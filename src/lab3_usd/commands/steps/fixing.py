@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from lab3_usd.commands.steps.options import checkpoint_number
-from lab3_usd.commands.steps.reporting import wanted
+from lab3_usd.commands.steps.reporting import selected_findings
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
 from lab3_usd.fix.repairing import Fixed, FixOptions, check_result, fix_linted, fix_stage
@@ -36,7 +36,7 @@ def run(stage: Path, options: Mapping[str, Any]) -> int:
         unsafe=options["unsafe"],
         root_only=options["output"] is not None,
         starter=options["starter"],
-        wanted=lambda findings: wanted(findings, str(stage), options),
+        wanted=lambda findings: selected_findings(findings, str(stage), options),
         heeds_ignores=True,
     )
     fixed = _fixed(stage, options, settings)

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from lab3_usd.commands.steps.reporting import (
     exit_code,
     rendered,
-    wanted,
+    selected_findings,
     without_baseline,
     write_report,
 )
@@ -75,11 +75,12 @@ def _judged(entries: list[Entry], judge: Judge, options: Mapping[str, Any]) -> R
     with closing(judged), _progress(judged, len(entries), options) as bar:
         for stages, about in bar:
             results += (
-                with_findings(each, wanted(each.findings, each.path, options))
+                with_findings(each, selected_findings(each.findings, each.path, options))
                 for each in _played(stages, options)
             )
             submissions += (
-                replace(each, findings=wanted(each.findings, each.path, options)) for each in about
+                replace(each, findings=selected_findings(each.findings, each.path, options))
+                for each in about
             )
     return without_baseline(Report(tuple(results), tuple(submissions)), options)
 

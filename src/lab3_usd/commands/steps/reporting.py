@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd.commands.steps.options import chosen, wants_color, width
-from lab3_usd.config.findings import configured
+from lab3_usd.config.findings import with_config_applied
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
@@ -66,7 +66,7 @@ def _is_native(rule: str) -> bool:
     return family_of(rule) == FAMILY
 
 
-def wanted(
+def selected_findings(
     findings: Iterable[Finding], path: str, options: Mapping[str, Any]
 ) -> tuple[Finding, ...]:
     """Return the findings of a file that are asked for, as grave as the configuration has them.
@@ -75,7 +75,7 @@ def wanted(
     """
     every = tuple(findings)
     others = (each for each in every if each.rule != UNREADABLE)
-    kept = configured(others, path, options["config"])
+    kept = with_config_applied(others, path, options["config"])
     asked = (each for each in kept if chosen(each.rule, options["select"], options["ignore"]))
     return (*(each for each in every if each.rule == UNREADABLE), *asked)
 

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import click
 
-from lab3_usd.commands.steps.news import clock, news_between, news_lines
+from lab3_usd.commands.steps.file_events import Stamp, folders_of, holds, saves, stamp
+from lab3_usd.commands.steps.report_changes import change_lines, changes_between, clock
 from lab3_usd.commands.steps.reporting import write_report
-from lab3_usd.commands.steps.saves import Stamp, folders_of, holds, saves, stamp
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.model.finding import Report
 
@@ -140,7 +140,7 @@ class _Session:
             return
         saved = ", ".join(touched or sorted(gone))
         after = self._whole()
-        self._tell(news_lines(saved, news_between(before, after), after))
+        self._tell(change_lines(saved, changes_between(before, after), after))
 
     def close(self) -> None:
         """Leave a page that is a report like any other."""

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from lab3_usd.errors import UsageError
-from lab3_usd.files import leftovers, write_parts, write_whole
+from lab3_usd.files import leftover_files, write_parts, write_whole
 from lab3_usd.grade.book import reports
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.scoring.rubric import COLUMNS, Rubric
@@ -46,7 +46,7 @@ def check_target(out: Path, *, resume: bool) -> None:
     if not out.is_dir():
         message = f"{out}: is not a folder; choose another one for -o"
         raise UsageError(message)
-    half = leftovers(out, _TABLES)
+    half = leftover_files(out, _TABLES)
     holds = {path.name for path in out.iterdir() if not _is_litter(path)} - {
         path.name for path in half
     }
@@ -57,9 +57,8 @@ def check_target(out: Path, *, resume: bool) -> None:
     if foreign:
         message = f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
         raise UsageError(message)
-    _remove(
-        [*half, *(path for each in out.glob(f"{STUDENTS}/*/") for path in leftovers(each, _FILES))]
-    )
+    students = out.glob(f"{STUDENTS}/*/")
+    _remove([*half, *(path for each in students for path in leftover_files(each, _FILES))])
 
 
 def _is_litter(path: Path) -> bool:

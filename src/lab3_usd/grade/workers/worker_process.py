@@ -41,12 +41,12 @@ class WorkerError(Lab3Error):
     """A worker cannot be started; the line says what it said last."""
 
 
-def never() -> bool:
+def never_stopped() -> bool:
     """Nobody stops this."""
     return False
 
 
-def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never) -> Worker:
+def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never_stopped) -> Worker:
     """Start a worker and wait until it is ready.
 
     Raises:
@@ -94,7 +94,10 @@ def environment(scratch: Path, lab: Path | None = None) -> dict[str, str]:
 
 
 def ask(
-    worker: Worker, task: Task, stopped: Callable[[], bool] = never, seconds: float | None = None
+    worker: Worker,
+    task: Task,
+    stopped: Callable[[], bool] = never_stopped,
+    seconds: float | None = None,
 ) -> Json:
     """Give a worker a task and return its answer, at the latest after `seconds`.
 

@@ -25,7 +25,7 @@ from lab3_usd.grade.workers.worker_process import (
     WorkerError,
     ask,
     end_worker,
-    never,
+    never_stopped,
     start_worker,
 )
 
@@ -87,7 +87,7 @@ def _unconfined(worker: Worker) -> Json:
     return {"unconfined": missing} if missing else {}
 
 
-def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never) -> Answer:
+def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never_stopped) -> Answer:
     """Judge a task, again without the file that ended a worker, until there is an answer.
 
     A worker that ended for a reason outside of the task is replaced once. A file at which a worker

@@ -15,7 +15,7 @@ from lab3_usd.model.repair import TextChange
 from lab3_usd.report.safe_text import truncated_report
 
 if TYPE_CHECKING:
-    from lab3_usd.report.behaviour.still import Still
+    from lab3_usd.report.behaviour.summary import DryRunSummary
     from lab3_usd.report.html.grade_summary import GradeSummary
 
 Verbosity = Literal["quiet", "normal", "verbose"]
@@ -47,7 +47,7 @@ class Options(Struct, frozen=True):
     root: str | None = None
     visibility: str = "visible"
     grade: GradeSummary | None = None
-    dry_runs: Mapping[str, Still] = {}
+    dry_runs: Mapping[str, DryRunSummary] = {}
     changes: Mapping[tuple[str, Site], tuple[TextChange, ...]] = {}
 
 

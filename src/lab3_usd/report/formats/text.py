@@ -22,7 +22,7 @@ from lab3_usd.report.text.findings import (
     finding_blocks,
     is_repairable,
 )
-from lab3_usd.report.text.order import repairs, where_found
+from lab3_usd.report.text.order import repair_order, where_found
 from lab3_usd.spec.load.loader import load_lab
 
 
@@ -96,7 +96,7 @@ def _together(block: Block, page: Page) -> list[str]:
     if page.options.verbosity == "quiet":
         return lines
     found = faults(block)
-    lines += repairs(found, block, page)
+    lines += repair_order(found, block, page)
     lines += finding_blocks(
         ((fault.finding, where_found(fault.stages, block)) for fault in found), page
     )

@@ -15,7 +15,7 @@ MOST = 3
 _NUMBERED = "   "
 
 
-def repairs(found: Sequence[Fault], block: Block, page: Page) -> Iterator[str]:
+def repair_order(found: Sequence[Fault], block: Block, page: Page) -> Iterator[str]:
     """Yield the few errors whose repair wins most checkpoints, and then most points.
 
     Where there are hardly more errors than that, nothing is said.

@@ -9,7 +9,7 @@ from itertools import pairwise
 from msgspec import Struct
 
 from lab3_usd.sim.bag.gathering import Gathered, Topics
-from lab3_usd.sim.behaviour.evidence import Evidence, Fault, gone, sized
+from lab3_usd.sim.behaviour.evidence import Evidence, Fault, displacement, is_about
 from lab3_usd.sim.behaviour.sensors import SHORT
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
@@ -121,7 +121,7 @@ def odometry(recorded: Recorded) -> Iterator[Fault]:
         stretch = next((s for s in evidence.stretches(leg.name) if s.leg is leg), None)
         if stretch is None:
             continue
-        ahead, _, turned = gone(stretch.before, stretch.poses[-1])
+        ahead, _, turned = displacement(stretch.before, stretch.poses[-1])
         linear = sum(each.linear[0] for each in inside) / len(inside)
         angular = sum(each.angular[2] for each in inside) / len(inside)
         pairs = [(linear, ahead / leg.seconds)]
@@ -139,7 +139,7 @@ def way(recorded: Recorded) -> Iterator[Fault]:
     told = sum(min(abs(each.forward), most) * each.seconds for each in evidence.drive[0].legs)
     poses = evidence.recording.path
     done = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(poses))
-    if told > LEAST and not sized(done, told):
+    if told > LEAST and not is_about(done, told):
         yield Fault(f"told to go {told:.1f} m in all, went {done:.1f} m", "P01")
 
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, TypeVar
 from msgspec import Struct
 
 from lab3_usd.errors import RecordingError
-from lab3_usd.sim.bag import packing
-from lab3_usd.sim.bag.packing import PACKED, Bounds, Unpacker, bound_readers, plain_file, too_many
+from lab3_usd.sim.bag import limits
+from lab3_usd.sim.bag.limits import PACKED, Bounds, Unpacker, bound_readers, plain_file, too_many
 from lab3_usd.sim.bag.screening import screen
 
 ENDINGS = (".mcap", ".db3")
@@ -95,7 +95,7 @@ def opened(layout: Layout, bounds: Bounds) -> Iterator[Bag]:
     Raises:
         RecordingError: it is none, damaged, or too large.
     """
-    unpacker, most = Unpacker(bounds.parts), packing.MOST_TOPICS * len(layout.paths)
+    unpacker, most = Unpacker(bounds.parts), limits.MOST_TOPICS * len(layout.paths)
     with ExitStack() as stack:
         stack.enter_context(bound_readers(unpacker, most))
         plain = [plain_file(each, stack, bounds.file) for each in layout.paths]

@@ -17,11 +17,11 @@ from lab3_usd.model.behaviour import Behaviour, Check, Place, Topic, Unknown
 from lab3_usd.sim.bag.checks import CHECKS, Recorded
 from lab3_usd.sim.bag.files import Layout, layout_at, opened
 from lab3_usd.sim.bag.gathering import Gathered, Topics, gather
-from lab3_usd.sim.bag.packing import Bounds
-from lab3_usd.sim.behaviour.asked import interface, map_topic, reached_topics, static_topics
+from lab3_usd.sim.bag.limits import Bounds
 from lab3_usd.sim.behaviour.evidence import PHYSICAL, Evidence, Fault, Interface, angle
 from lab3_usd.sim.behaviour.judge import CHECKS as SHARED
 from lab3_usd.sim.behaviour.judge import verdict
+from lab3_usd.sim.behaviour.ros_interface import interface, map_topic, reached_topics, static_topics
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
 from lab3_usd.sim.execution.record import Pose
 from lab3_usd.sim.outcome import is_asked, path_rows, told_legs

@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 from lab3_usd.errors import RecordingError
-from lab3_usd.sim.bag import packing
+from lab3_usd.sim.bag import limits
 
 MOST_RECORDS = 100_000  # in the index of an MCAP file: chunks, topics, statistics
 _ODD = set("%?#")
@@ -71,5 +71,5 @@ def _check_database(path: Path) -> None:
     except sqlite3.Error as error:
         message = f"{path.name} is damaged or no recording: {error}"
         raise RecordingError(message) from error
-    if count > packing.MOST_TOPICS:
-        raise RecordingError(packing.too_many())
+    if count > limits.MOST_TOPICS:
+        raise RecordingError(limits.too_many())

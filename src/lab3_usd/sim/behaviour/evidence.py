@@ -138,12 +138,12 @@ class Evidence(Struct):
         """Whether the robot never goes anywhere."""
         first = self.recording.path[0]
         poses = [each for each in self.recording.path if not each.session]
-        ways = [gone(first, each) for each in poses[::SOON]]
+        ways = [displacement(first, each) for each in poses[::SOON]]
         near, turned = self.tolerance.still
         return all(math.hypot(x, y) < near and abs(turn) < turned for x, y, turn in ways)
 
 
-def gone(before: Pose, after: Pose) -> tuple[float, float, float]:
+def displacement(before: Pose, after: Pose) -> tuple[float, float, float]:
     """Return how far it went ahead and to the left, and how far it turned."""
     dx, dy = after.x - before.x, after.y - before.y
     c, s = math.cos(before.heading), math.sin(before.heading)
@@ -155,6 +155,6 @@ def angle(radians: float) -> float:
     return math.remainder(radians, 2 * math.pi)
 
 
-def sized(done: float, told: float) -> bool:
+def is_about(done: float, told: float) -> bool:
     """Whether what was done is about what was told."""
     return SIZE[0] <= done / told <= SIZE[1]

@@ -13,22 +13,22 @@ from lab3_usd.sim.behaviour.evidence import (
     Fault,
     Stretch,
     angle,
-    gone,
-    sized,
+    displacement,
+    is_about,
 )
 
 
 def rest(evidence: Evidence) -> Iterator[Fault]:
     """It stands still without a command, after one, and when told to go sideways."""
     for leg, before, poses in evidence.stretches("idle", "sideways"):
-        if _moves(evidence, gone(before, poses[-1])):
+        if _moves(evidence, displacement(before, poses[-1])):
             rule = "S10" if leg.name == "idle" else "W02"
             yield evidence.motion_fault(f"moves while told {leg.name}", rule)
     poses = [each for each in evidence.recording.path if not each.session]
     for at, (one, other) in enumerate(pairwise(poses), start=1):
         if one.leg != "stop" and other.leg == "stop":
             later = poses[at + SOON : at + 2 * SOON + 1]
-            if later and _moves(evidence, gone(later[0], later[-1])):
+            if later and _moves(evidence, displacement(later[0], later[-1])):
                 yield evidence.motion_fault(f"does not stop after {one.leg}", "S10")
                 return
 
@@ -57,12 +57,12 @@ def follows(evidence: Evidence) -> Iterator[Fault]:
 
 def _straight(evidence: Evidence, stretch: Stretch) -> Fault | None:
     leg, before, poses = stretch
-    ahead, left, turned = gone(before, poses[-1])
+    ahead, left, turned = displacement(before, poses[-1])
     told = leg.forward * leg.seconds
     if any(each.blocked for each in poses) and 0 <= ahead / told < SIZE[0]:
         said = f"told to go {told:.2f} m, a wall stops it after {ahead:.2f} m"
         return Fault(said, "S03", sure=False)
-    if not sized(ahead, told):
+    if not is_about(ahead, told):
         return evidence.motion_fault(f"told to go {told:.2f} m, went {ahead:.2f} m", "P01")
     if abs(left) > evidence.tolerance.slip[0] or abs(turned) > evidence.tolerance.slip[1]:
         return evidence.motion_fault(f"told to go {leg.name}, went aside", "S09")
@@ -71,9 +71,9 @@ def _straight(evidence: Evidence, stretch: Stretch) -> Fault | None:
 
 def _turn(evidence: Evidence, stretch: Stretch) -> Fault | None:
     leg, before, poses = stretch
-    ahead, left, _ = gone(before, poses[-1])
+    ahead, left, _ = displacement(before, poses[-1])
     told, turned = leg.turn * leg.seconds, _turned(stretch)
-    if not sized(turned, told):
+    if not is_about(turned, told):
         said = f"told {math.degrees(abs(told)):.0f} degrees {leg.name}, turned"
         sense = -1.0 if leg.name == "right" else 1.0
         return evidence.motion_fault(f"{said} {math.degrees(sense * turned):.1f}", "P07")
@@ -96,7 +96,7 @@ def _arcs(evidence: Evidence) -> Iterator[Fault]:
             for one, other in zip([before, *poses], poses, strict=False)
         )
         told = (abs(leg.forward) * leg.seconds, leg.turn * leg.seconds)
-        if not sized(way, told[0]) or not sized(_turned(stretch), told[1]):
+        if not is_about(way, told[0]) or not is_about(_turned(stretch), told[1]):
             said = f"told to go {told[0]:.2f} m and turn {math.degrees(told[1]):.0f} degrees,"
             turned = math.degrees(_turned(stretch))
             yield evidence.motion_fault(f"{said} did {way:.2f} m and {turned:.0f}", "P01")
@@ -109,11 +109,11 @@ def limits(evidence: Evidence) -> Iterator[Fault]:
         return
     for name, limit in zip(("fast", "spin"), evidence.wanted.limits, strict=True):
         for leg, before, poses in evidence.stretches(name):
-            ahead, left, turned = gone(before, poses[-1])
+            ahead, left, turned = displacement(before, poses[-1])
             done = math.hypot(ahead, left) if name == "fast" else abs(turned)
             told = limit * leg.seconds
             stopped = done < told and any(each.blocked for each in poses)
-            if not sized(done, told) and not stopped:
+            if not is_about(done, told) and not stopped:
                 unit = "m" if name == "fast" else "rad"
                 said = f"told to go {name}, does {done / leg.seconds:.2f} of {limit} {unit}/s"
                 yield evidence.motion_fault(said, "P01")
@@ -130,7 +130,7 @@ def again(evidence: Evidence) -> Iterator[Fault]:
         if not number or leg.command is None or not poses:
             continue
         start = next(each for each in poses if each.leg == leg.name)
-        ahead, left, _ = gone(start, poses[-1])
-        if not sized(ahead, leg.forward * leg.seconds) or abs(left) > evidence.tolerance.slip[0]:
+        ahead, left, _ = displacement(start, poses[-1])
+        if not is_about(ahead, leg.forward * leg.seconds) or abs(left) > evidence.tolerance.slip[0]:
             said = f"does not follow {evidence.wanted.commands}{evidence.when([number])}"
             yield evidence.motion_fault(said, "P02")

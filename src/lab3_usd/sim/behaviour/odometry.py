@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 
 from lab3_usd.model.affine import Affine, rotation
-from lab3_usd.sim.behaviour.evidence import Evidence, Fault, angle, gone
-from lab3_usd.sim.behaviour.places import agree, in_root
+from lab3_usd.sim.behaviour.evidence import Evidence, Fault, angle, displacement
+from lab3_usd.sim.behaviour.tf_lookup import agree, in_root
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.record import Message, Odometry, Pose
 
@@ -41,7 +41,7 @@ def odometry(evidence: Evidence) -> Iterator[Fault]:
 
 
 def _odometry_fault(data: Odometry, origin: Pose, pose: Pose) -> str:
-    ahead, left, _ = gone(origin, pose)
+    ahead, left, _ = displacement(origin, pose)
     x, y, _ = data.position
     if math.hypot(x - ahead, y - left) > ODOMETRY[0]:
         return f"odometry says ({x:.2f}, {y:.2f}), it went ({ahead:.2f}, {left:.2f})"
@@ -60,7 +60,7 @@ def _velocity_faults(evidence: Evidence, messages: list[Message]) -> Iterator[Fa
         at = [each for each in messages if abs(each.at - other.at) < 0.5 / RATE]
         if not at:
             continue
-        ahead, left, turned = (each * RATE for each in gone(one, other))
+        ahead, left, turned = (each * RATE for each in displacement(one, other))
         says, data = at[0], at[0].data
         if (
             math.hypot(data.linear[0] - ahead, data.linear[1] - left) > SPEED

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from lab3_usd.model.transform_math import length, minus
 from lab3_usd.sim.behaviour.evidence import Evidence, Fault
-from lab3_usd.sim.behaviour.places import agree, in_root
+from lab3_usd.sim.behaviour.tf_lookup import agree, in_root
 from lab3_usd.sim.execution.record import Message, Scan, View
 
 WALL = 0.03  # metres between a scan and the walls

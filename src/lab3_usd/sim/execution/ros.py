@@ -45,11 +45,11 @@ class Network(Struct):
     def domain(self, handle: int) -> int | None:
         """Return the domain of a context; None where the handle means nothing."""
         if handle == DEFAULT_CONTEXT:
-            return numeric(self.environment) or 0
+            return domain_number(self.environment) or 0
         return self.contexts.get(handle)
 
 
-def numeric(text: str) -> int | None:
+def domain_number(text: str) -> int | None:
     """Return a domain that is written as a number."""
     return int(text) if text.isdecimal() else None
 
@@ -111,7 +111,7 @@ def profile_of(text: str, queue_size: int) -> Profile | None:
     )
 
 
-def opened(node: Running, world: World) -> tuple[Endpoint | None, bool]:
+def opened_endpoint(node: Running, world: World) -> tuple[Endpoint | None, bool]:
     """Return the endpoint of a publisher, and whether it was there before this compute.
 
     The first compute only opens it (OgnROS2PublishClock.cpp:40-90).

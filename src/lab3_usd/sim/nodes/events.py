@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lab3_usd.sim.execution.registry import FRAME, STEP, computes
-from lab3_usd.sim.execution.ros import numeric
+from lab3_usd.sim.execution.ros import domain_number
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.execution.world import World
 
@@ -45,7 +45,7 @@ def context(node: Running, world: World) -> bool:
     if "handle" not in node.memory:
         domain = int(node.number("domain_id", world))
         if node.flag("useDomainIDEnvVar", world):
-            from_outside = numeric(world.network.environment)
+            from_outside = domain_number(world.network.environment)
             domain = domain if from_outside is None else from_outside
         handle = len(world.network.contexts) + 1
         world.network.contexts[handle] = domain

@@ -6,16 +6,16 @@ from lab3_usd.model.affine import Affine
 from lab3_usd.model.transform_math import Vector, cross, dot, length
 from lab3_usd.sim.execution.record import Message, Odometry
 from lab3_usd.sim.execution.registry import computes
-from lab3_usd.sim.execution.ros import opened, send
+from lab3_usd.sim.execution.ros import opened_endpoint, send
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.execution.world import World
-from lab3_usd.sim.nodes.turns import wxyz, xyzw
+from lab3_usd.sim.nodes.quaternions import wxyz, xyzw
 
 
 @computes("ROS2PublishClock")
 def publish_clock(node: Running, world: World) -> bool:
     """RN/nodes/OgnROS2PublishClock.cpp:40-110."""
-    endpoint, ready = opened(node, world)
+    endpoint, ready = opened_endpoint(node, world)
     if endpoint is None or not ready:
         return endpoint is not None
     stamp = node.number("timeStamp", world)
@@ -67,7 +67,7 @@ def _chassis(node: Running, world: World) -> str | None:
 @computes("ROS2PublishOdometry")
 def publish_odometry(node: Running, world: World) -> bool:
     """RN/nodes/OgnROS2PublishOdometry.cpp:69-145."""
-    endpoint, ready = opened(node, world)
+    endpoint, ready = opened_endpoint(node, world)
     if endpoint is None:
         return False
     if not ready:

@@ -6,11 +6,11 @@ from lab3_usd.model.affine import HERE, Affine
 from lab3_usd.model.transform_math import Vector
 from lab3_usd.sim.execution.record import Message, Transform
 from lab3_usd.sim.execution.registry import computes
-from lab3_usd.sim.execution.ros import Endpoint, opened, send
+from lab3_usd.sim.execution.ros import Endpoint, opened_endpoint, send
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.execution.world import World
 from lab3_usd.sim.nodes.frames import Tree
-from lab3_usd.sim.nodes.turns import wxyz, xyzw
+from lab3_usd.sim.nodes.quaternions import wxyz, xyzw
 
 TF = "tf2_msgs/msg/TFMessage"
 
@@ -18,7 +18,7 @@ TF = "tf2_msgs/msg/TFMessage"
 @computes("ROS2PublishRawTransformTree")
 def publish_raw_transform(node: Running, world: World) -> bool:
     """RN/nodes/OgnROS2PublishRawTransformTree.cpp:60-140."""
-    endpoint, ready = opened(node, world)
+    endpoint, ready = opened_endpoint(node, world)
     if endpoint is None:
         return False
     if not ready:
@@ -103,7 +103,7 @@ def _decide(node: Running, world: World) -> bool:
             # Tried again at the next tick: there is no publisher yet.
             return node.fails("no frames reach it, and it has no target prims", "W01")
         known["tree"] = Tree.of(world.scene, parents[0] if parents else "", targets)
-    endpoint, _ = opened(node, world)
+    endpoint, _ = opened_endpoint(node, world)
     return endpoint is not None
 
 

@@ -10,7 +10,7 @@ from pxr import Sdf, Usd
 from lab3_usd.model.changes import Change, Difference
 from lab3_usd.model.physics import BODY_ENABLED, KINEMATIC
 from lab3_usd.stage.compare.terms import Terms, applied_schemas, is_physical, pattern
-from lab3_usd.stage.compare.values import same_value, show
+from lab3_usd.stage.compare.values import display_value, same_value
 
 _BINDING = "material:binding"
 _PURPOSE = "physics"
@@ -76,7 +76,7 @@ def _property(twin: Usd.Prim, name: str, prim: Usd.Prim, terms: Terms) -> Iterat
     default = dict(terms.rules.neutral).get(name)
     if value is None or (default is not None and same_value(default, value, terms.number)):
         return
-    yield Difference("added", name, "", f"{name} {show(value)} was added", physics=False)
+    yield Difference("added", name, "", f"{name} {display_value(value)} was added", physics=False)
 
 
 def _is_only_scene(targets: Collection[Sdf.Path], stage: Usd.Stage) -> bool:

@@ -8,7 +8,7 @@ from pxr import Gf, Usd
 
 from lab3_usd.model.changes import Difference
 from lab3_usd.stage.compare.terms import Terms, affects_physics, applied_schemas, is_light_or_camera
-from lab3_usd.stage.compare.values import same_place, same_scale, same_value, show
+from lab3_usd.stage.compare.values import display_value, same_place, same_scale, same_value
 from lab3_usd.stage.geometry.transforms import ORDER, RESET, TransformCache, local_transform
 
 _SCALE = "xformOp:scale"
@@ -47,7 +47,7 @@ def authored_place_differences(
         if may_differ or not was or same_value(was.Get(), now.Get(), terms.limits[2]):
             continue
         physics = affects_physics(prim, terms.rules) and not is_light_or_camera(prim)
-        yield Difference("place", name, show(was.Get()), show(now.Get()), physics)
+        yield Difference("place", name, display_value(was.Get()), display_value(now.Get()), physics)
 
 
 def _operations(order: Iterable[str]) -> list[str]:

@@ -24,7 +24,7 @@ from lab3_usd.stage.compare.terms import (
     is_light_or_camera,
     pattern,
 )
-from lab3_usd.stage.compare.values import same_value, show
+from lab3_usd.stage.compare.values import display_value, same_value
 from lab3_usd.stage.geometry.transforms import ORDER
 
 _SCHEMAS = "apiSchemas"
@@ -190,8 +190,10 @@ def _property(
     if same_value(was, now, tolerance) or _is_excused(prim, twin, name, kind, terms):
         return
     physics = kind == "physics" or (kind == "shape" and is_collision_shape(prim, terms.rules))
-    shown = show(now) if now is not None else "not set"
-    yield Difference("physics" if physics else "look", name, show(was), shown, physics=physics)
+    shown = display_value(now) if now is not None else "not set"
+    yield Difference(
+        "physics" if physics else "look", name, display_value(was), shown, physics=physics
+    )
 
 
 def _is_excused(prim: Usd.Prim, twin: Usd.Prim, name: str, kind: Class, terms: Terms) -> bool:

@@ -14,7 +14,7 @@ from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.compare.placement import matrix_of, shown_place
 from lab3_usd.stage.compare.terms import applied_schemas, pattern
-from lab3_usd.stage.compare.values import same_place, same_value, show
+from lab3_usd.stage.compare.values import display_value, same_place, same_value
 from lab3_usd.stage.read.opening import quiet
 
 _PRECISION = 1e-6  # of a number that a file holds in single precision
@@ -178,7 +178,7 @@ def _property(was: Usd.Prim, now: Usd.Prim, name: str, scenes: _Scenes) -> Itera
     before, after = _content(was, name), _content(now, name)
     if before is not None and same_value(before, after, _PRECISION):
         return
-    told = ["not set" if each is None else show(each) for each in (before, after)]
+    told = ["not set" if each is None else display_value(each) for each in (before, after)]
     yield StageChange(part, "changed", path, name, *told)
 
 

@@ -100,7 +100,7 @@ def _same_assets(was: Any, now: Any) -> bool:  # noqa: ANN401
     return is_array and all(map(same_asset, was, now))
 
 
-def show(value: Any) -> str:  # noqa: ANN401
+def display_value(value: Any) -> str:  # noqa: ANN401
     """Return a value for a message: short numbers, and long arrays by their length."""
     text = display(_short(plain_value(value)))
     if len(text) <= _LONGEST:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.lint.names import meant, or_meant
+from lab3_usd.check.lint.names import did_you_mean, likely_name
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.lint.written_names import written_frames, written_topics
 from lab3_usd.check.registry import rule
@@ -69,11 +69,11 @@ def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
             value = effective_value(node, name, subject.live)
             known = (*port.allowed, *(() if node.type is None else node.type.message))
             if isinstance(value, str) and value not in ("", port.default, *known):
-                near = meant(value, port.allowed)
+                near = likely_name(value, port.allowed)
                 yield Problem(
                     node.path,
                     f"{name} is {display(value)}, which {subject.title(node)} does not offer"
-                    f"{or_meant(near)}",
+                    f"{did_you_mean(near)}",
                     property=name,
                     expected=near or ", ".join(port.allowed),
                     actual=value,

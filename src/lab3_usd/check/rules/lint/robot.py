@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.lint.names import meant, or_meant
+from lab3_usd.check.lint.names import did_you_mean, likely_name
 from lab3_usd.check.lint.robots import Command, commands, joints_of, wired_commands
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.registry import rule
@@ -56,9 +56,9 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
             if name and name not in known and not _is_renamed(name, known):
                 yield Problem(
                     command.node.path,
-                    f"the robot has no joint '{name}'{or_meant(meant(name, known))}",
+                    f"the robot has no joint '{name}'{did_you_mean(likely_name(name, known))}",
                     property=command.ports.joints,
-                    expected=meant(name, known) or ", ".join(sorted(known)),
+                    expected=likely_name(name, known) or ", ".join(sorted(known)),
                     actual=name,
                     related=(command.robot,),
                 )

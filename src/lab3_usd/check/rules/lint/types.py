@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.lint.names import meant_type, or_meant
+from lab3_usd.check.lint.names import did_you_mean, likely_type
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.model.finding import Problem
@@ -32,7 +32,7 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
         yield Problem(
             node.path,
             f"'{node.type_name}' is no node type of Isaac Sim {subject.release}{of_release}"
-            f"{or_meant(likely)}",
+            f"{did_you_mean(likely)}",
             property=TYPE,
             expected=likely,
             actual=node.type_name,
@@ -58,7 +58,7 @@ def _likely(node: Node, subject: LintSubject) -> str | None:
     if subject.types.is_later(node.type_name, subject.release):
         return None
     alike = subject.catalog.lookalikes.get(node.type_name)
-    return alike or meant_type(node.type_name, subject.catalog.types)
+    return alike or likely_type(node.type_name, subject.catalog.types)
 
 
 def _unknown(subject: LintSubject) -> Iterator[Node]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.lint.connections import Connection, connections, why_dead
-from lab3_usd.check.lint.names import meant, or_meant
+from lab3_usd.check.lint.names import did_you_mean, likely_name
 from lab3_usd.check.lint.needs import is_nothing
 from lab3_usd.check.lint.reach import has_job
-from lab3_usd.check.lint.rings import wire_rings
 from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.lint.wire_cycles import find_cycles
 from lab3_usd.check.registry import rule
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display
@@ -73,7 +73,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
                 wire.node.path,
                 f"{wire.port} is wired from {source.name}.{wire.source_port}, a port that "
                 f"{source.type.ui_name} does not have{_known_of_old(wire, subject)}"
-                f"{or_meant(near)}",
+                f"{did_you_mean(near)}",
                 property=wire.port,
                 expected=near,
                 actual=wire.path,
@@ -85,7 +85,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(
                 wire.node.path,
                 f"{wire.port} is wired, and {kind.ui_name} has no such port"
-                f"{_gone(kind, wire.port, subject)}{or_meant(near)}",
+                f"{_gone(kind, wire.port, subject)}{did_you_mean(near)}",
                 property=wire.port,
                 expected=near,
                 actual=wire.port,
@@ -97,7 +97,7 @@ def meant_port(written: str, kind: NodeType, *, is_source: bool) -> str | None:
     known = [name for name, port in kind.ports.items() if port.is_source == is_source]
     short = written.partition(":")[2]
     same = [name for name in known if name.partition(":")[2] == short]
-    return same[0] if same else meant(written, known)
+    return same[0] if same else likely_name(written, known)
 
 
 def _known_of_old(wire: Connection, subject: LintSubject) -> str:
@@ -146,7 +146,7 @@ def ring_of_wires(subject: LintSubject) -> Iterator[Problem]:
 
     Example: Exec Out of the second node is wired into Exec In of the first.
     """
-    for ring in wire_rings(subject):
+    for ring in find_cycles(subject):
         yield Problem(
             ring.node.path,
             f"{ring.kind} wires lead round: {' -> '.join(ring.names)}",

@@ -15,7 +15,7 @@ from lab3_usd.check.scene.pose_errors import (
     vector,
     vector_text,
 )
-from lab3_usd.check.scene.robot_location import namesakes
+from lab3_usd.check.scene.robot_location import same_named_prims
 from lab3_usd.model.absent_prims import absence_reason, is_unresolved, missing_graphs_text
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.paths import is_at_or_below
@@ -73,7 +73,7 @@ def _places(subject: StageSubject, path: str) -> tuple[str, ...]:
     if path in subject.relocations:
         return (subject.relocations[path],)
     root, name = subject.lab.scene["robot"]["path"], path.rpartition("/")[2]
-    return namesakes(subject.stage, root, name)
+    return same_named_prims(subject.stage, root, name)
 
 
 @rule("S02", "stage-units", scope="stage")

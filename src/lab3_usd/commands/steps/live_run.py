@@ -54,7 +54,7 @@ def live(stage: Path, lab: Lab, checkpoint: str, seconds: float | None) -> None:
         StageError: the stage cannot be read.
     """
     from lab3_usd.report.safe_text import printable  # noqa: PLC0415 - see sim
-    from lab3_usd.sim.behaviour.asked import interface  # noqa: PLC0415
+    from lab3_usd.sim.behaviour.ros_interface import interface  # noqa: PLC0415
     from lab3_usd.sim.dry_run import scene_of  # noqa: PLC0415
     from lab3_usd.sim.live.link import Link  # noqa: PLC0415 - of the extra
     from lab3_usd.sim.live.playing import play_live  # noqa: PLC0415

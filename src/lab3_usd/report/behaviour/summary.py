@@ -10,7 +10,7 @@ from lab3_usd.report.behaviour.maps import near_svg, room_svg
 from lab3_usd.report.behaviour.words import leg_text, sum_text
 
 
-class Still(Struct, frozen=True):
+class DryRunSummary(Struct, frozen=True):
     """What a report shows of the dry run of one stage; the maps are markup of our own."""
 
     summary: str
@@ -20,11 +20,11 @@ class Still(Struct, frozen=True):
     near: Markup
 
 
-def still(found: Behaviour, seen: Replay | None) -> Still | None:
+def dry_run_summary(found: Behaviour, seen: Replay | None) -> DryRunSummary | None:
     """Return what a report shows, None where nothing was played."""
     if seen is None or not seen.moments:
         return None
-    return Still(
+    return DryRunSummary(
         sum_text(found),
         tuple(map(leg_text, found.legs)),
         tuple(each for each in found.checks if each.verdict != "ok"),

@@ -14,7 +14,7 @@ from lab3_usd.model.stage import Node
 Kind = Literal["execution", "data"]
 
 
-class Ring(Struct, frozen=True, eq=False):
+class WireCycle(Struct, frozen=True, eq=False):
     """A ring of wires: the node and the input at which it closes, and its nodes in order."""
 
     kind: Kind
@@ -29,7 +29,7 @@ class Ring(Struct, frozen=True, eq=False):
         return (*names, *names[:1])
 
 
-def wire_rings(subject: LintSubject) -> Iterator[Ring]:
+def find_cycles(subject: LintSubject) -> Iterator[WireCycle]:
     """Yield one ring for each set of nodes that lead to each other."""
     kinds: dict[Kind, list[Connection]] = {"execution": [], "data": []}
     for wire in connections(subject):
@@ -39,7 +39,7 @@ def wire_rings(subject: LintSubject) -> Iterator[Ring]:
         yield from _rings(kind, wires)
 
 
-def _rings(kind: Kind, wires: list[Connection]) -> Iterator[Ring]:
+def _rings(kind: Kind, wires: list[Connection]) -> Iterator[WireCycle]:
     into: dict[str, list[Connection]] = {}
     for wire in wires:
         into.setdefault(wire.node.path, []).append(wire)
@@ -48,7 +48,7 @@ def _rings(kind: Kind, wires: list[Connection]) -> Iterator[Ring]:
         way = _way(wire.node.path, wire.source_prim, into)
         if way is not None and told.isdisjoint(way):
             told.update(way)
-            yield Ring(kind, wire.node, wire.port, tuple(way))
+            yield WireCycle(kind, wire.node, wire.port, tuple(way))
 
 
 def _way(first: str, last: str, into: dict[str, list[Connection]]) -> list[str] | None:

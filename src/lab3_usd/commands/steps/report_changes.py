@@ -15,7 +15,7 @@ from lab3_usd.report.safe_text import printable
 _Place = tuple[str, str, str, str | None]
 
 
-class News(Struct, frozen=True):
+class ReportChanges(Struct, frozen=True):
     """The findings that a save changed."""
 
     new: tuple[Finding, ...]
@@ -23,7 +23,7 @@ class News(Struct, frozen=True):
     repaired: tuple[Finding, ...]
 
 
-def news_between(before: Report, after: Report) -> News:
+def changes_between(before: Report, after: Report) -> ReportChanges:
     """Compare two reports; what moved to another line is no news.
 
     A finding of one rule at one place that says something else now is changed.
@@ -40,7 +40,7 @@ def news_between(before: Report, after: Report) -> News:
             added.remove(each)
             repaired.remove(twin)
             changed.append(each)
-    return News(
+    return ReportChanges(
         tuple(each.finding for each in added),
         tuple(each.finding for each in changed),
         tuple(each.finding for each in repaired),
@@ -65,7 +65,7 @@ def _surplus(told: list[Entry], more: Counter[tuple[_Place, str]]) -> Iterator[E
             yield each
 
 
-def news_lines(saved: str, news: News, after: Report) -> Iterator[str]:
+def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str]:
     """Yield when which file was saved and what that changed in figures; then finding by finding."""
     left = Counter(each.finding.severity for each in entries(after))
     figures = [f"{count} {name}{'s' * (count != 1)}" for name, count in left.items()]
