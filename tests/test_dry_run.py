@@ -62,17 +62,14 @@ def test_a_dry_run_is_much_faster_than_the_real_thing() -> None:
     assert evidence.recording.seconds / passed > 8
 
 
+# Those of test_sim_command.py, which name the node as well, are not repeated here.
 CASES: list[tuple[Step, str]] = [
-    ({"set": ["ROS_Clock/ros2_publish_clock.inputs:topicName", "/time"]}, "topics"),
     ({"set": ["ROS_OdomTF/ros2_publish_transform_tree.inputs:staticPublisher", True]}, "tree"),
     ({"disconnect": "ROS_OdomTF/ros2_publish_transform_tree.inputs:context"}, "tree"),
     ({"deactivate": "/turtlebot3_burger/joints/scan_joint"}, "mounted"),
     ({"disconnect": ["ROS_Clock/ros2_publish_clock.inputs:timeStamp"]}, "clock"),
     ({"set": ["ROS_Clock/isaac_read_simulation_time.inputs:resetOnStop", True]}, "clock"),
-    ({"set": ["ROS_Clock/ros2_context.inputs:useDomainIDEnvVar", True]}, "topics"),
     ({"set": ["ROS_Drive/ros2_context.inputs:useDomainIDEnvVar", True]}, "again"),
-    ({"set": ["ROS_Drive/ros2_subscribe_twist.inputs:topicName", "/cmd"]}, "follows"),
-    ({"set": ["ROS_Drive/differential_controller.inputs:maxAcceleration", 1.0]}, "follows"),
     ({"set": ["ROS_Drive/differential_controller.inputs:maxLinearSpeed", 2.0]}, "limits"),
     (
         {"swap": ["ROS_Drive/make_array.inputs:input0", "ROS_Drive/make_array.inputs:input1"]},
@@ -96,8 +93,6 @@ CASES: list[tuple[Step, str]] = [
     ({"set": ["ROS_OdomTF/ros2_publish_raw_transform_tree.inputs:childFrameId", "x"]}, "tree"),
     ({"set": ["ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:frameId", "lidar"]}, "tree"),
     ({"set": ["ROS_Camera/ros2_camera_info_helper.inputs:frameSkipCount", 2]}, "camera"),
-    ({"deactivate": "/turtlebot3_burger/joints/wheel_left_joint"}, "follows"),
-    ({"deactivate": "/Environment/GroundPlane/CollisionPlane"}, "follows"),
     (
         {
             "set": [
