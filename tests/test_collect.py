@@ -52,6 +52,12 @@ def put_ros2(folder: Path, *lines: str) -> None:
     fake.chmod(0o755)
 
 
+def put_sleep(folder: Path, line: str) -> None:
+    fake = folder / "bin" / "sleep"
+    fake.write_text(f"#!/bin/sh\n{line}\n")
+    fake.chmod(0o755)
+
+
 def manifest(folder: Path) -> dict[str, list[str]]:
     lines = (folder / "results" / MANIFEST).read_text().splitlines()
     return {line.split("\t")[0]: line.split("\t")[1:] for line in lines[1:]}
@@ -145,9 +151,7 @@ def test_the_graph_is_asked_after_the_daemon_was_started(tmp_path: Path) -> None
 
 def test_a_daemon_that_was_just_started_gets_time(tmp_path: Path) -> None:
     put_ros2(tmp_path, 'case "$*" in "daemon start") echo "The daemon has been started";; esac')
-    sleep = tmp_path / "bin" / "sleep"
-    sleep.write_text('#!/bin/sh\necho "$*" >>"$HOME/slept"\n')
-    sleep.chmod(0o755)
+    put_sleep(tmp_path, 'echo "$*" >>"$HOME/slept"')
     assert run_script(tmp_path).returncode == 0
     assert (tmp_path / "slept").read_text() == "5\n"
 
@@ -193,6 +197,7 @@ def watch(folder: Path, *looks: str, seconds: int = 20) -> list[GoalRun]:
         f"n=$(cat {folder}/count 2>/dev/null || echo 0); echo $((n + 1)) >{folder}/count",
         f"if [ $n -ge {len(looks)} ]; then n={len(looks) - 1}; fi; cat {folder}/look$n",
     )
+    put_sleep(folder, "exec /bin/sleep 0.1")
     assert run_script(folder, "--goal", str(seconds)).returncode == 0
     found = read_evidence(folder / "results").goals.get("", ())
     return [shown.fact for shown in found if shown.file == "goal.txt"]
@@ -262,7 +267,7 @@ def test_the_time_of_a_goal_is_measured(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("old", ["", goals(OLD), goals((1, 2)), goals(OLD, (3, 6))])
 def test_an_old_goal_is_not_shown_as_a_new_one(tmp_path: Path, old: str) -> None:
-    assert watch(tmp_path, old, seconds=2) == []
+    assert watch(tmp_path, old, seconds=1) == []
     assert "no new goal" in (tmp_path / "results" / "goal.txt").read_text()
 
 

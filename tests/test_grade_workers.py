@@ -18,7 +18,7 @@ import pytest
 from grade_files import starter, submission
 from pxr import Sdf, Tf
 
-from lab3_usd.grade.intake import scratch
+from lab3_usd.grade.intake import limits, scratch
 from lab3_usd.grade.intake.limits import MEGABYTE, Limits
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.workers import pool, worker_pipes, worker_process
@@ -143,15 +143,16 @@ def task(student: str) -> Task:
         ("endless", "ended the worker (status 0)"),
         ("writes", "too large: answers more than 1 MB"),
         ("lines", "too large: answers more than 1 MB"),
-        ("busy", "ran out of time (6 s for all files)"),
+        ("busy", "ran out of time (1.8 s for all files)"),
         ("deaf", "ran out of time (0.6 s)"),
         ("closes", "stopped answering"),
         ("parts", "ran out of time (0.6 s)"),
     ],
 )
 def test_how_a_worker_ended_and_over_which_file_is_known(
-    worker: Worker, student: str, how: str
+    worker: Worker, student: str, how: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(limits, "_TIMES_AS_LONG", 3)
     with pytest.raises(WorkerDiedError) as died:
         ask(worker, task(student), never_stopped)
     assert (died.value.how, died.value.file) == (how, "second.usda")
@@ -371,7 +372,7 @@ signal.signal(signal.SIGTERM, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 worker_process._MAIN = Path(sys.argv[2]).read_text()
 tasks = [Task(name, name, ()) for name in ("well", "hangs")]
-seconds = 2 if sys.argv[1] == "ignored" else 60
+seconds = 1 if sys.argv[1] == "ignored" else 60
 settings = PoolSettings(None, None, Limits(seconds=seconds))
 for task, _ in run_tasks(tasks, settings):
     print(task.student, flush=True)
