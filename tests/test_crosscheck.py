@@ -7,18 +7,18 @@ from pathlib import Path
 
 from two_judges import all_faults, crosscheck, known_rows, silent, unexplained, wrong
 
-STEP, FIRST = 20, 3  # every so many of all faults, from so many on
+STEP, FIRST = 31, 3  # every so many of all faults, from so many on
 
 
 def test_both_judges_agree_on_some_of_all_faults() -> None:
     found = list(crosscheck(STEP, FIRST))
-    assert len(found) >= 30
+    assert len(found) >= 20
     assert wrong(found) == []
     assert any(each.robot for each in found)
 
 
 def test_no_edit_of_some_changes_the_robot_in_silence() -> None:
-    edits = [silent(each) for each in range(100, 108)]
+    edits = [silent(each) for each in range(100, 105)]
     assert any(each.changes for each in edits)
     assert unexplained(edits) == []
 

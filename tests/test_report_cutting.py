@@ -114,13 +114,13 @@ def _arcs(layer: Sdf.Layer) -> None:
 Change = Callable[[Sdf.Layer], None]
 
 
-@pytest.fixture(params=[_strings, _one_string, _names, _frames, _arcs])
-def huge(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+@pytest.fixture(scope="module", params=[_strings, _one_string, _names, _frames, _arcs])
+def huge(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A stage with huge values."""
     change: Change = request.param
     layer = Sdf.Layer.OpenAsAnonymous(str(stage("05")))
     change(layer)
-    target = tmp_path / stage("05").name
+    target = tmp_path_factory.mktemp("huge") / stage("05").name
     layer.Export(str(target))
     assert target.stat().st_size > 1 << 18
     return target

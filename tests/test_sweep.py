@@ -29,7 +29,7 @@ from lab3_usd.spec.graph import GraphSpec
 GRAPHS = ("ROS_Clock", "ROS_Drive", "ROS_Lidar2D", "ROS_Camera", "ROS_OdomTF")
 MOST_PER_FAULT = 1.15  # error findings, on average over many single faults
 # One part of the faults of each checkpoint: every so many, from so many on.
-PARTS = {"00": (3, 0), "01": (6, 1), "02": (9, 2), "03": (11, 3), "04": (13, 4), "05": (5, 0)}
+PARTS = {"00": (3, 0), "01": (6, 1), "02": (18, 2), "03": (23, 3), "04": (27, 4), "05": (9, 0)}
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_single_faults_are_found_at_their_place(benchmark: ModuleType, checkpoin
 
 
 def test_later_checkpoints_find_what_the_fifth_finds(benchmark: ModuleType) -> None:
-    outcomes = list(benchmark.sweep("08", 20, 7))
+    outcomes = list(benchmark.sweep("08", 41, 7))
     assert all(each.found and each.at_place for each in outcomes)
 
 
@@ -98,7 +98,7 @@ def _single(spec: GraphSpec) -> Iterator[tuple[str, GraphModel, str]]:
 def test_names_that_say_nothing_hide_no_fault(name: str) -> None:
     faults = list(_single(the_lab().graphs[name]))
     counts = []
-    for what, graph, site in faults[:: 1 if len(faults) < 100 else 5]:
+    for what, graph, site in faults[:: 1 if len(faults) < 100 else 9]:
         errors = errors_of(with_graphs(graph))
         assert site in {each.prim for each in errors}, what
         counts.append(len(errors))
