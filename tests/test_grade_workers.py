@@ -255,7 +255,7 @@ worker_process._MAIN = Path(sys.argv[1]).read_text()
 settings = PoolSettings(None, None, Limits(seconds=20, memory=100 << 20))
 worker = worker_process.start_worker(settings)
 try:
-    worker_process.ask(worker, Task(sys.argv[2], "", ()), worker_process.never)
+    worker_process.ask(worker, Task(sys.argv[2], "", ()), worker_process.never_stopped)
 except WorkerDiedError as died:
     print(died.how)
 worker_process.end_worker(worker)
