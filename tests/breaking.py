@@ -38,10 +38,14 @@ def built(checkpoint: str) -> Sdf.Layer:
     return layer
 
 
-def correct_stage(checkpoint: str) -> Usd.Stage:
+def copied(layer: Sdf.Layer) -> Usd.Stage:
     copy = Sdf.Layer.CreateAnonymous(".usda")
-    copy.TransferContent(built(checkpoint))
+    copy.TransferContent(layer)
     return Usd.Stage.Open(copy)
+
+
+def correct_stage(checkpoint: str) -> Usd.Stage:
+    return copied(built(checkpoint))
 
 
 def judged(stage: Usd.Stage, checkpoint: str) -> Judgement:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from breaking import copied, correct_stage
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 from lab3_usd.errors import StageError
@@ -13,7 +14,6 @@ from lab3_usd.model.changes import Change, Difference
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.compare.starter import compare_starter
 from lab3_usd.stage.compare.values import same_value
-from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import starter_layer
 
 LAB = load_lab()
@@ -25,27 +25,15 @@ SCENE = "/physicsScene"
 Edit = Callable[[Usd.Stage], object]
 
 
-def stage_of(layer: Sdf.Layer) -> Usd.Stage:
-    copy = Sdf.Layer.CreateAnonymous(".usda")
-    copy.TransferContent(layer)
-    return Usd.Stage.Open(copy)
-
-
 @pytest.fixture(scope="module")
 def starter() -> Usd.Stage:
-    return stage_of(starter_layer(LAB.folder))
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Sdf.Layer:
-    path = build_checkpoint(None, "08", tmp_path_factory.mktemp("built") / "Lab3.usda")
-    return Sdf.Layer.FindOrOpen(str(path))
+    return copied(starter_layer(LAB.folder))
 
 
 @pytest.fixture
-def stage(finished: Sdf.Layer) -> Usd.Stage:
+def stage() -> Usd.Stage:
     """The finished lab, to be changed."""
-    return stage_of(finished)
+    return correct_stage("08")
 
 
 def compared(starter: Usd.Stage, stage: Usd.Stage, checkpoint: str = "08") -> tuple[Change, ...]:
@@ -443,7 +431,7 @@ def test_no_run_scales_a_body(
 def test_a_body_that_was_scaled_in_the_starter_stays_so(
     starter: Usd.Stage, stage: Usd.Stage
 ) -> None:
-    other = stage_of(starter.GetRootLayer())
+    other = copied(starter.GetRootLayer())
     put(BASE, "xformOp:scale", Gf.Vec3d(1.2, 1.2, 1.2))(other)
     assert difference(compared(other, stage)).kind == "place"
     put(BASE, "xformOp:scale", Gf.Vec3d(1.2, 1.2, 1.2))(stage)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from breaking import copied, correct_stage
 from pxr import Gf, Sdf, Usd
 from scene_changes import deactivate, put, refer, retype, several, switch, without_api
 from starters import layered_starter
@@ -29,27 +30,13 @@ TRANSLATE, SCALE = "xformOp:translate", "xformOp:scale"
 Edit = Callable[[Usd.Stage], None]
 
 
-def copy_of(layer: Sdf.Layer) -> Usd.Stage:
-    copy = Sdf.Layer.CreateAnonymous(".usda")
-    copy.TransferContent(layer)
-    return Usd.Stage.Open(copy)
-
-
 @pytest.fixture(scope="module")
 def starter() -> Usd.Stage:
-    return copy_of(starter_layer(LAB.folder))
+    return copied(starter_layer(LAB.folder))
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Sdf.Layer:
-    path = build_checkpoint(None, "08", tmp_path_factory.mktemp("built") / "Lab3.usda")
-    return Sdf.Layer.FindOrOpen(str(path))
-
-
-def compared(
-    starter: Usd.Stage, finished: Sdf.Layer, *edits: Edit, checkpoint: str = "08"
-) -> tuple[Change, ...]:
-    stage = copy_of(finished)
+def compared(starter: Usd.Stage, *edits: Edit, checkpoint: str = "08") -> tuple[Change, ...]:
+    stage = correct_stage("08")
     with quiet():
         for edit in edits:
             edit(stage)
@@ -113,25 +100,21 @@ TOPS = [ROBOT, "/Environment", BASE, SCENE]
 @pytest.mark.parametrize("top", TOPS)
 @pytest.mark.parametrize(("edit", "site"), CHANGES.values(), ids=CHANGES)
 def test_a_missing_asset_hides_nothing_that_the_stage_says_itself(
-    starter: Usd.Stage, finished: Sdf.Layer, top: str, edit: Edit, site: tuple[str, str]
+    starter: Usd.Stage, top: str, edit: Edit, site: tuple[str, str]
 ) -> None:
-    assert told(compared(starter, finished, refer(top, "bogus.usd"), edit)) == [site]
+    assert told(compared(starter, refer(top, "bogus.usd"), edit)) == [site]
 
 
-def test_one_missing_asset_does_not_switch_the_comparison_off(
-    starter: Usd.Stage, finished: Sdf.Layer
-) -> None:
+def test_one_missing_asset_does_not_switch_the_comparison_off(starter: Usd.Stage) -> None:
     names = ("mass", "gravity", "walls deactivated")
     edits = [refer(ROBOT, "bogus.usd"), *(CHANGES[name][0] for name in names)]
-    found = compared(starter, finished, *edits)
+    found = compared(starter, *edits)
     assert sorted(told(found)) == sorted(CHANGES[name][1] for name in names)
 
 
 @pytest.mark.parametrize("top", TOPS)
-def test_a_missing_asset_alone_is_no_change(
-    starter: Usd.Stage, finished: Sdf.Layer, top: str
-) -> None:
-    assert compared(starter, finished, refer(top, "bogus.usd")) == ()
+def test_a_missing_asset_alone_is_no_change(starter: Usd.Stage, top: str) -> None:
+    assert compared(starter, refer(top, "bogus.usd")) == ()
 
 
 def removed(path: str) -> Edit:
@@ -170,9 +153,9 @@ UNSAID: dict[str, tuple[str, Edit]] = {
 
 @pytest.mark.parametrize(("top", "edit"), UNSAID.values(), ids=UNSAID)
 def test_what_no_layer_says_may_be_in_the_missing_asset(
-    starter: Usd.Stage, finished: Sdf.Layer, top: str, edit: Edit
+    starter: Usd.Stage, top: str, edit: Edit
 ) -> None:
-    assert compared(starter, finished, refer(top, "bogus.usd"), edit) == ()
+    assert compared(starter, refer(top, "bogus.usd"), edit) == ()
 
 
 def overs(folder: Path, *edits: Edit) -> tuple[Path, Path]:

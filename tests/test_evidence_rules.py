@@ -20,10 +20,10 @@ from ros_outputs import (
     TOPICS,
     TYPES,
     frames_gv,
-    good_outputs,
     info,
     view_frames,
 )
+from submissions import diagnostics
 
 from lab3_usd.check.registry import rules_of
 from lab3_usd.lab.evidence.reader import read_evidence
@@ -36,16 +36,6 @@ ROS = load_ros()
 LAB = load_lab()
 RULES = {found.id: found for found in rules_of("evidence", "E")}
 Files = dict[str, str]
-
-
-def good_files() -> Files:
-    """The files of a folder that shows everything the handout asks for."""
-    outputs = good_outputs()
-    files = {}
-    for command in ROS.commands:
-        fitting = [text for words, text in outputs.items() if command.line.startswith(words)]
-        files[command.file] = fitting[-1]
-    return files
 
 
 def subject(folder: Path, files: Files) -> EvidenceSubject:
@@ -61,7 +51,7 @@ def problems(given: EvidenceSubject) -> dict[str, list[Problem]]:
 
 
 def test_a_folder_that_shows_everything_has_no_problem(tmp_path: Path) -> None:
-    assert problems(subject(tmp_path, good_files())) == {}
+    assert problems(subject(tmp_path, diagnostics())) == {}
 
 
 def manifest(file: str) -> Files:
@@ -129,7 +119,7 @@ FAULTS: list[tuple[str, Files, str | None]] = [
 def test_a_fault_gives_its_finding_and_no_other(
     tmp_path: Path, rule_id: str, files: Files, site: str | None
 ) -> None:
-    found = problems(subject(tmp_path, {**good_files(), **files}))
+    found = problems(subject(tmp_path, {**diagnostics(), **files}))
     assert list(found) == [rule_id]
     (problem,) = found[rule_id]
     assert problem.property == site
@@ -143,19 +133,19 @@ def test_every_rule_has_a_case() -> None:
 
 
 def test_world_to_odom_in_a_tree_is_found(tmp_path: Path) -> None:
-    files = {**good_files(), "view_frames.txt": view_frames(("world", "odom"), *EDGES[1:])}
+    files = {**diagnostics(), "view_frames.txt": view_frames(("world", "odom"), *EDGES[1:])}
     found = problems(subject(tmp_path, files))
     assert [p.property for p in found["E10"]] == ["world -> odom"]
 
 
 def test_a_tree_with_world_to_odom_is_found_beside_a_good_one(tmp_path: Path) -> None:
-    files = {**good_files(), "frames.gv": frames_gv(("world", "odom"))}
+    files = {**diagnostics(), "frames.gv": frames_gv(("world", "odom"))}
     found = problems(subject(tmp_path, files))
     assert list(found) == ["E10"]
 
 
 def test_trees_that_disagree_are_a_warning(tmp_path: Path) -> None:
-    files = {**good_files(), "frames.gv": frames_gv(("base_link", "Camera_1"))}
+    files = {**diagnostics(), "frames.gv": frames_gv(("base_link", "Camera_1"))}
     found = problems(subject(tmp_path, files))
     assert [(p.property, p.severity) for p in found["E12"]] == [("Camera_1", "warning")]
     assert found["E12"][0].related == (f"{tmp_path.name}/frames.gv",)
@@ -163,38 +153,38 @@ def test_trees_that_disagree_are_a_warning(tmp_path: Path) -> None:
 
 def test_frames_may_hang_deeper_below_the_base(tmp_path: Path) -> None:
     tree = view_frames(*EDGES[:3], ("base_link", "base_scan"), *EDGES[4:])
-    assert problems(subject(tmp_path, {**good_files(), "view_frames.txt": tree})) == {}
+    assert problems(subject(tmp_path, {**diagnostics(), "view_frames.txt": tree})) == {}
 
 
 def test_a_later_output_repairs_an_earlier_one(tmp_path: Path) -> None:
-    files = {**good_files(), "a_hz_scan.txt": NO_RATE, "amcl first.txt": "unconfigured [1]\n"}
+    files = {**diagnostics(), "a_hz_scan.txt": NO_RATE, "amcl first.txt": "unconfigured [1]\n"}
     files["a_hz_scan.txt"] = f"$ ros2 topic hz /scan\n{NO_RATE}"
     assert problems(subject(tmp_path, files)) == {}
 
 
 def test_three_publishers_of_tf_are_normal(tmp_path: Path) -> None:
     text = info("tf2_msgs/msg/TFMessage", "amcl", "one", "two")
-    assert problems(subject(tmp_path, {**good_files(), "topic_info_tf.txt": text})) == {}
+    assert problems(subject(tmp_path, {**diagnostics(), "topic_info_tf.txt": text})) == {}
 
 
 def test_a_field_that_was_cut_away_shows_nothing(tmp_path: Path) -> None:
     cut = SCAN.replace("  frame_id: base_scan\n", "")
-    assert problems(subject(tmp_path, {**good_files(), "topic_echo_scan.txt": cut})) == {}
+    assert problems(subject(tmp_path, {**diagnostics(), "topic_echo_scan.txt": cut})) == {}
 
 
 def test_a_filtered_list_lacks_nothing(tmp_path: Path) -> None:
-    files = {**good_files(), "topic_list.txt": "$ ros2 topic list | grep scan\n/scan\n"}
+    files = {**diagnostics(), "topic_list.txt": "$ ros2 topic list | grep scan\n/scan\n"}
     assert list(problems(subject(tmp_path, files))) == ["E01"]
 
 
 def test_one_goal_that_succeeded_is_enough(tmp_path: Path) -> None:
-    files = {**good_files(), "nav2.log": "[bt_navigator]: Goal failed\n"}
+    files = {**diagnostics(), "nav2.log": "[bt_navigator]: Goal failed\n"}
     assert problems(subject(tmp_path, files)) == {}
 
 
 def test_before_localization_its_evidence_is_not_asked_for(tmp_path: Path) -> None:
     files = {
-        **good_files(),
+        **diagnostics(),
         "view_frames.txt": view_frames(*EDGES[1:]),
         "topic_list.txt": TOPICS.replace("/map\n", ""),
         "lifecycle_amcl.txt": "Node not found\n",
@@ -204,7 +194,7 @@ def test_before_localization_its_evidence_is_not_asked_for(tmp_path: Path) -> No
 
 
 def test_what_is_missing_is_not_shown(tmp_path: Path) -> None:
-    files = good_files()
+    files = diagnostics()
     del files["topic_hz_scan.txt"], files["topic_hz_odom.txt"]
     (problem,) = problems(subject(tmp_path, files))["E01"]
     assert "`ros2 topic hz /odom`, `ros2 topic hz /scan`" in problem.message
@@ -212,7 +202,7 @@ def test_what_is_missing_is_not_shown(tmp_path: Path) -> None:
 
 
 def test_what_is_missing_is_an_error_where_evidence_is_required(tmp_path: Path) -> None:
-    files = good_files()
+    files = diagnostics()
     del files["lifecycle_amcl.txt"]
     given = replace(subject(tmp_path, files), required=True)
     assert [p.severity for p in problems(given)["E01"]] == ["error"]
@@ -226,12 +216,12 @@ def test_an_empty_folder_is_said_once(tmp_path: Path) -> None:
 
 def test_a_status_without_goal_is_not_shown(tmp_path: Path) -> None:
     name = "topic_echo_navigate_to_pose_action_status.txt"
-    found = problems(subject(tmp_path, {**good_files(), name: "status_list: []\n---\n"}))
+    found = problems(subject(tmp_path, {**diagnostics(), name: "status_list: []\n---\n"}))
     assert list(found) == ["E01"]
 
 
 def test_extra_commands_may_be_missing(tmp_path: Path) -> None:
-    files = good_files()
+    files = diagnostics()
     for command in ROS.commands:
         if command.extra:
             del files[command.file]
@@ -239,12 +229,12 @@ def test_extra_commands_may_be_missing(tmp_path: Path) -> None:
 
 
 def test_an_active_node_is_told_by_its_number_too(tmp_path: Path) -> None:
-    files = {**good_files(), "lifecycle_amcl.txt": ACTIVE.replace("3", "2")}
+    files = {**diagnostics(), "lifecycle_amcl.txt": ACTIVE.replace("3", "2")}
     assert list(problems(subject(tmp_path, files))) == ["E08"]
 
 
 def test_a_tree_from_before_localization_is_a_note(tmp_path: Path) -> None:
-    files = {**good_files(), "view_frames.txt": view_frames(*EDGES[1:])}
+    files = {**diagnostics(), "view_frames.txt": view_frames(*EDGES[1:])}
     given = subject(tmp_path, files)
     assert [p.severity for p in problems(given)["E11"]] == ["note"]
     required = problems(replace(given, required=True))
@@ -255,19 +245,19 @@ def test_a_tree_from_before_localization_is_a_note(tmp_path: Path) -> None:
 def test_a_tree_that_lacks_a_frame_or_has_a_wrong_parent_is_an_error(
     tmp_path: Path, edges: tuple[tuple[str, str], ...]
 ) -> None:
-    found = problems(subject(tmp_path, {**good_files(), "view_frames.txt": view_frames(*edges)}))
+    found = problems(subject(tmp_path, {**diagnostics(), "view_frames.txt": view_frames(*edges)}))
     assert [p.severity for p in found["E11"]] == [None]
 
 
 def test_an_early_list_of_nodes_is_one_finding(tmp_path: Path) -> None:
-    files = {**good_files(), "node_list.txt": "/World_ROS_Clock_ros2_publish_clock\n"}
+    files = {**diagnostics(), "node_list.txt": "/World_ROS_Clock_ros2_publish_clock\n"}
     (problem,) = problems(subject(tmp_path, files))["E09"]
     assert problem.property is None
     assert str(problem.expected).split(", ") == [*ROS.lifecycle.nodes, *ROS.nodes]
 
 
 def test_cmd_vel_may_have_no_publisher(tmp_path: Path) -> None:
-    files = {**good_files(), "topic_info_cmd_vel.txt": info(TYPES["/cmd_vel"])}
+    files = {**diagnostics(), "topic_info_cmd_vel.txt": info(TYPES["/cmd_vel"])}
     files["topic_info_cmd_vel.txt"] = (
         f"$ ros2 topic info /cmd_vel -v\n{files['topic_info_cmd_vel.txt']}"
     )
@@ -294,13 +284,13 @@ def test_cmd_vel_may_have_no_publisher(tmp_path: Path) -> None:
 def test_the_hint_fits_what_is_shown(
     tmp_path: Path, rule_id: str, files: Files, words: str | None
 ) -> None:
-    (problem,) = problems(subject(tmp_path, {**good_files(), **files}))[rule_id]
+    (problem,) = problems(subject(tmp_path, {**diagnostics(), **files}))[rule_id]
     assert words in (problem.hint or "") if words else problem.hint is None
 
 
 def test_an_early_list_of_topics_is_one_finding(tmp_path: Path) -> None:
     early = "/clock\n/parameter_events\n/rosout\n"
-    (problem,) = problems(subject(tmp_path, {**good_files(), "topic_list.txt": early}))["E03"]
+    (problem,) = problems(subject(tmp_path, {**diagnostics(), "topic_list.txt": early}))["E03"]
     assert problem.property is None
     assert str(problem.expected).split(", ") == [
         name for name in ROS.topics if name not in {"/clock", "/tf_static"}
