@@ -14,14 +14,11 @@ import click
 
 from lab3_usd.commands.table import COMMANDS, EXAMPLES, GROUPS
 from lab3_usd.data import LAB_VARIABLE
-from lab3_usd.errors import Lab3Error, UsageError
+from lab3_usd.errors import EXIT_CRASH, EXIT_INTERRUPTED, EXIT_USAGE, Lab3Error, UsageError
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-EXIT_USAGE = 2
-EXIT_CRASH = 3
-EXIT_INTERRUPTED = 130  # what a shell says of a command that Ctrl-C ended
 _NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 

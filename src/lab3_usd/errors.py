@@ -1,4 +1,9 @@
-"""The exceptions of the package: each says in one line what is wrong, where, how to repair it."""
+"""The exceptions of the package, each one line with the repair, and the exit codes of commands."""
+
+EXIT_FOUND = 1  # faults, differences, or what a command refuses to go on with
+EXIT_USAGE = 2
+EXIT_CRASH = 3
+EXIT_INTERRUPTED = 130  # what a shell says of a command that Ctrl-C ended
 
 
 class Lab3Error(Exception):

@@ -8,8 +8,7 @@ from pathlib import Path
 import click
 
 from lab3_usd.commands.steps.options import checkpoint_number
-
-EXIT_REFUSED = 1
+from lab3_usd.errors import EXIT_FOUND
 
 
 @click.command("build")
@@ -71,7 +70,7 @@ def command(  # noqa: PLR0913, PLR0917 - one parameter per option
         click.echo(f"lab3: {error}:", err=True)
         for reason in error.reasons:
             click.echo(f"  {reason}", err=True)
-        sys.exit(EXIT_REFUSED)
+        sys.exit(EXIT_FOUND)
     for file in files:
         click.echo(str(file))
     if starter is not None:

@@ -12,13 +12,12 @@ import click
 
 from lab3_usd.commands.steps.configuring import use_configured_lab
 from lab3_usd.commands.steps.options import text_or_json
+from lab3_usd.errors import EXIT_FOUND
 from lab3_usd.files import refuse_existing, write_whole
 
 if TYPE_CHECKING:
     from lab3_usd.diff.stages import Comparison
     from lab3_usd.report.picture import Picture
-
-EXIT_DIFFERENT = 1
 
 
 @click.command("diff")
@@ -54,7 +53,7 @@ def command(before: Path, after: Path, form: str, pictures: Path | None, *, forc
     else:
         click.echo("\n".join(text.lines(found.diff)))
     if found.diff.changes:
-        sys.exit(EXIT_DIFFERENT)
+        sys.exit(EXIT_FOUND)
 
 
 def _draw(found: Comparison, folder: Path, *, force: bool) -> None:

@@ -16,9 +16,9 @@ from typing import Literal
 import click
 from msgspec import Struct
 
+from lab3_usd.errors import EXIT_FOUND
 from lab3_usd.report.tool import NAME, tool_version
 
-EXIT_BAD = 1
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox", "microsoft-edge")
 EXTRAS = {
     "png": ("resvg-py", "pictures as PNG"),
@@ -51,7 +51,7 @@ def command() -> None:
         found.append(check)
         click.echo(f"{check.state:<8} {check.name:<10} {check.text}")
     if any(check.state == "bad" for check in found):
-        sys.exit(EXIT_BAD)
+        sys.exit(EXIT_FOUND)
 
 
 def _checks() -> Iterator[Check]:

@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from lab3_usd.commands.steps.configuring import use_configured_lab
 from lab3_usd.commands.steps.options import checkpoint_number
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import EXIT_CRASH, UsageError
 from lab3_usd.files import refuse_existing, write_whole
 from lab3_usd.report.picture_formats.svg_style import THEMES, Theme
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 ENDINGS = {"svg": "svg", "png": "png", "mermaid": "mmd", "dot": "dot"}
 TREE = "TF"
-EXIT_CRASH = 3
 
 
 @click.command("draw")

@@ -13,6 +13,8 @@ from typing import Any, TextIO
 
 import click
 
+from lab3_usd.errors import EXIT_CRASH
+
 _SECONDS_BETWEEN = 0.1
 _WIDTH = 30
 
@@ -37,9 +39,6 @@ class Rate:
         if done >= total:
             self._stream.write("\n")
         self._stream.flush()
-
-
-EXIT_CRASH = 3
 
 
 class Seconds(click.FloatRange):

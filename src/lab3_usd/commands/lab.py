@@ -7,9 +7,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.errors import UsageError
-
-EXIT_FOUND = 1
+from lab3_usd.errors import EXIT_FOUND, UsageError
 
 
 @click.group("lab")

@@ -12,14 +12,11 @@ import click
 
 from lab3_usd.commands.steps.configuring import use_configured_lab
 from lab3_usd.commands.steps.options import text_or_json
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 
 if TYPE_CHECKING:
     from lab3_usd.sim.dry_run import DryRun
     from lab3_usd.spec.lab import Lab
-
-EXIT_BAD = 1
-EXIT_UNREADABLE = 2
 
 
 def _check_outputs(page: Path | None, bag: Path | None) -> None:
@@ -118,4 +115,4 @@ def _judge(stage: Path, lab: Lab, asked: str, options: Mapping[str, Any]) -> int
         click.echo(json_behaviour.render(found), nl=False)
     else:
         click.echo(text.render(found, width(), color=wants_color()), nl=False)
-    return {"bad": EXIT_BAD, "unreadable": EXIT_UNREADABLE}.get(found.verdict, 0)
+    return {"bad": EXIT_FOUND, "unreadable": EXIT_USAGE}.get(found.verdict, 0)

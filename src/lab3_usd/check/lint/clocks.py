@@ -15,7 +15,7 @@ from lab3_usd.model.stage import Node
 STAMP = "inputs:timeStamp"
 _SYSTEM, _RESET = "inputs:useSystemTime", "inputs:resetSimulationTimeOnStop"
 _READER_RESET = "inputs:resetOnStop"
-_CLOCK = "rosgraph_msgs/msg/Clock"
+CLOCK = "rosgraph_msgs/msg/Clock"
 
 
 class Stamp(Struct, frozen=True, eq=False):
@@ -61,7 +61,7 @@ def _publisher(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
     if not sources:
         return None
     source, _ = sources[0]
-    is_clock, topic = endpoint.type == _CLOCK, str(endpoint.topic)
+    is_clock, topic = endpoint.type == CLOCK, str(endpoint.topic)
     restarts = effective_value(source, _READER_RESET, subject.live)
     if source.type is None:
         return Stamp(node, topic, STAMP, "unknown", None, is_clock)

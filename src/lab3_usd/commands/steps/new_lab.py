@@ -9,13 +9,11 @@ import click
 from lab3_usd.data import data_folder
 from lab3_usd.describe.description import describe_lab
 from lab3_usd.describe.folder import refuse_existing_folder, write_folder
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import EXIT_FOUND, UsageError
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import StageResult
 from lab3_usd.spec.load.assemble import assemble
 from lab3_usd.spec.load.loader import load_isaac_types, load_lab
-
-EXIT_FOUND = 1
 
 
 def make_lab(folder: Path, stage: Path) -> int:

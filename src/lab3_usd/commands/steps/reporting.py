@@ -11,7 +11,7 @@ import click
 
 from lab3_usd.commands.steps.options import chosen, wants_color, width
 from lab3_usd.config.findings import with_config_applied
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
 from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
 from lab3_usd.report.formats.registry import Options, format_named, render
@@ -19,9 +19,6 @@ from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:
     from lab3_usd.fix.changes import Changes
-
-EXIT_FOUND = 1
-EXIT_CRASH = 3
 
 
 def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:

@@ -16,15 +16,15 @@ _OCCUPIED_THRESHOLD = 0.65
 _TWO_BYTES = 65535
 _MOST_CELLS = 10**8
 _MOST_DIGITS = 9
-_GAP = rb"(?:\s|#[^\n]*\n)+"
+GAP = rb"(?:\s|#[^\n]*\n)+"
 # One white space ends the header: in a binary file the next byte is a cell.
 _HEADER = re.compile(
     rb"(?P<kind>P[25])"
-    + _GAP
+    + GAP
     + rb"(?P<width>\d{1,9})"
-    + _GAP
+    + GAP
     + rb"(?P<height>\d{1,9})"
-    + _GAP
+    + GAP
     + rb"(?P<white>\d{1,9})(?:[ \t]*#[^\n]*)?\s"
 )
 

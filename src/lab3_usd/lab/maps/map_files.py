@@ -9,16 +9,15 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import yaml
 from msgspec import Struct
 
-from lab3_usd.lab.maps.grid import MapError, read_pgm
+from lab3_usd.lab.maps.grid import GAP, MapError, read_pgm
 from lab3_usd.lab.plain_yaml import load_plain
 from lab3_usd.model.lab_files import Agreement, MapSubject
 from lab3_usd.spec.ros import MapFacts
 
 _PNG = b"\x89PNG\r\n\x1a\n"
-_GAP = rb"(?:\s|#[^\n]*\n)+"
 _NUMBER = rb"(\d{1,9})"
-_BITMAP = re.compile(rb"P[14]" + _GAP + _NUMBER + _GAP + _NUMBER + rb"\s")
-_COLOUR = re.compile(rb"P[36]" + _GAP + _NUMBER + _GAP + _NUMBER + _GAP + _NUMBER + rb"\s")
+_BITMAP = re.compile(rb"P[14]" + GAP + _NUMBER + GAP + _NUMBER + rb"\s")
+_COLOUR = re.compile(rb"P[36]" + GAP + _NUMBER + GAP + _NUMBER + GAP + _NUMBER + rb"\s")
 _TWO_BYTES = 255  # what is lighter than that takes two
 
 

@@ -8,14 +8,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 
-from markupsafe import Markup
-
 from lab3_usd.errors import Lab3Error
 from lab3_usd.model.behaviour import Behaviour, Frame, Replay
 from lab3_usd.report.behaviour.chart import chart_svg
 from lab3_usd.report.behaviour.maps import furthest, near_svg, room_svg
 from lab3_usd.report.behaviour.words import LOOKS, WHAT_IT_IS, leg_text, rate, sum_text
-from lab3_usd.report.html.templates import content_policy, environment, palette_style, text_of
+from lab3_usd.report.html.templates import (
+    content_policy,
+    environment,
+    own_markup,
+    palette_style,
+    text_of,
+)
 from lab3_usd.report.picture import Box, Picture
 from lab3_usd.report.picture_formats.svg import svg
 from lab3_usd.report.picture_formats.svg_style import stylesheet
@@ -40,8 +44,8 @@ def render(found: Behaviour, seen: Replay | None, lab: Lab) -> str:
         environment()
         .get_template("sim.html.j2")
         .render(
-            style=_own(style),
-            script=_own(script),
+            style=own_markup(style),
+            script=own_markup(script),
             policy=content_policy(style, script),
             found=found,
             what=WHAT_IT_IS,
@@ -54,19 +58,14 @@ def render(found: Behaviour, seen: Replay | None, lab: Lab) -> str:
             seen=seen if has_moments else None,
             shown=shown,
             moments=seen.moments if seen is not None else (),
-            room=_own(room_svg(seen)) if seen is not None and has_moments else "",
-            near=_own(near_svg(seen)) if seen is not None and has_moments else "",
-            chart=_own(chart_svg(seen.moments)) if seen is not None and has_moments else "",
+            room=own_markup(room_svg(seen)) if seen is not None and has_moments else "",
+            near=own_markup(near_svg(seen)) if seen is not None and has_moments else "",
+            chart=own_markup(chart_svg(seen.moments)) if seen is not None and has_moments else "",
             tree=list(tree_lines(found.frames)),
-            graphs=[(title, _own(drawn)) for title, drawn in graphs],
+            graphs=[(title, own_markup(drawn)) for title, drawn in graphs],
             tool=f"{NAME} {tool_version()}",
         )
     )
-
-
-def _own(text: str) -> Markup:
-    """Return markup of our own; names of a stage are in it only where they were escaped."""
-    return Markup(text)  # noqa: S704 - see above
 
 
 def tree_lines(frames: Sequence[Frame]) -> Iterator[str]:

@@ -37,8 +37,8 @@ def _common_values(more_style: str) -> Mapping[str, object]:
     style = _style() + (text_of(more_style) if more_style else "")
     script = text_of("report.js")
     return {
-        "style": _own_markup(style),
-        "script": _own_markup(script),
+        "style": own_markup(style),
+        "script": own_markup(script),
         "policy": content_policy(style, script),
     }
 
@@ -55,7 +55,7 @@ def environment() -> jinja2.Environment:
         lstrip_blocks=True,
         finalize=_finalized,
     )
-    environment.filters.update(picture=_own_markup, path=_path, prose=_prose)
+    environment.filters.update(picture=own_markup, path=_path, prose=_prose)
     return environment
 
 
@@ -89,19 +89,19 @@ def _finalized(value: object) -> object:
     return visible(str(value)) if is_plain else value
 
 
-def _own_markup(text: str) -> Markup:
+def own_markup(text: str) -> Markup:
     """Return markup of our own: files of this package, and pictures that escape themselves."""
     return Markup(text)  # noqa: S704 - see above
 
 
 def _path(text: str) -> Markup:
     """Return a path that may be broken between its names."""
-    return _own_markup(_BREAK_AFTER.sub(r"\g<0><wbr>", _escaped(text)))
+    return own_markup(_BREAK_AFTER.sub(r"\g<0><wbr>", _escaped(text)))
 
 
 def _prose(text: str) -> Markup:
     """Return a sentence, what stands between backticks as code."""
-    return _own_markup(_CODE.sub(r"<code>\1</code>", _escaped(text)))
+    return own_markup(_CODE.sub(r"<code>\1</code>", _escaped(text)))
 
 
 def _escaped(text: str) -> str:

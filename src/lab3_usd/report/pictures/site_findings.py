@@ -6,10 +6,9 @@ from collections.abc import Iterable, Mapping
 
 from msgspec import Struct, field
 
+from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import SEVERITIES, Finding
 from lab3_usd.report.picture import State, is_port
-
-Site = tuple[str, str | None]
 
 
 class SiteFindings(Struct, frozen=True):

@@ -7,11 +7,10 @@ import struct
 from typing import Any, NamedTuple
 
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
 
+from lab3_usd.sim.bag.messages import STORE
 from lab3_usd.sim.execution.record import Odometry, Scan, Transform, View
 
-STORE = get_typestore(Stores.ROS2_HUMBLE)
 LARGEST = 4_000_000  # bytes of a message that is read as a whole
 LARGEST_LIST = 200_000  # of one that is a list of records: a thousand transforms
 LONGEST = 200  # characters of the name of a frame

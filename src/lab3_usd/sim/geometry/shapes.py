@@ -11,7 +11,6 @@ from lab3_usd.model.scene import Prim
 from lab3_usd.model.transform_math import Vector
 
 Triangle = tuple[Vector, Vector, Vector]
-Segment = tuple[float, float, float, float]  # from x, y to x, y
 SIDES = 32  # of a round shape; its corners lie on the surface
 ENDLESS = 1e3
 TURN = {"X": (2, 0, 1), "Y": (1, 2, 0), "Z": (0, 1, 2)}  # where x, y, z of an upright shape go

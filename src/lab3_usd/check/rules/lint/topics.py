@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.lint.clocks import Stamp, stamps
+from lab3_usd.check.lint.clocks import CLOCK, Stamp, stamps
 from lab3_usd.check.lint.contexts import domain_of
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.qos import PROFILE, Qos
 from lab3_usd.check.ros.topics import Endpoint, endpoints
 from lab3_usd.model.finding import Problem, Severity
-
-_CLOCK = "rosgraph_msgs/msg/Clock"
 
 
 def _running(subject: LintSubject, direction: str) -> list[Endpoint]:
@@ -157,7 +155,7 @@ def two_clocks(subject: LintSubject) -> Iterator[Problem]:
 
     Example: two robots publish `/robot_1/clock` and `/robot_2/clock`.
     """
-    clocks = [each for each in _running(subject, "publishes") if each.type == _CLOCK]
+    clocks = [each for each in _running(subject, "publishes") if each.type == CLOCK]
     topics = {each.topic for each in clocks}
     for endpoint in clocks if len(topics) > 1 else ():
         if endpoint.topic != "/clock":

@@ -17,11 +17,8 @@ from lab3_usd.check.scene.wheel_joints import (
 )
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.finding import Problem, Severity
-from lab3_usd.model.physics import DRIVE_API, number
+from lab3_usd.model.physics import DAMPING, DRIVE_API, STIFFNESS, number
 from lab3_usd.model.transform_math import Vector, angle_between, scaled
-
-STIFFNESS = "drive:angular:physics:stiffness"
-DAMPING = "drive:angular:physics:damping"
 
 
 @rule("S09", "joint-axis", scope="stage")

@@ -25,8 +25,6 @@ from lab3_usd.model.physics import JOINT_ENABLED, REVOLUTE, bodies, is_switched_
 from lab3_usd.model.stage import Prim
 from lab3_usd.model.transform_math import distance
 
-STIFFNESS = "drive:angular:physics:stiffness"
-DAMPING = "drive:angular:physics:damping"
 _PAIR = 2  # wheels that are a distance apart
 
 
