@@ -80,13 +80,12 @@ def _wire(subject: GraphSubject, wire: Wire) -> Requirement:
 
 
 def _fed(subject: GraphSubject, wire: Wire, source: Node, target: Node) -> bool:
-    paths = [source_path(source, wire)]
-    paths += [
-        f"{path}.{wire.source.port}"
+    sources = target.sources(wire.target.port)
+    return source_path(source, wire) in sources or any(
+        f"{path}.{wire.source.port}" in sources
         for path, role in subject.roles.equivalents.items()
         if role == wire.source.role
-    ]
-    return any(path in target.sources(wire.target.port) for path in paths)
+    )
 
 
 def scene_requirements(

@@ -30,8 +30,10 @@ def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[W
     """Return every faulty wire of a graph; `live` holds the live nodes of the stage by path."""
     work = _Work(spec, roles, live)
     asked = [wire for wire in spec.wires if _both_ends(work, wire)]
-    faults = [*_forbidden(work, asked), *_swaps(work, asked)]
-    open_wires = [wire for wire in asked if wire not in work.silent and not _fed(work, wire)]
+    fed = [wire for wire in asked if _fed(work, wire)]
+    open_wires = [wire for wire in asked if wire not in fed] if len(fed) < len(asked) else []
+    faults = [*_forbidden(work, asked), *_swaps(work, open_wires)]
+    open_wires = [wire for wire in open_wires if wire not in work.silent]
     # Bypassed wires are found first: what a bypass explains is no missing wire.
     wrong = [fault for wire in open_wires for fault in _wrong(work, wire)]
     faults += wrong
@@ -40,7 +42,7 @@ def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[W
     # A wire that strayed on its own node explains that node's input before any other.
     faults += [fault for wire in unfed for fault in _strayed(work, wire)]
     faults += [f for wire in unfed if wire not in work.silent for f in _unfed(work, wire)]
-    faults += [fault for wire in asked for fault in _seconds(work, wire)]
+    faults += [fault for wire in fed for fault in _seconds(work, wire)]
     faults += _unasked(work)
     return tuple(faults)
 
@@ -93,9 +95,8 @@ def _forbidden(work: _Work, asked: list[Wire]) -> Iterator[WireFault]:
         yield WireFault("forbidden", target, port, expected, actual, [*instead, wire][0])
 
 
-def _swaps(work: _Work, asked: list[Wire]) -> Iterator[WireFault]:
+def _swaps(work: _Work, open_wires: list[Wire]) -> Iterator[WireFault]:
     """Find pairs of inputs that are fed by each other's source."""
-    open_wires = [wire for wire in asked if not _fed(work, wire)]
     for index, one in enumerate(open_wires):
         for other in open_wires[index + 1 :]:
             if one in work.silent or other in work.silent or one.source == other.source:
@@ -196,10 +197,10 @@ def _is_asked(work: _Work, node: Node, port: str, source: str) -> bool:
 
 def _seconds(work: _Work, wire: Wire) -> Iterator[WireFault]:
     """Find further sources on an input that has its right one."""
-    if not _fed(work, wire):
-        return
     _, target = _ends(work, wire)
     port = wire.target.port
+    if len(target.sources(port)) == 1:
+        return
     accepted = _accepted(work, wire)
     # A node with the same settings may take the first one's place, not stand beside it.
     right = next(path for path in accepted if path in target.sources(port))
