@@ -51,8 +51,7 @@ class Prim(Struct, eq=False):
     ) -> Prim:
         """Return a prim whose values and place are read when they are asked for."""
         prim = cls(path, type_name, apis, active, defined, read=read)
-        for name in ("attributes", "relationships", "authored", "local", "world"):
-            delattr(prim, name)
+        del prim.attributes, prim.relationships, prim.authored, prim.local, prim.world
         return prim
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of any field that is not set yet

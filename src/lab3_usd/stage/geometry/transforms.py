@@ -60,7 +60,7 @@ class TransformCache:
         if order is None:
             return None, parent
         local, is_reset = _composed(prim, order)
-        return local, local if is_reset else multiply(local, parent)
+        return local, local if is_reset or parent is IDENTITY else multiply(local, parent)
 
 
 def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
@@ -79,10 +79,11 @@ def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:  # noqa: ANN40
             matrix, is_reset = IDENTITY, True
             continue
         operation = _operation(prim, name.removeprefix(_INVERSE))
-        if operation is not None:
-            if name.startswith(_INVERSE):
-                operation = _inverse(operation)
-            matrix = operation if matrix is IDENTITY else multiply(operation, matrix)
+        if operation is None or operation is IDENTITY:
+            continue
+        if name.startswith(_INVERSE):
+            operation = _inverse(operation)
+        matrix = operation if matrix is IDENTITY else multiply(operation, matrix)
     return matrix, is_reset
 
 
