@@ -80,7 +80,7 @@ def _statements(text: str) -> Iterator[tuple[str, int, bool]]:
             pos = _body_start(text, opening.end())
         else:
             head = HEAD.match(text, pos)
-            if head and not ORDER.match(text, pos):
+            if head and not (head["first"] == "reorder" and ORDER.match(text, pos)):
                 name = head["name"] or head["first"]
                 is_edit = head["first"] in LIST_EDITS or text.startswith(".", head.end())
                 yield f"{body}.{name}", pos, is_edit
