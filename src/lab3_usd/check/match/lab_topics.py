@@ -10,6 +10,7 @@ from lab3_usd.model.derived import once_per_stage
 from lab3_usd.spec.graph import NodeSpec
 
 
+@once_per_stage
 def role_specs(subject: StageSubject) -> dict[str, NodeSpec]:
     """Map the path of each node that plays a role to the spec of the role."""
     return {

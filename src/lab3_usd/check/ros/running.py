@@ -174,8 +174,11 @@ def is_opened_first(node: Node) -> bool:
 
 def signal_inputs(node: Node) -> Iterator[str]:
     """Yield the execution inputs; every input where the type is unknown."""
-    for name in node.ports if node.type is None else node.type.ports:
-        if name.startswith(INPUT) and (node.type is None or node.type.ports[name].is_execution):
+    if node.type is None:
+        yield from (name for name in node.ports if name.startswith(INPUT))
+        return
+    for name, port in node.type.ports.items():
+        if port.is_execution and name.startswith(INPUT):
             yield name
 
 

@@ -71,7 +71,10 @@ def computed_pairs(node: Node, stage: StageModel, lab: Lab) -> list[Pair]:
     found: list[tuple[str, str]] = []  # target prim, prim of the frame
     links: Links = {}
     expanded: set[str] = set()
-    for target in listed_targets(node):
+    targets = listed_targets(node)
+    if not targets:
+        return []
+    for target in targets:
         made = _frames_of(target, node, stage)
         if made != {target: ""}:
             expanded.add(target)

@@ -31,6 +31,8 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: a second ROS2 Context in {next_graph_name}.
     """
+    if not subject.roles.extra:
+        return
     roles = {subject.spec.name: subject.roles}
     told = [node for node, _ in second_commanders(subject.stage, subject.lab, roles)]
     for node in subject.roles.extra:

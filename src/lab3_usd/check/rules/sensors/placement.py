@@ -117,8 +117,9 @@ def _left_behind(
 
 
 def _is_own_body(prim: Prim, subject: StageSubject) -> bool:
-    is_tied = any(prim.path in bodies(joint) for joint in joints(subject.stage))
-    return BODY_API in prim.apis and not is_switched_off(prim, BODY_ENABLED) and not is_tied
+    if BODY_API not in prim.apis or is_switched_off(prim, BODY_ENABLED):
+        return False
+    return not any(prim.path in bodies(joint) for joint in joints(subject.stage))
 
 
 def misposed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
