@@ -75,7 +75,7 @@ def test_every_extra_of_users_is_looked_for() -> None:
 @pytest.mark.usefixtures("all_right")
 def test_something_bad_is_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "checking", lambda: Check("checking", "bad", "no room"))
-    assert CliRunner().invoke(doctor.command).exit_code == doctor.EXIT_BAD
+    assert CliRunner().invoke(doctor.command).exit_code == doctor.EXIT_FOUND
 
 
 @pytest.mark.parametrize("platform", ["linux", "darwin"])
