@@ -13,7 +13,7 @@ from ros_outputs import good_outputs
 
 from lab3_usd.data import data_folder
 from lab3_usd.judge.folder import FolderSettings, check_folder
-from lab3_usd.lab.maps.grid import MapError, read_map_yaml, read_pgm
+from lab3_usd.lab.maps.grid import MapError, read_pgm
 from lab3_usd.lab.nav2.files import PARAMS_FILE, nav2_files
 from lab3_usd.lab.plain_yaml import load_plain
 from lab3_usd.model.finding import Report
@@ -197,13 +197,6 @@ def test_a_number_beyond_all_others_is_a_wrong_value_and_said_in_short() -> None
 def test_seconds_that_are_no_number_are_no_crash() -> None:
     goal = {**OUTPUTS, "goal": "goal status: 4\ngoal seconds: 1.2.3\n"}
     assert "E16" not in judged(outputs=goal)
-
-
-@pytest.mark.parametrize("value", [HUGE, "9" * 5000, ".nan", "2020-02-01", "[[1]]"])
-def test_a_map_of_ours_with_an_odd_number_is_an_error(tmp_path: Path, value: str) -> None:
-    (tmp_path / "map.yaml").write_text(with_value(MAP_TEXT, value, 2))
-    with pytest.raises(MapError, match="resolution"):
-        read_map_yaml(tmp_path / "map.yaml")
 
 
 def test_a_cell_with_thousands_of_digits_is_an_error(tmp_path: Path) -> None:
