@@ -52,34 +52,31 @@ class Options(Struct, frozen=True):
 
 
 class Format(Struct, frozen=True):
-    """One output format: the module that renders it, what it is for, and its usual file name.
+    """One output format: the module that renders it, and what it is for.
 
     `manual` says that the renderer quotes the rules' manuals, so that they are worth importing.
     """
 
     module: str
     purpose: str
-    file_name: str
     manual: bool = False
     changes: bool = False
 
 
 # A module is imported when its format is asked for: checking one file stays fast.
 FORMATS: dict[str, Format] = {
-    "text": Format("text", "for people, on a terminal or in a file", "report.txt"),
-    "concise": Format("concise", "one line for each finding, for editors", "report.txt"),
-    "json": Format("json_report", "for programs; schema/report-1.json", "report.json"),
-    "jsonl": Format("jsonl", "one JSON object for each finding", "report.jsonl"),
-    "sarif": Format(
-        "sarif", "SARIF 2.1.0, for code scanning", "report.sarif", manual=True, changes=True
-    ),
-    "junit": Format("junit", "JUnit XML, for Jenkins and its kind", "report.xml"),
-    "github": Format("github", "annotations of GitHub Actions", "report.txt"),
-    "gitlab": Format("gitlab", "GitLab Code Quality", "gl-code-quality-report.json"),
-    "gradescope": Format("gradescope", "results of a Gradescope autograder", "results.json"),
-    "csv": Format("csv_report", "one row for each finding, for spreadsheets", "report.csv"),
-    "markdown": Format("markdown", "tables, for pull requests and wikis", "report.md"),
-    "html": Format("html", "one self-contained page", "report.html", manual=True),
+    "text": Format("text", "for people, on a terminal or in a file"),
+    "concise": Format("concise", "one line for each finding, for editors"),
+    "json": Format("json_report", "for programs; schema/report-1.json"),
+    "jsonl": Format("jsonl", "one JSON object for each finding"),
+    "sarif": Format("sarif", "SARIF 2.1.0, for code scanning", manual=True, changes=True),
+    "junit": Format("junit", "JUnit XML, for Jenkins and its kind"),
+    "github": Format("github", "annotations of GitHub Actions"),
+    "gitlab": Format("gitlab", "GitLab Code Quality"),
+    "gradescope": Format("gradescope", "results of a Gradescope autograder"),
+    "csv": Format("csv_report", "one row for each finding, for spreadsheets"),
+    "markdown": Format("markdown", "tables, for pull requests and wikis"),
+    "html": Format("html", "one self-contained page", manual=True),
 }
 
 

@@ -57,6 +57,4 @@ def _command(node: Running, world: World, joints: list[Joint]) -> bool:
         joint.target_position = float(value)
     for joint, value in zip(joints, velocity, strict=False):
         joint.target_velocity = float(value)
-    for joint, value in zip(joints, effort, strict=False):
-        joint.target_effort = float(value)
     return True

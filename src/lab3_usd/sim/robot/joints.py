@@ -25,7 +25,6 @@ class Joint(Struct, eq=False):
     damping: float
     target_velocity: float  # rad/s
     target_position: float = 0.0
-    target_effort: float = 0.0
     position: float = 0.0
     locked: bool = False  # by another joint between its bodies
     authored: tuple[float, float] = (0.0, 0.0)  # the targets that the stage gives
@@ -38,7 +37,7 @@ class Joint(Struct, eq=False):
     def reset(self) -> None:
         """Turn back, with the targets of the stage."""
         self.target_velocity, self.target_position = self.authored
-        self.target_effort = self.position = 0.0
+        self.position = 0.0
 
     def speed(self, dt: float) -> float:
         """Return the speed that the drive settles at, implicitly over a step."""
