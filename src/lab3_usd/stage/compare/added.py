@@ -113,18 +113,28 @@ def _material(shape: Usd.Prim, terms: Terms) -> str:
 
 def added_changes(starter: Usd.Stage, stage: Usd.Stage, terms: Terms) -> Iterator[Change]:
     """Yield each prim that the starter does not have and that changes how its robot moves."""
+    added = list(_added(starter, stage, terms))
+    if not added:
+        return  # as of most stages, for which nothing else need be worked out
     names = {(prim.GetTypeName(), prim.GetName()) for prim in _gone(starter, stage)}
     scenes = [sum(map(_is_scene, each.Traverse())) for each in (starter, stage)]
-    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
-        if prim.IsPseudoRoot() or starter.GetPrimAtPath(prim.GetPath()):
-            continue
+    for prim in added:
         kind = str(prim.GetTypeName())
         if (kind, prim.GetName()) in names or _is_unknown(str(prim.GetPath()), terms):
             continue  # it was moved here, or comes from an asset that the starter lacks
-        if _acts(prim, kind, terms) or (_is_scene(prim) and scenes[1] > scenes[0]):
+        if scenes[1] > scenes[0] or _acts(prim, kind, terms):
             message = f"{kind or 'prim'} was added"
             found = Difference("added", "", "", message, physics=False)
             yield Change(str(prim.GetPath()), kind, (found,))
+
+
+def _added(starter: Usd.Stage, stage: Usd.Stage, terms: Terms) -> Iterator[Usd.Prim]:
+    """Yield the prims at paths that the starter does not have, if they may act on its robot."""
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+        if prim.IsPseudoRoot() or starter.GetPrimAtPath(prim.GetPath()):
+            continue
+        if _is_scene(prim) or _acts(prim, str(prim.GetTypeName()), terms):
+            yield prim
 
 
 def _gone(starter: Usd.Stage, stage: Usd.Stage) -> Iterator[Usd.Prim]:

@@ -69,8 +69,8 @@ def differences(
     found: list[Difference] = []
     if form != was.form:  # which tells type and schemas
         found = [*_type(was.kind, twin, prim, terms), *_schemas(was.form, form, prim, twin, terms)]
-    is_posed = not same_parent
-    for name in _unequal(was, twin):
+    is_posed, names = not same_parent, twin.GetAuthoredPropertyNames()
+    for name in _unequal(was, twin, names):
         kind = terms.classes(name)
         if kind == "pose":
             is_posed = True
@@ -78,7 +78,7 @@ def differences(
             found.extend(_property(prim, twin, name, kind, terms))
     if is_posed and was.path != terms.root:  # whose own place has a rule of its own
         found.extend(place_differences(prim, twin, terms, same_parent=same_parent))
-    if form != was.form or twin.GetAuthoredPropertyNames() != was.names:
+    if form != was.form or names != was.names:
         found.extend(added_differences(prim, twin, terms))
     return found
 
@@ -94,7 +94,7 @@ def authored_differences(was: StarterPrim, twin: Usd.Prim, terms: Terms) -> list
     schemas = _schemas(was.form, form, prim, twin, terms)
     found += [each for each in schemas if dropped is None or each.was in dropped]
     poses = []
-    for name in _unequal(was, twin):
+    for name in _unequal(was, twin, twin.GetAuthoredPropertyNames()):
         kind = terms.classes(name)
         if not is_authored(twin, name):
             continue
@@ -119,9 +119,12 @@ def _dropped_schemas(prim: Usd.Prim) -> set[str] | None:
     return dropped
 
 
-def _unequal(was: StarterPrim, twin: Usd.Prim) -> Iterator[str]:
-    """Yield the properties that are not the same to the bit; most are, so this must be quick."""
-    others, theirs = twin.GetAuthoredPropertyNames(), twin.GetAuthoredAttributes()
+def _unequal(was: StarterPrim, twin: Usd.Prim, others: list[str]) -> Iterator[str]:
+    """Yield the properties that are not the same to the bit; most are, so this must be quick.
+
+    `others` are the names of those of `twin`.
+    """
+    theirs = twin.GetAuthoredAttributes()
     if was.names == others and len(was.values) == len(theirs):
         pairs = zip(was.values.items(), theirs, strict=True)
         yield from (name for (name, value), other in pairs if value != other.Get())
