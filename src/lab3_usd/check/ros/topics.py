@@ -71,8 +71,9 @@ def resolve(namespace: str, written: str) -> str | None:
 def endpoints(stage: StageModel, lab: Lab) -> tuple[Endpoint, ...]:
     """Return every topic of every node in an active graph, in the order of topic and node."""
     live, running = live_nodes(stage, lab), running_nodes(stage, lab)
+    nodes = (live, running, _sure(running, stage, lab))
     found = [
-        _endpoint(node, port, stage, lab, (live, running))
+        _endpoint(node, port, stage, lab, nodes)
         for node in live.values()
         if node.type is not None and node.type.role in _DIRECTIONS
         for port in used_topics(node, node.type, live)
@@ -91,16 +92,16 @@ def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
 
 
 def _endpoint(
-    node: Node, port: str, stage: StageModel, lab: Lab, nodes: tuple[Nodes, Nodes]
+    node: Node, port: str, stage: StageModel, lab: Lab, nodes: tuple[Nodes, Nodes, Nodes]
 ) -> Endpoint:
-    live, running = nodes
+    live, running, sure = nodes
     kind = node.type
     assert kind is not None  # noqa: S101 - endpoints() asks only nodes of a known type
     written = effective_value(node, port, live)
     queue = effective_value(node, QUEUE, live)
     switch = None if kind.tf is None else kind.tf.static
     static = switch is not None and effective_value(node, switch, live) is True
-    runs = [_is_at_work(node, port, live, each) for each in (running, _sure(running, stage, lab))]
+    runs = [_is_at_work(node, port, live, each) for each in (running, sure)]
     return Endpoint(
         topic=resolve(namespace_of(node, stage, lab, live), written)
         if isinstance(written, str)

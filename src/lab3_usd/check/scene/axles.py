@@ -107,8 +107,10 @@ def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
         for weld in welds:
             ends = bodies(weld)
             for side, other in ((0, 1), (1, 0)):
+                if ends[side] not in found or not ends[other] or ends[other] in found:
+                    continue
                 undone = inverse(_joint_frame(weld, other))
-                if ends[side] in found and ends[other] and ends[other] not in found and undone:
+                if undone:
                     seen = multiply(undone, _joint_frame(weld, side))
                     found[ends[other]] = multiply(seen, found[ends[side]])
                     is_growing = True

@@ -41,7 +41,9 @@ def frame_is_its_own_parent(view: TfView) -> Iterator[Problem]:
     # What a node of the lab would send is judged even where its wires are wrong.
     judged = {path: node for path, node in view.live_nodes.items() if path in view.role_specs}
     for path, node in {**judged, **view.running}.items():
-        for problem in () if differs_from_spec(path, view) else _own_parents(node, view):
+        if not listed_targets(node) or differs_from_spec(path, view):
+            continue
+        for problem in _own_parents(node, view):
             doubtful = severity_if_uncertain(subject.stage, subject.lab, path)
             yield replace(problem, severity=doubtful or problem.severity)
     strangers = (
