@@ -1,4 +1,4 @@
-"""What each process of `lab3 check --jobs` needs, imported before they are forked."""
+"""Imports what each process of `lab3 check --jobs` needs, before the processes are forked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What several rules work out from one stage, worked out once."""
+"""Keeps what several rules compute from one stage, so that it is computed once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run comes to: topics with rates, frames, checks, the path, and what was not done."""
+"""Sums up a run: topics with rates, frames, checks, the path, and what was not simulated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""By which clock each message is stamped, and whether that restarts on Stop."""
+"""Which clock stamps each message, and whether that clock restarts on Stop."""
 
 from __future__ import annotations
 

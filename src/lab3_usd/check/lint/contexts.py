@@ -1,4 +1,4 @@
-"""Which ROS contexts a stage has, and which nodes are in them."""
+"""Which ROS contexts a stage has, and which nodes use each of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names that were likely meant where another one was written."""
+"""Which known name was likely meant where an unknown one was written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rings of wires, of execution and of data."""
+"""Cycles of wires: of execution wires and of data wires."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Kind = Literal["execution", "data"]
 
 
 class WireCycle(Struct, frozen=True, eq=False):
-    """A ring of wires: the node and the input at which it closes, and its nodes in order."""
+    """A cycle of wires: the node and the input at which it closes, and its nodes in order."""
 
     kind: Kind
     node: Node
@@ -30,7 +30,7 @@ class WireCycle(Struct, frozen=True, eq=False):
 
 
 def find_cycles(subject: LintSubject) -> Iterator[WireCycle]:
-    """Yield one ring for each set of nodes that lead to each other."""
+    """Yield one cycle for each set of nodes that lead to each other."""
     kinds: dict[Kind, list[Connection]] = {"execution": [], "data": []}
     for wire in connections(subject):
         if wire.is_live and wire.ports is not None:

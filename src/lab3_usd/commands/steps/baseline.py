@@ -1,4 +1,4 @@
-"""Baselines: findings that are known, and count no more."""
+"""Baselines: findings that are known already and are left out of reports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tells which files are saved in some folders, in whatever way."""
+"""Reports which files in some folders are saved, whether in place or by renaming."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How `lab3 fix` works: what is repaired, what is written where, what is said of it."""
+"""The steps of `lab3 fix`: find the repairs, write the files or the diff, list what was done."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a command that judges stages reports: where to, which findings, in which form, which code."""
+"""How the commands that judge stages report: output, findings selected, format, exit code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Looks at the bytes of a stage before usd-core does: what would crash or drown it is refused."""
+"""Checks the bytes of a stage before usd-core opens it: what would exhaust it is refused."""
 
 from __future__ import annotations
 

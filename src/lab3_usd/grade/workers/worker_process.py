@@ -1,4 +1,4 @@
-"""A worker process seen from outside: start, ask and end it."""
+"""Starts, asks and ends one worker process."""
 
 from __future__ import annotations
 

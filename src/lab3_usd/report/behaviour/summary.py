@@ -1,4 +1,4 @@
-"""A dry run as a part of the report: two maps, the drive, and what is bad."""
+"""The part of a report that shows a dry run: two maps, the drive, and the checks that failed."""
 
 from __future__ import annotations
 

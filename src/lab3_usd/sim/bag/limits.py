@@ -1,4 +1,4 @@
-"""Bounds on what a recording makes its readers do: unpack, parse, go through."""
+"""Limits of what reading a recording may cost: bytes unpacked, topics parsed, messages read."""
 
 from __future__ import annotations
 

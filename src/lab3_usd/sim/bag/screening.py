@@ -1,4 +1,4 @@
-"""Looks at a file of a recording before the library does: what would drown it is refused."""
+"""Checks a file of a recording before the library opens it, and refuses what would exhaust it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When something was, in seconds of the simulation since a recording began."""
+"""The time of each message, in seconds of the simulation since a recording began."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All that is looked at, in order, and the verdicts."""
+"""Runs every check of a behaviour, in order, and collects the verdicts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the lab asks for over ROS at a checkpoint, out of its own files."""
+"""The topics, frames and rates that the lab asks for over ROS at a checkpoint."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where TF has a frame when a message was sent."""
+"""Looks up where TF has a frame at the time of a message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was recorded of a run, or of the real system: messages, and where the robot went."""
+"""The record of a run or of the real system: its messages, and the robot's path."""
 
 from __future__ import annotations
 

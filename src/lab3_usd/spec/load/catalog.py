@@ -1,4 +1,4 @@
-"""The catalog out of `node_types.yaml`."""
+"""Loads the catalog of node types from `node_types.yaml`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checkpoints, policy and TF frames out of `checkpoints.yaml`."""
+"""Loads checkpoints, policy and TF frames from `checkpoints.yaml`."""
 
 from __future__ import annotations
 

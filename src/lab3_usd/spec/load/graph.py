@@ -1,4 +1,4 @@
-"""One graph spec out of its YAML file, held against the catalog."""
+"""Loads one graph spec from its YAML file, checked against the catalog."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The node types of Isaac Sim out of `graphs/isaac/`, completed by those of the lab."""
+"""Loads the node types of Isaac Sim from `graphs/isaac/`, completed by those of the lab."""
 
 from __future__ import annotations
 

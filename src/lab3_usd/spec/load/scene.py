@@ -1,4 +1,4 @@
-"""The shape of `scene.yaml`, so that a slip in it is one clear line."""
+"""Checks the shape of `scene.yaml`, so that a mistake in it is one clear line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The starter scene of a lab as data: its prims, and what the handout fixes about them."""
+"""Loads `starter.yaml`: the prims of the starter scene, and what the handout fixes about them."""
 
 from __future__ import annotations
 

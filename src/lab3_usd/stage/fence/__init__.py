@@ -1,1 +1,1 @@
-"""Opening the stages of strangers without leaving their folder."""
+"""Opening untrusted stages without leaving their folder."""

@@ -1,4 +1,4 @@
-"""Opens stages of strangers so that no file outside their own folder is ever opened."""
+"""Opens untrusted stages so that no file outside their own folder is ever opened."""
 
 from __future__ import annotations
 
