@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.check.scene.sensor_location import CAMERA, LIDAR, OTHER, kind_of
 from lab3_usd.check.scene_item import POSE, SceneItem, pose_items
@@ -158,7 +160,7 @@ def _nothing_more(lab: Lab) -> SceneItem:
     return SceneItem("Scene/empty", SCENE, title, "/", None, spec["handout"], rules, anywhere=True)
 
 
-class _RuleIds(NamedTuple):
+class _RuleIds(Struct, frozen=True):
     """Which rules judge the parts of a sensor."""
 
     prim: tuple[str, ...]

@@ -6,8 +6,9 @@ import os
 from collections.abc import Generator, Iterator, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.lint.subject import LintSubject
@@ -29,7 +30,7 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_isaac_types, load_lab
 
 
-class LintSettings(NamedTuple):
+class LintSettings(Struct, frozen=True):
     """How to judge: by which release of Isaac Sim, and whether notes in the stage count.
 
     With `native`, OpenUSD's own validators judge as well.

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.model.finding import Crash, Finding, Score, StageResult, Submission, Verdict, ordered
@@ -17,7 +18,7 @@ STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
 Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
 
 
-class Entry(NamedTuple):
+class Entry(Struct, frozen=True):
     """A path to judge: a stage, or the folder of a submission."""
 
     path: str

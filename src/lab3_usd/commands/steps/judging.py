@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import closing, nullcontext
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.commands.steps.reporting import (
@@ -21,7 +22,7 @@ from lab3_usd.judge.results import Entry, Results, with_findings
 from lab3_usd.model.finding import Report, StageResult, Submission
 
 
-class Judge(NamedTuple):
+class Judge(Struct, frozen=True):
     """What a command does in its own way: find what a path names, judge it in N processes.
 
     `shared` are the files and folders that everything is judged with; `renew` is called when one

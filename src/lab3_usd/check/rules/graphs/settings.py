@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
-from typing import NamedTuple
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.harmless_faults import with_setting
@@ -26,7 +26,7 @@ _FAMILIES = (
 )
 
 
-class Found(NamedTuple):
+class Found(Struct, frozen=True):
     """A setting of the spec, the node it is asked of, its value there, and whether it is met."""
 
     node: Node
