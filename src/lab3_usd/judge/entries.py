@@ -15,14 +15,13 @@ from lab3_usd.config.findings import matching
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.results import (
     STAGE_ENDINGS,
-    UNREADABLE,
     Entry,
     Results,
-    unreadable,
+    crashed,
     with_findings,
 )
 from lab3_usd.judge.stage import check_stage, checkpoint_of
-from lab3_usd.model.finding import Crash, Finding, StageResult, Submission
+from lab3_usd.model.finding import Finding, StageResult, Submission
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
@@ -150,12 +149,9 @@ def judge_entry(settings: JudgeSettings, entry: Entry) -> Results:
 
 def crashed_entry(settings: JudgeSettings, entry: Entry, how: str) -> Results:
     """Return the result for a path at which the process that judged it ended."""
-    reason = f"the process that read it ended ({how})"
-    crash = Crash(UNREADABLE, reason)
     if entry.is_submission:
-        return (), (Submission(entry.path, crashes=(crash,)),)
-    result = unreadable(entry.path, checkpoint_at(entry.path, settings, load_lab()), reason)
-    return (replace(result, crashes=(crash,)),), ()
+        return (), (Submission(entry.path, crashes=crashed(entry.path, None, how).crashes),)
+    return (crashed(entry.path, checkpoint_at(entry.path, settings, load_lab()), how),), ()
 
 
 def _judge_submission(path: str, settings: JudgeSettings) -> Results:

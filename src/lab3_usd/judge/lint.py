@@ -17,14 +17,14 @@ from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.judge.results import (
     STAGE_ENDINGS,
-    UNREADABLE,
     Entry,
     Results,
+    crashed,
     located,
     unreadable,
     verdict_of,
 )
-from lab3_usd.model.finding import Crash, Score, StageResult, ordered
+from lab3_usd.model.finding import Score, StageResult, ordered
 from lab3_usd.spec.isaac import NEWEST
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_isaac_types, load_lab
@@ -156,6 +156,4 @@ def _lint(settings: LintSettings, entry: Entry) -> Results:
 
 
 def _crashed(entry: Entry, how: str) -> Results:
-    reason = f"the process that read it ended ({how})"
-    result = unreadable(entry.path, None, reason)
-    return (replace(result, crashes=(Crash(UNREADABLE, reason),)),), ()
+    return (crashed(entry.path, None, how),), ()

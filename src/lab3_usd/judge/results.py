@@ -33,6 +33,13 @@ def unreadable(path: str, checkpoint: str | None, reason: str) -> StageResult:
     return StageResult(path, checkpoint, "unreadable", Score(0.0, 0.0), (finding,))
 
 
+def crashed(path: str, checkpoint: str | None, how: str) -> StageResult:
+    """Return the result for a file at which the process that read it ended, and how it did."""
+    reason = f"the process that read it ended ({how})"
+    crash = Crash(UNREADABLE, reason)
+    return replace(unreadable(path, checkpoint, reason), crashes=(crash,))
+
+
 def verdict_of(findings: Iterable[Finding], crashes: Collection[Crash]) -> Verdict:
     """Return the verdict on a stage that could be read."""
     has_errors = any(each.severity == "error" for each in findings)
