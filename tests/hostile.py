@@ -167,10 +167,10 @@ def a_long_chain_of_sublayers(folder: Path, kit: Kit) -> None:
 
 
 @hostile
-def ten_thousand_files(folder: Path, kit: Kit) -> None:
+def two_thousand_files(folder: Path, kit: Kit) -> None:
     del kit
     text(folder, WORLD)
-    for index in range(10_000):
+    for index in range(2_000):
         (folder / f"f{index}.txt").touch()
 
 

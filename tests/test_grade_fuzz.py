@@ -12,7 +12,7 @@ from fuzz_inputs import generate, written
 
 from lab3_usd.grade.workers import worker_process
 
-COUNT = 50
+COUNT = 30
 FUZZ = Path(__file__).resolve().parents[1] / "benchmarks" / "fuzz.py"
 
 

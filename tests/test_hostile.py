@@ -22,7 +22,7 @@ GOOD = "a_good_one"
 LIMITS = Limits(seconds=20, files=900)
 # What never comes to an end ends as early as one likes.
 ENDLESS = ("an_instancing_bomb", "instances_of_instances")
-SOON = replace(LIMITS, seconds=2)
+SOON = replace(LIMITS, seconds=1)
 STATUSES = {
     "a_cut_zip": "unreadable",
     "a_tar_bomb": "too large",
@@ -30,7 +30,7 @@ STATUSES = {
     "a_zip_that_is_none": "unreadable",
     "an_instancing_bomb": "timeout",
     "instances_of_instances": "timeout",
-    "ten_thousand_files": "too large",
+    "two_thousand_files": "too large",
 }
 EMPTY = {
     "a_file_beyond_the_limit",

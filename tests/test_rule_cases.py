@@ -73,6 +73,9 @@ def test_what_is_only_alike_does_not_trigger_the_rule(case: Case) -> None:
     assert case.rule not in {each.rule for each in judgement.findings}
 
 
-@pytest.mark.parametrize("case", TRIGGERS, ids=_id)
-def test_what_a_case_file_expects_is_of_its_own_rule(case: Case) -> None:
-    assert case.rule in {line.split()[0] for line in [*case.expect, *case.notes]}
+def is_of_its_rule(case: Case) -> bool:
+    return case.rule in {line.split()[0] for line in [*case.expect, *case.notes]}
+
+
+def test_what_a_case_file_expects_is_of_its_own_rule() -> None:
+    assert [_id(case) for case in TRIGGERS if not is_of_its_rule(case)] == []

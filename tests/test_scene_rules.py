@@ -45,7 +45,6 @@ from scene_changes import (
 from scene_sabotage import scene_sabotage
 from scene_stages import built, findings_of, stage_rules, told
 
-from lab3_usd.check.registry import Rule
 from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_requirements import scene_items
 from lab3_usd.model.finding import Finding
@@ -86,11 +85,14 @@ def test_each_fault_is_one_error_at_its_place(
     assert [(each.prim, each.property) for each in found] == [fault.site]
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
-def test_each_fault_costs_an_item(fault: Sabotage, said: dict[str, list[Finding]]) -> None:
+def costs_an_item(fault: Sabotage, found: list[Finding]) -> bool:
     lab = load_lab()
     items = scene_items(lab, lab.checkpoints[fault.checkpoint])
-    assert not all(is_met(item, said[fault.name]) for item in items)
+    return not all(is_met(item, found) for item in items)
+
+
+def test_each_fault_costs_an_item(said: dict[str, list[Finding]]) -> None:
+    assert [each.name for each in FAULTS if not costs_an_item(each, said[each.name])] == []
 
 
 @pytest.mark.parametrize("checkpoint", CHECKPOINTS)
@@ -125,11 +127,6 @@ def test_a_missing_link_costs_all_that_is_asked_of_it(said: dict[str, list[Findi
 def test_every_rule_speaks_of_some_fault(said: dict[str, list[Finding]]) -> None:
     spoken = {each.rule for found in said.values() for each in found}
     assert set(stage_rules()) - spoken - ELSEWHERE == set()
-
-
-@pytest.mark.parametrize("rule", stage_rules().values(), ids=lambda rule: rule.id)
-def test_every_rule_has_a_manual(rule: Rule) -> None:
-    assert [bool(rule.section(title)) for title in ("Why", "Fix", "Example")] == [True] * 3
 
 
 def wheel_shape_on_link(stage: Usd.Stage) -> None:
