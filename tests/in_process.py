@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import io
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -17,14 +16,11 @@ def lab3(*arguments: object) -> CompletedProcess[str]:
     words = ["lab3", *map(str, arguments)]
     out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8", newline="") for _ in range(2))
     status: object = 0
-    threshold = gc.get_threshold()
     with patch.object(sys, "argv", words), redirect_stdout(out), redirect_stderr(err):
         try:
             cli.main()
         except SystemExit as leaving:
             status = leaving.code or 0
-        finally:
-            gc.set_threshold(*threshold)
     assert isinstance(status, int)
     return CompletedProcess(words, status, _text_of(out), _text_of(err))
 
