@@ -20,7 +20,7 @@ from lab3_usd.report.tool import UNKNOWN, tool_version
 if TYPE_CHECKING:
     from click.testing import Result
 
-HEAVY = ("pxr", "yaml", "jinja2")
+HEAVY = ("pxr", "networkx", "yaml", "jinja2")
 
 
 def lab3(*arguments: str) -> Result:

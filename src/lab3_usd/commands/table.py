@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 # Each command is a module that defines `command`; it is imported only when it is asked for,
-# so that `lab3 --help` starts without pxr.
+# so that `lab3 --help` starts without pxr and networkx.
 GROUPS = {
     "students": {
         "check": "Check stages or whole submissions against the lab.",

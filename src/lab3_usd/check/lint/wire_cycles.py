@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.lint.connections import Connection, connections
 from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.model.digraph import is_acyclic
 from lab3_usd.model.stage import Node
 
 Kind = Literal["execution", "data"]
@@ -36,34 +37,20 @@ def find_cycles(subject: LintSubject) -> Iterator[WireCycle]:
         if wire.is_live and wire.ports is not None:
             kinds["execution" if wire.ports[1].is_execution else "data"].append(wire)
     for kind, wires in kinds.items():
-        yield from _rings(kind, wires)
+        yield from _cycles(kind, wires)
 
 
-def _rings(kind: Kind, wires: list[Connection]) -> Iterator[WireCycle]:
-    into: dict[str, list[Connection]] = {}
+def _cycles(kind: Kind, wires: list[Connection]) -> Iterator[WireCycle]:
+    pairs = [(wire.source_prim, wire.node.path) for wire in wires]
+    if is_acyclic(pairs):
+        return
+    import networkx as nx  # noqa: PLC0415 - only where there is a cycle
+
+    graph, told = nx.DiGraph(pairs), set[str]()
     for wire in wires:
-        into.setdefault(wire.node.path, []).append(wire)
-    told: set[str] = set()
-    for wire in wires:
-        way = _way(wire.node.path, wire.source_prim, into)
-        if way is not None and told.isdisjoint(way):
+        if not nx.has_path(graph, wire.node.path, wire.source_prim):
+            continue
+        way = nx.shortest_path(graph, wire.node.path, wire.source_prim)
+        if told.isdisjoint(way):
             told.update(way)
             yield WireCycle(kind, wire.node, wire.port, tuple(way))
-
-
-def _way(first: str, last: str, into: dict[str, list[Connection]]) -> list[str] | None:
-    """Return the nodes from `first` to `last` along the wires, None where no way leads there."""
-    before: dict[str, str] = {last: ""}
-    ahead = [last]
-    while ahead:
-        path = ahead.pop(0)
-        if path == first:
-            way = [path]
-            while before[way[-1]]:
-                way.append(before[way[-1]])
-            return way
-        for wire in into.get(path, ()):
-            if wire.source_prim not in before:
-                before[wire.source_prim] = path
-                ahead.append(wire.source_prim)
-    return None

@@ -2,38 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from lab3_usd.check.tf.frames import Edge
+from lab3_usd.model.digraph import is_acyclic
 
 
 def frames_in_cycles(edges: Iterable[Edge]) -> list[str]:
-    """Return the frames that stay when those without parents or children are taken away.
-
-    Ends are taken away again and again, parents first; what is left are cycles and what lies
-    between two of them, in the order of the edges.
-    """
+    """Return the frames of cycles, and of what lies between two of them, as the edges name them."""
     pairs = [(edge.parent, edge.child) for edge in edges]
-    names = dict.fromkeys(name for pair in pairs for name in pair)
-    gone = _ends(list(names), pairs)
-    gone |= _ends(list(names), [(child, parent) for parent, child in pairs])
-    return [name for name in names if name not in gone]
+    if is_acyclic(pairs):
+        return []
+    import networkx as nx  # noqa: PLC0415 - only where there is a cycle
 
-
-def _ends(names: Sequence[str], pairs: Sequence[tuple[str, str]]) -> set[str]:
-    """Return the frames that nothing is above of, once those above them are gone."""
-    waiting = dict.fromkeys(names, 0)
-    below: dict[str, list[str]] = {}
-    for parent, child in pairs:
-        waiting[child] += 1
-        below.setdefault(parent, []).append(child)
-    ahead = [name for name, count in waiting.items() if not count]
-    ends = set()
-    while ahead:
-        name = ahead.pop()
-        ends.add(name)
-        for child in below.get(name, ()):
-            waiting[child] -= 1
-            if not waiting[child]:
-                ahead.append(child)
-    return ends
+    graph = nx.DiGraph(pairs)
+    parts = nx.strongly_connected_components(graph)
+    rings = {name for part in parts if len(part) > 1 for name in part}
+    rings.update(nx.nodes_with_selfloops(graph))
+    below = rings.union(*(nx.descendants(graph, name) for name in rings))
+    above = rings.union(*(nx.ancestors(graph, name) for name in rings))
+    return [name for name in graph if name in above and name in below]
