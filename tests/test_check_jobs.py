@@ -77,8 +77,9 @@ def hostile(name: str, folder: Path) -> Path:
     return stage
 
 
-@pytest.mark.parametrize("form", FORMATS)
-def test_every_format_has_the_same_bytes(stages: list[Path], form: str) -> None:
+# A line for each finding, all that a result holds, and what is read of the files once more.
+@pytest.mark.parametrize("form", ["text", "json", "html"])
+def test_a_report_has_the_same_bytes(stages: list[Path], form: str) -> None:
     one, two = (check("--format", form, "--jobs", n, *stages[:4]) for n in (1, 2))
     assert (one.exit_code, two.exit_code) == (1, 1)
     assert one.stdout_bytes == two.stdout_bytes
@@ -88,12 +89,12 @@ def test_submissions_have_the_same_bytes(submissions: list[Path], stages: list[P
     starter = submissions[0] / STARTER
     options = ("--starter", starter, "--require-evidence", "--ignore", "P")
     calls = ("--format", "json", *options, *submissions, *stages)
-    one, two, four = (check("--jobs", n, *calls) for n in (1, 2, 4))
+    one, three = (check("--jobs", n, *calls) for n in (1, 3))
     report = json.loads(one.stdout)
     assert_valid(report)
     assert len(report["submissions"]) == 3
-    assert one.stdout_bytes == two.stdout_bytes == four.stdout_bytes
-    assert one.exit_code == two.exit_code == four.exit_code == 1
+    assert one.stdout_bytes == three.stdout_bytes
+    assert one.exit_code == three.exit_code == 1
 
 
 def test_a_checkpoint_that_does_not_exist_is_refused_for_a_submission_too(
@@ -106,13 +107,19 @@ def test_a_checkpoint_that_does_not_exist_is_refused_for_a_submission_too(
 def test_the_stages_of_a_folder_have_the_same_bytes(stages: list[Path], tmp_path: Path) -> None:
     for number, stage in enumerate(stages):
         shutil.copy(stage, tmp_path / f"{number}.usda")
-    one, three = (check("--jobs", n, "--checkpoint", "01", tmp_path) for n in (1, 3))
-    assert one.stdout_bytes == three.stdout_bytes
+    one, two = (check("--jobs", n, "--checkpoint", "01", tmp_path) for n in (1, 2))
+    assert one.stdout_bytes == two.stdout_bytes
     assert "7 files: 3 passed, 4 failed" in one.stdout
 
 
-@pytest.mark.parametrize("options", [(), ("--exit-zero",), ("--ignore", "F", "--quiet")])
-@pytest.mark.parametrize("name", ["nested_prims", "nested_dictionaries"])
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("nested_prims", ()),
+        ("nested_prims", ("--exit-zero",)),
+        ("nested_dictionaries", ("--ignore", "F", "--quiet")),
+    ],
+)
 def test_a_file_that_ends_its_process_is_a_crash_and_costs_no_other_its_result(
     stages: list[Path], tmp_path: Path, name: str, options: tuple[str, ...]
 ) -> None:
