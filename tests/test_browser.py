@@ -168,7 +168,7 @@ def test_every_severity_can_be_switched_off(chromium: Browser, pages: dict[str, 
     total = len(chromium.all(".card"))
     assert chromium.one("output").text == f"1 of {total}"
     chromium.one(".tools button").click()
-    assert len(chromium.shown(".card")) == total
+    wait_for(lambda: len(chromium.shown(".card")) == total)
 
 
 def test_a_checkpoint_can_be_chosen(chromium: Browser, pages: dict[str, Path]) -> None:
@@ -246,7 +246,7 @@ def test_a_port_shows_its_finding_even_where_the_filter_hides_it(
 def wait_for(condition: Any) -> None:
     from selenium.webdriver.support.ui import WebDriverWait  # noqa: PLC0415 - may be absent
 
-    WebDriverWait(None, 5).until(lambda _: condition())
+    WebDriverWait(None, 30).until(lambda _: condition())
 
 
 def test_the_address_of_a_finding_can_be_sent_to_somebody(
