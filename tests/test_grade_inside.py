@@ -105,19 +105,31 @@ def test_a_submission_without_stages_is_empty_and_says_why(
     assert "link that leads out" in found["reason"]
 
 
-def test_a_rule_that_fails_is_the_tools_fault(
-    course: GradingSetup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def every_rule_fails(monkeypatch: pytest.MonkeyPatch, error: str) -> None:
     def fail(self: Any, found: Any, subject: Any) -> None:
         del subject
         from lab3_usd.model.finding import Crash  # noqa: PLC0415 - only here
 
-        self.crashes.append(Crash(found.id, "KeyError"))
+        self.crashes.append(Crash(found.id, error))
 
     monkeypatch.setattr("lab3_usd.check.checker._Run.rule", fail)
+
+
+def test_a_rule_that_fails_is_the_tools_fault(
+    course: GradingSetup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    every_rule_fails(monkeypatch, "KeyError: 'x'")
     found = judged(course, submission(tmp_path / "jane", "00"), tmp_path)
     assert found["status"] == "tool failed"
     assert found["crashes"]
+
+
+def test_a_rule_that_lacks_memory_is_not_the_tools_fault(
+    course: GradingSetup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    every_rule_fails(monkeypatch, "MemoryError: ")
+    with pytest.raises(MemoryError):
+        judged(course, submission(tmp_path / "jane", "00"), tmp_path)
 
 
 def test_what_leads_out_is_an_error_of_the_stage_and_what_was_refused_of_the_submission(

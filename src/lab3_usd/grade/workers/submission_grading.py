@@ -152,7 +152,10 @@ def _status(
     if not found.results:
         because = "; ".join(f"{each.path}: {each.reason}" for each in refused[:1])
         return "empty", because or "holds no stage of a checkpoint"
-    if _crashes(found):
+    crashes = _crashes(found)
+    if any(each.error.startswith(MemoryError.__name__) for each in crashes):
+        raise MemoryError  # in a rule, which is not at fault
+    if crashes:
         return "tool failed", "a rule of the checker failed; please report it"
     return "graded", ""
 
