@@ -16,7 +16,8 @@ from lab3_usd.model.changes import EDITS, PARTS, StageChange, StageDiff
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.compare.scenes import scene_changes
-from lab3_usd.stage.read.opening import open_stage
+from lab3_usd.stage.read.opening import open_stage, stage_errors
+from lab3_usd.stage.read.prims import DAMAGE
 from lab3_usd.stage.read.reader import read_model
 
 
@@ -39,10 +40,12 @@ def compare_stages(before: Path, after: Path, lab: Lab) -> Comparison:
         for stage, path in zip(stages, (before, after), strict=True)
     )
     pairs = pair_stages(was, now)
+    with stage_errors(f"{before} or {after}", *DAMAGE):
+        scene = tuple(scene_changes(stages[0], stages[1], lab, pairs.path))
     changes = [
         *graph_changes(pairs, lab.catalog.graph),
         *_stage_changes(was, now),
-        *scene_changes(stages[0], stages[1], lab, pairs.path),
+        *scene,
         *_topic_changes(was, now, lab, pairs),
         *_frame_changes(was, now, lab),
     ]

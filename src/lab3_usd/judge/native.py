@@ -7,7 +7,8 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from lab3_usd.check.rule_runs import run_family
-from lab3_usd.judge.results import located, with_findings
+from lab3_usd.errors import StageError
+from lab3_usd.judge.results import located, unreadable, with_findings
 from lab3_usd.model.finding import StageResult
 from lab3_usd.model.native import FAMILY, NativeErrors
 
@@ -35,11 +36,17 @@ def with_native(result: StageResult) -> StageResult:
     if result.verdict == "unreadable":
         return result
     from lab3_usd.stage.read.native import native_errors  # noqa: PLC0415 - only with --native
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
+    from lab3_usd.stage.read.opening import open_stage, stage_errors  # noqa: PLC0415
+    from lab3_usd.stage.read.prims import DAMAGE  # noqa: PLC0415
 
     path = Path(result.path)
     stage = open_stage(path)
-    told = run_family("native", FAMILY, NativeErrors(native_errors(stage, result.path)), None)
+    try:
+        with stage_errors(path, *DAMAGE):
+            errors = native_errors(stage, result.path)
+    except StageError as error:  # of a prim that no other rule asks for
+        return unreadable(result.path, result.checkpoint, str(error))
+    told = run_family("native", FAMILY, NativeErrors(errors), None)
     found = located(told.findings, path, stage)
     return with_findings(
         replace(result, crashes=(*result.crashes, *told.crashes)), (*result.findings, *found)

@@ -16,7 +16,8 @@ from lab3_usd.check.requirements import score, with_other_faults
 from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_requirements import scene_items
-from lab3_usd.judge.results import located
+from lab3_usd.errors import StageError
+from lab3_usd.judge.results import located, unreadable
 from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import Finding, Requirement, StageResult, ordered
 from lab3_usd.model.physics import JOINT_ENABLED
@@ -116,7 +117,10 @@ def open_against_starter(
         frozenset(path for each in told for path in each.related),
     )
     beside = _Beside(starter, stage, Path(result.path), result.checkpoint or "", lab)
-    judged = _compared(beside, reported)
+    try:
+        judged = _compared(beside, reported)
+    except StageError as error:  # of a prim that nothing else asks for
+        return unreadable(result.path, result.checkpoint, str(error))
     kept = tuple(each for each in kept if not _follows(each, judged.findings))
     requirements = result.requirements
     if len(kept) != len(result.findings):
@@ -188,9 +192,12 @@ class _Beside(Struct, frozen=True, eq=False):
 
 def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
     from lab3_usd.stage.compare.starter import compare_starter  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.opening import stage_errors  # noqa: PLC0415
+    from lab3_usd.stage.read.prims import DAMAGE  # noqa: PLC0415
 
     stage, lab = beside.stage, beside.lab
-    found = compare_starter(beside.starter.stage, stage, lab, beside.checkpoint)
+    with stage_errors(beside.path, *DAMAGE):
+        found = compare_starter(beside.starter.stage, stage, lab, beside.checkpoint)
     subject = replace(
         found, faulty_sites=reported.faulty_sites, related_prims=reported.related_prims
     )

@@ -91,7 +91,6 @@ class Behaviour(Struct, frozen=True):
     not_simulated: tuple[Unknown, ...] = ()
     legs: tuple[Leg, ...] = ()
     remarks: tuple[str, ...] = ()
-    reason: str = ""  # why it cannot be read
     recording: str = ""  # what was judged, where it is no dry run
     differences: tuple[Difference, ...] | None = None  # from the dry run of its stage, if played
 

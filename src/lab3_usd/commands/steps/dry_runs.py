@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lab3_usd.check.registry import all_rules
-from lab3_usd.judge.results import with_findings
+from lab3_usd.judge.results import unreadable, with_findings
 from lab3_usd.model.behaviour import Behaviour
 from lab3_usd.model.finding import Finding, StageResult
 from lab3_usd.report.behaviour.summary import DryRunSummary, dry_run_summary
@@ -22,6 +22,8 @@ def with_dry_run(result: StageResult, shown: dict[str, DryRunSummary]) -> StageR
     if result.verdict == "unreadable" or result.checkpoint is None:
         return result
     run = dry_run(Path(result.path), load_lab(), result.checkpoint)
+    if run.behaviour.verdict == "unreadable":  # by damage where no rule looks
+        return unreadable(result.path, result.checkpoint, run.behaviour.not_simulated[0].reason)
     drawn = dry_run_summary(run.behaviour, run.replay)
     if drawn is not None:
         shown[result.path] = drawn
