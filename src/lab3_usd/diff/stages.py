@@ -17,7 +17,6 @@ from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.compare.scenes import scene_changes
 from lab3_usd.stage.read.opening import open_stage, stage_errors
-from lab3_usd.stage.read.prims import DAMAGE
 from lab3_usd.stage.read.reader import read_model
 
 
@@ -40,7 +39,7 @@ def compare_stages(before: Path, after: Path, lab: Lab) -> Comparison:
         for stage, path in zip(stages, (before, after), strict=True)
     )
     pairs = pair_stages(was, now)
-    with stage_errors(f"{before} or {after}", *DAMAGE):
+    with stage_errors(f"{before} or {after}"):
         scene = tuple(scene_changes(stages[0], stages[1], lab, pairs.path))
     changes = [
         *graph_changes(pairs, lab.catalog.graph),

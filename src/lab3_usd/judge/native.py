@@ -37,12 +37,11 @@ def with_native(result: StageResult) -> StageResult:
         return result
     from lab3_usd.stage.read.native import native_errors  # noqa: PLC0415 - only with --native
     from lab3_usd.stage.read.opening import open_stage, stage_errors  # noqa: PLC0415
-    from lab3_usd.stage.read.prims import DAMAGE  # noqa: PLC0415
 
     path = Path(result.path)
     stage = open_stage(path)
     try:
-        with stage_errors(path, *DAMAGE):
+        with stage_errors(path):
             errors = native_errors(stage, result.path)
     except StageError as error:  # of a prim that no other rule asks for
         return unreadable(result.path, result.checkpoint, str(error))

@@ -193,10 +193,9 @@ class _Beside(Struct, frozen=True, eq=False):
 def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
     from lab3_usd.stage.compare.starter import compare_starter  # noqa: PLC0415 - pxr, only when needed
     from lab3_usd.stage.read.opening import stage_errors  # noqa: PLC0415
-    from lab3_usd.stage.read.prims import DAMAGE  # noqa: PLC0415
 
     stage, lab = beside.stage, beside.lab
-    with stage_errors(beside.path, *DAMAGE):
+    with stage_errors(beside.path):
         found = compare_starter(beside.starter.stage, stage, lab, beside.checkpoint)
     subject = replace(
         found, faulty_sites=reported.faulty_sites, related_prims=reported.related_prims

@@ -12,7 +12,7 @@ from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.prims import Collider, Colliders, Matrix, Prim, Prims
 from lab3_usd.stage.geometry.transforms import TransformCache
 from lab3_usd.stage.read.opening import stage_errors
-from lab3_usd.stage.read.prims import DAMAGE, RIGID_BODY, PrimReader
+from lab3_usd.stage.read.prims import RIGID_BODY, PrimReader
 
 _Corner = tuple[float, float, float]
 _Box = tuple[_Corner, _Corner]
@@ -81,7 +81,7 @@ class StageColliders(Colliders):
         """Yield the box of a collision prim that has a shape of its own or shapes below."""
         path = prim.path
         if path not in self._boxes:
-            with stage_errors(self._reader.name, *DAMAGE):
+            with stage_errors(self._reader.name):
                 self._measure(self._reader.stage.GetPrimAtPath(path), path)
         box = self._boxes[path]
         if box is not None:

@@ -19,6 +19,7 @@ _T = TypeVar("_T")
 _PARSE_ERROR = re.compile(r":(\d+):\d+: parse error")
 _REASONS = {"UTF-8 BOM": "it starts with a byte order mark; save it as UTF-8 without one"}
 _ARGUMENTS = ":SDF_FORMAT_ARGS:"
+_DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 _MOST_OPEN = 2
 
@@ -90,14 +91,17 @@ def quiet() -> Iterator[None]:
 
 
 class stage_errors:  # noqa: N801 - used as a function is; made of one it takes five times as long
-    """Raise StageError, with a line for people, where usd-core raises one of these."""
+    """Raise StageError, with a line for people, where usd-core raises one of these.
+
+    Where none are named, they are those by which it tells damage of a file that it has opened.
+    """
 
     __slots__ = ("_kinds", "_path")
 
     def __init__(self, path: Path | str, *kinds: type[Exception]) -> None:
         """Tell of the file at `path`."""
         self._path = path
-        self._kinds = kinds
+        self._kinds = kinds or _DAMAGE
 
     def __enter__(self) -> None:
         """Begin to read."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import Struct, field
-from pxr import Sdf, Tf, Usd
+from pxr import Sdf, Usd
 
 from lab3_usd.model.prims import NameFilter, Prim, Prims
 from lab3_usd.spec.catalog import Value
@@ -23,7 +23,6 @@ from lab3_usd.stage.read.ports import declared_properties
 Authored = dict[str, tuple[str, Value]]  # type and value by name
 
 EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
-DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
@@ -64,7 +63,7 @@ class PrimReader:
 
     def prim(self, prim: Usd.Prim, path: str) -> Prim:
         """Return the prim at a path, whose values and place are still to be read."""
-        with stage_errors(self.name, *DAMAGE):
+        with stage_errors(self.name):
             return Prim.unread(
                 path,
                 prim.GetTypeName(),
@@ -80,7 +79,7 @@ class PrimReader:
         Raises:
             StageError: the file is damaged there.
         """
-        with stage_errors(self.name, *DAMAGE):
+        with stage_errors(self.name):
             found = self.stage.GetPrimAtPath(prim.path)
             if name in _PLACE:
                 is_placed = prim.type in self.placed or RIGID_BODY in prim.apis
@@ -165,7 +164,7 @@ class StagePrims(Prims):
     def named(self, asked: NameFilter) -> Sequence[Prim]:
         """Return the prims whose own name is asked for."""
         if not self._by_name:
-            with stage_errors(self._reader.name, *DAMAGE):
+            with stage_errors(self._reader.name):
                 for number, prim in enumerate(self._index.prims):
                     self._by_name.setdefault(prim.GetName(), []).append(number)
         return self._chosen(self._by_name, asked)
@@ -173,7 +172,7 @@ class StagePrims(Prims):
     def below(self, top: str) -> Iterator[Prim]:
         """Yield the prim at `top` and those below it."""
         found = self._find(top)
-        with stage_errors(self._reader.name, *DAMAGE):
+        with stage_errors(self._reader.name):
             for prim in Usd.PrimRange(found, EVERYTHING) if found else ():
                 path = str(prim.GetPath())
                 if not prim.IsPseudoRoot() and self._counts(prim, path):
@@ -209,7 +208,7 @@ class StagePrims(Prims):
 
     def _numbered(self, number: int) -> Prim:
         prim = self._index.prims[number]
-        with stage_errors(self._reader.name, *DAMAGE):
+        with stage_errors(self._reader.name):
             return self._prim(prim, str(prim.GetPath()))
 
 
@@ -220,7 +219,7 @@ def authored_attributes(path: Path, prims: Iterable[str]) -> dict[str, Authored]
     Raises:
         StageError: the stage cannot be read.
     """
-    with stage_errors(str(path), *DAMAGE):
+    with stage_errors(str(path)):
         stage = open_stage(path)
         found: dict[str, Authored] = {}
         for prim_path in prims:

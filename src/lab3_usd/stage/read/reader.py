@@ -24,7 +24,7 @@ from lab3_usd.stage.read.missing_assets import find_unresolved, is_in_scene
 from lab3_usd.stage.read.opening import cached, open_stage, quiet, stage_errors
 from lab3_usd.stage.read.plain_values import plain_value
 from lab3_usd.stage.read.ports import Properties, declared_properties, declared_value, read_ports
-from lab3_usd.stage.read.prims import DAMAGE, EVERYTHING, PrimIndex, PrimReader, StagePrims
+from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
 from lab3_usd.stage.read.time_samples import changes_after_start, hold_start_values
 
 _POSITION = "ui:nodegraph:node:pos"
@@ -48,7 +48,7 @@ def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
     Raises:
         StageError: the file is damaged in a way that shows only now.
     """
-    with stage_errors(path, *DAMAGE):
+    with stage_errors(path):
         return cached(("model", id(stage)), lambda: _read_model(stage, lab, path))
 
 
