@@ -14,7 +14,8 @@ from lab3_usd.grade.scoring.scoring import Grade, ItemGrade, LostRequirement
 from lab3_usd.grade.workers.messages import Task, decode, encode
 from lab3_usd.grade.workers.submission_grading import ungraded_record
 from lab3_usd.model.finding import Finding, Report, Requirement
-from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.options import Options
 
 WIRE = Requirement("ROS_Clock/wire/tick", "ROS_Clock", "wire", "tick reaches the clock", met=False)
 RUBRIC = Rubric(

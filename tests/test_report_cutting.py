@@ -18,7 +18,8 @@ from lab3_usd.cli import lab3
 from lab3_usd.judge.folder import FolderSettings, check_folder
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import ChecklistItem, Crash, Report, Score, StageResult, Submission
-from lab3_usd.report.formats.registry import FORMATS, Options, render
+from lab3_usd.report.formats.registry import FORMATS, render
+from lab3_usd.report.options import Options
 from lab3_usd.report.safe_text import LONGEST, truncated, truncated_report, truncated_values
 
 HUGE = "<" * (1 << 18)

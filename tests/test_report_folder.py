@@ -8,7 +8,8 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.model.finding import Finding, Report, Score, StageResult, Verdict
-from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.options import Options
 
 RADIUS = Finding(
     "P01",

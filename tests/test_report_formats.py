@@ -9,7 +9,8 @@ import pytest
 from report_examples import EMPTY, HOSTILE, REPORT, RULES, hostile
 
 from lab3_usd.errors import UsageError
-from lab3_usd.report.formats.registry import FORMATS, Options, format_named, render
+from lab3_usd.report.formats.registry import FORMATS, format_named, render
+from lab3_usd.report.options import Options
 
 OURS = list(FORMATS)
 

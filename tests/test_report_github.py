@@ -11,7 +11,8 @@ from report_examples import FAILED, HOSTILE, LAYER, MISSING_WIRE, REPORT, hostil
 
 from lab3_usd.model.finding import Report
 from lab3_usd.report.entries import relative_path
-from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.options import Options
 from lab3_usd.report.safe_text import visible
 
 UNESCAPE_DATA = {"%0D": "\r", "%0A": "\n", "%25": "%"}

@@ -13,7 +13,8 @@ from report_examples import BROKEN, DRIVE, FAILED, HOSTILE, MISSING_WIRE, REPORT
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.gradescope import VISIBILITIES
-from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.options import Options
 
 FORMAT = {"enum": ["text", "html", "simple_format", "md", "ansi"]}
 # As Gradescope documents results.json; `score` must be there or in every test.

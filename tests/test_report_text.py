@@ -21,7 +21,8 @@ from report_examples import (
 )
 
 from lab3_usd.model.finding import ChecklistItem, Report, Score, Submission
-from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.options import Options
 
 GOLDEN = Path(__file__).parent / "golden"
 UPDATE = bool(os.environ.get("LAB3_UPDATE_GOLDEN"))

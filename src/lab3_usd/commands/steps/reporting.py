@@ -14,7 +14,8 @@ from lab3_usd.config.findings import with_config_applied
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
 from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
-from lab3_usd.report.formats.registry import Options, format_named, render
+from lab3_usd.report.formats.registry import format_named, render
+from lab3_usd.report.options import Options
 from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ from lab3_usd.grade.scoring.rubric import Item, Rubric
 from lab3_usd.grade.scoring.scoring import Grade, ItemGrade
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.markdown import text
-from lab3_usd.report.formats.registry import Options, render
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.options import Options
 from lab3_usd.spec.load.loader import load_lab
 
 HTML, JSON, GRADESCOPE = "report.html", "report.json", "results.json"

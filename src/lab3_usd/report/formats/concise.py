@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lab3_usd.model.finding import Report
 from lab3_usd.report.entries import Entry, crashes, entries, site
-from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from lab3_usd.model.finding import Report
 from lab3_usd.report.entries import Entry, crashes, entries
-from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import safe_cell
 
 COLUMNS = (

@@ -7,7 +7,7 @@ import json
 from lab3_usd.model.finding import Report, Severity
 from lab3_usd.report.entries import Entry, crashes, relative_path, site
 from lab3_usd.report.fingerprints import fingerprint, fingerprinted
-from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
 # Of GitLab's five; `blocker` is left to a rule that failed itself.

@@ -7,7 +7,7 @@ import json
 from lab3_usd.model.finding import Report
 from lab3_usd.report.entries import crashes, entries
 from lab3_usd.report.formats.json_report import finding_json
-from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.options import Options, Rules
 
 
 def render(report: Report, rules: Rules | None, options: Options) -> str:

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
 from lab3_usd.report.entries import site
-from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
 DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'

@@ -13,7 +13,7 @@ from lab3_usd.model.finding import Finding, Report, site_of
 from lab3_usd.model.repair import TextChange
 from lab3_usd.report.entries import Entry, crashes, entries, relative_path, site
 from lab3_usd.report.fingerprints import fingerprinted
-from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 from lab3_usd.report.tool import NAME, tool_version
 

@@ -10,7 +10,7 @@ from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResu
 from lab3_usd.report.blocks import Block, blocks
 from lab3_usd.report.entries import entries, summarize
 from lab3_usd.report.faults import faults
-from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 from lab3_usd.report.source_excerpt import read_excerpts
 from lab3_usd.report.statistics import plural, statistics_table, summary_line

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from itertools import groupby
 
 from lab3_usd.model.finding import ChecklistItem
-from lab3_usd.report.formats.registry import Options
+from lab3_usd.report.options import Options
 from lab3_usd.report.safe_text import visible
 from lab3_usd.report.text.ansi import paint
 

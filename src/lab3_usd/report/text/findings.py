@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.model.finding import Finding
 from lab3_usd.report.entries import site
-from lab3_usd.report.formats.registry import Options, Rules
+from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 from lab3_usd.report.source_excerpt import Excerpt, excerpt_lines
 from lab3_usd.report.text.ansi import paint
