@@ -10,7 +10,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
-from lab3_usd.spec.load.loader import load_isaac_types
+from lab3_usd.spec.load.isaac_types import load_isaac_types
 
 Ports = Mapping[str, Any]
 Nodes = Mapping[str, tuple[str, Ports]]

@@ -15,7 +15,8 @@ from lab3_usd.errors import SpecError
 from lab3_usd.spec.isaac import IsaacTypes
 from lab3_usd.spec.load.compiled import compiled_or_loaded_types
 from lab3_usd.spec.load.isaac import assemble_types
-from lab3_usd.spec.load.loader import load_isaac_types, load_lab
+from lab3_usd.spec.load.isaac_types import load_isaac_types
+from lab3_usd.spec.load.loader import load_lab
 
 TYPES = load_isaac_types()
 TIME = "isaacsim.core.nodes.IsaacReadSimulationTime"

@@ -23,7 +23,7 @@ from lab3_usd.judge.starter import open_against_starter, open_starter
 from lab3_usd.model.finding import Finding, Score, Site, StageResult, ordered, site_of
 from lab3_usd.model.repair import MovePrim, Repair
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.load.loader import load_isaac_types
+from lab3_usd.spec.load.isaac_types import load_isaac_types
 from lab3_usd.stage.edit.apply import apply_edit
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.read.opening import open_stage, quiet

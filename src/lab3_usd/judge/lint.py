@@ -27,7 +27,8 @@ from lab3_usd.judge.results import (
 from lab3_usd.model.finding import Score, StageResult, ordered
 from lab3_usd.spec.isaac import NEWEST
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_isaac_types, load_lab
+from lab3_usd.spec.load.isaac_types import load_isaac_types
+from lab3_usd.spec.load.loader import load_lab
 
 
 class LintSettings(Struct, frozen=True):

@@ -13,7 +13,8 @@ from lab3_usd.errors import EXIT_FOUND, UsageError
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import StageResult
 from lab3_usd.spec.load.assemble import assemble
-from lab3_usd.spec.load.loader import load_isaac_types, load_lab
+from lab3_usd.spec.load.isaac_types import load_isaac_types
+from lab3_usd.spec.load.loader import load_lab
 
 
 def make_lab(folder: Path, stage: Path) -> int:

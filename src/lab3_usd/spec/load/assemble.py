@@ -18,7 +18,7 @@ from lab3_usd.spec.load.catalog import parse_catalog
 from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINT_FILE
 from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
-from lab3_usd.spec.load.loader import load_isaac_types
+from lab3_usd.spec.load.isaac_types import load_isaac_types
 from lab3_usd.spec.load.ros import load_ros
 from lab3_usd.spec.load.scene import SCENE_FILE, complete_scene
 from lab3_usd.spec.load.submission import load_submission

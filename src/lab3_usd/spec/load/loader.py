@@ -6,9 +6,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from lab3_usd.data import data_folder, own_lab
-from lab3_usd.spec.isaac import IsaacTypes
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.compiled import compiled_or_loaded, compiled_or_loaded_types
+from lab3_usd.spec.load.compiled import compiled_or_loaded
 
 
 def load_lab(folder: Path | None = None) -> Lab:
@@ -37,19 +36,3 @@ def _load(folder: Path) -> Lab:
     lab = assemble(folder)
     refuse_faulty(lab)
     return lab
-
-
-@lru_cache(maxsize=1)
-def load_isaac_types() -> IsaacTypes:
-    """Load every public node type of Isaac Sim, which the lab's catalog is a part of.
-
-    Raises:
-        SpecError: a file is missing or wrong.
-    """
-    return compiled_or_loaded_types(data_folder("graphs") / "isaac", _assemble_types)
-
-
-def _assemble_types(folder: Path) -> IsaacTypes:
-    from lab3_usd.spec.load.isaac import assemble_types  # noqa: PLC0415 - nor YAML's parser
-
-    return assemble_types(folder)
