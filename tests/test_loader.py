@@ -19,7 +19,7 @@ from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.load.scene import check_scene
-from lab3_usd.spec.load.yaml_file import read_yaml
+from lab3_usd.spec.yaml_file import read_yaml
 
 Data = dict[str, Any]
 Edit = Callable[[Data], None]

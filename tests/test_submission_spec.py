@@ -12,8 +12,9 @@ import yaml
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
+from lab3_usd.spec.files import SUBMISSION
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.submission import FILE, load_submission
+from lab3_usd.spec.load.submission import load_submission
 
 
 def drop(part: str, key: str) -> Callable[[dict[str, Any]], object]:
@@ -54,12 +55,12 @@ def test_a_slip_is_refused_where_it_is(
     tmp_path: Path, slip: Callable[[dict[str, Any]], object], line: str
 ) -> None:
     folder = Path(shutil.copytree(data_folder("graphs"), tmp_path / "graphs"))
-    data = yaml.safe_load((folder / FILE).read_text())
+    data = yaml.safe_load((folder / SUBMISSION).read_text())
     slip(data)
-    (folder / FILE).write_text(yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
+    (folder / SUBMISSION).write_text(yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
     with pytest.raises(SpecError) as caught:
         load_submission(folder)
-    assert str(caught.value).startswith(f"{FILE}: ")
+    assert str(caught.value).startswith(f"{SUBMISSION}: ")
     assert line in str(caught.value)
     assert "\n" not in str(caught.value)
 

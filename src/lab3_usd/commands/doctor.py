@@ -88,14 +88,14 @@ def checking() -> Check:
     begun = time.perf_counter()
     try:
         from lab3_usd.judge.stage import check_stage  # noqa: PLC0415 - reports what is missing
+        from lab3_usd.spec.files import STARTER  # noqa: PLC0415
         from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
-        from lab3_usd.spec.load.starter import STARTER_FILE  # noqa: PLC0415
         from lab3_usd.stage.write.builder import build_checkpoint  # noqa: PLC0415
 
         lab = load_lab()
         last = lab.last
-        if not (lab.folder / STARTER_FILE).is_file():
-            return Check("checking", "missing", f"{lab.title} has no {STARTER_FILE} to build on")
+        if not (lab.folder / STARTER).is_file():
+            return Check("checking", "missing", f"{lab.title} has no {STARTER} to build on")
         with tempfile.TemporaryDirectory() as folder:
             stage = build_checkpoint(None, last, Path(folder) / "stage.usda")
             result = check_stage(stage, last)

@@ -12,9 +12,10 @@ from lab3_usd.data import data_folder
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog
-from lab3_usd.spec.load.catalog import FILE, parse_types
-from lab3_usd.spec.load.yaml_file import read_yaml
+from lab3_usd.spec.files import CATALOG
+from lab3_usd.spec.load.catalog import parse_types
 from lab3_usd.spec.values import is_known_type
+from lab3_usd.spec.yaml_file import read_yaml
 
 _HEAD = "What the stage has beside the public node types of Isaac Sim and their names of today."
 _NOTES = {
@@ -60,8 +61,8 @@ def with_types(catalog: Catalog, unknown: Mapping[str, Any]) -> Catalog:
     """Return a catalog that has these types as well."""
     if not unknown:
         return catalog
-    usd_types = read_yaml(data_folder("graphs") / FILE)["usd_types"]
-    return replace(catalog, types={**catalog.types, **parse_types(unknown, usd_types, FILE)})
+    usd_types = read_yaml(data_folder("graphs") / CATALOG)["usd_types"]
+    return replace(catalog, types={**catalog.types, **parse_types(unknown, usd_types, CATALOG)})
 
 
 def catalog_text(used: Mapping[str, str], known: Catalog, unknown: Mapping[str, Any]) -> str:

@@ -12,9 +12,9 @@ from msgspec import Struct
 from lab3_usd.data import data_folder
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import UsageError
+from lab3_usd.spec.files import CHECKPOINTS
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.checkpoints import FILE
 
 FIRST = "start"
 _NUMBER = re.compile(r"(?<![A-Za-z0-9])\d+(?![A-Za-z0-9])")
@@ -142,7 +142,7 @@ def checkpoints_text(
 
 def _policy() -> str:
     """Return what the bundled lab says of every graph, with its comments."""
-    text = (data_folder("graphs") / FILE).read_text(encoding="utf-8")
+    text = (data_folder("graphs") / CHECKPOINTS).read_text(encoding="utf-8")
     part = text[text.index("\npolicy:") + 1 :]
     lines = part.splitlines()
     end = next(number for number, line in enumerate(lines) if not line)

@@ -28,14 +28,10 @@ from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import UsageError
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.catalog import Catalog
+from lab3_usd.spec.files import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.graph_names import graph_frames, named_frames
-from lab3_usd.spec.lint.rubric import RUBRIC_FILE
-from lab3_usd.spec.load.catalog import FILE as CATALOG
-from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
-from lab3_usd.spec.load.ros import FILE as ROS
-from lab3_usd.spec.load.scene import SCENE_FILE, complete_scene
-from lab3_usd.spec.load.submission import FILE as SUBMISSION
+from lab3_usd.spec.load.scene import complete_scene
 
 _SCENE_HEAD = """\
 What the lab asks of the scene itself: units, robot, world, sensors.
@@ -136,10 +132,10 @@ def _files(
     return {
         CHECKPOINTS: checkpoints_text(parts.names, title, steps, parts.frames, parts.lab),
         **{f"{text.spec.name}.yaml": _graph_text(text) for text in parts.texts},
-        SCENE_FILE: document(_SCENE_HEAD, parts.scene, _SCENE_NOTES),
+        SCENE: document(_SCENE_HEAD, parts.scene, _SCENE_NOTES),
         ROS: ros_text(parts.lab, steps),
         SUBMISSION: submission_text(parts.names, steps, parts.lab.submission.folders),
-        RUBRIC_FILE: rubric_text(title, steps, parts.lab.sensors, frames=parts.has_frames),
+        RUBRIC: rubric_text(title, steps, parts.lab.sensors, frames=parts.has_frames),
         **({CATALOG: types} if types else {}),
     }
 

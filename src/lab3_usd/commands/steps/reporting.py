@@ -133,11 +133,12 @@ def _points(report: Report) -> dict[str, float]:
     """Return what each checkpoint is worth by the lab's rubric, where stages are told together."""
     if len(report.results) < 2 or all(each.checkpoint is None for each in report.results):  # noqa: PLR2004
         return {}
-    from lab3_usd.grade.scoring.load_rubric import FILE, load_rubric  # noqa: PLC0415 - for folders
+    from lab3_usd.grade.scoring.load_rubric import load_rubric  # noqa: PLC0415 - for folders
+    from lab3_usd.spec.files import RUBRIC  # noqa: PLC0415 - for folders
 
     points: dict[str, float] = {}
     lab = load_lab()
-    if not (lab.folder / FILE).is_file():
+    if not (lab.folder / RUBRIC).is_file():
         return {}
     for item in load_rubric(None, lab).items:
         points[item.checkpoint] = points.get(item.checkpoint, 0.0) + item.points

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 from msgspec import Struct
 
-from lab3_usd.spec.load.yaml_file import refuse_deep
+from lab3_usd.spec.yaml_file import refuse_deep
 
 METADATA = "submission_metadata.yml"
 LARGEST = 20_000_000  # bytes

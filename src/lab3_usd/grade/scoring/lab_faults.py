@@ -7,14 +7,13 @@ from fnmatch import fnmatchcase
 
 from lab3_usd.check.registry import all_rules
 from lab3_usd.errors import SpecError
-from lab3_usd.grade.scoring.load_rubric import FILE, everything_asked, load_rubric
+from lab3_usd.grade.scoring.load_rubric import everything_asked, load_rubric
 from lab3_usd.grade.scoring.rubric import Rubric
 from lab3_usd.model.finding import Requirement
+from lab3_usd.spec.files import CHECKPOINTS, RUBRIC, SUBMISSION
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.fault import LabFault
 from lab3_usd.spec.lint.sections import RULES
-from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
-from lab3_usd.spec.load.submission import FILE as SUBMISSION
 from lab3_usd.spec.submission import ChecklistSpec
 
 _Asked = Mapping[str, tuple[Requirement, ...]]
@@ -29,15 +28,15 @@ def scoring_faults(lab: Lab) -> Iterator[LabFault]:
             )
     asked = everything_asked(lab)
     yield from _checklist_faults(lab, asked[lab.last])
-    if not (lab.folder / FILE).is_file():
+    if not (lab.folder / RUBRIC).is_file():
         message = "is missing, so that lab3 grade needs --rubric"
-        yield LabFault(FILE, "items", message, severity="warning")
+        yield LabFault(RUBRIC, "items", message, severity="warning")
         return
     try:
-        rubric = load_rubric(lab.folder / FILE, lab)
+        rubric = load_rubric(lab.folder / RUBRIC, lab)
     except SpecError as error:
-        key, _, message = str(error).removeprefix(f"{FILE}: ").rpartition(": ")
-        yield LabFault(FILE, key or "items", message)
+        key, _, message = str(error).removeprefix(f"{RUBRIC}: ").rpartition(": ")
+        yield LabFault(RUBRIC, key or "items", message)
         return
     yield from _sections_without_points(lab, rubric, asked)
 
@@ -71,7 +70,7 @@ def _sections_without_points(lab: Lab, rubric: Rubric, asked: _Asked) -> Iterato
         if section not in paid:
             message = f"no item counts section {section} of the handout"
             other = f"checkpoint {checkpoint} asks for {requirement.id}"
-            yield LabFault(FILE, "items", message, other, "warning")
+            yield LabFault(RUBRIC, "items", message, other, "warning")
 
 
 def _sections_of(line: ChecklistSpec, asked: tuple[Requirement, ...]) -> set[str | None]:

@@ -18,11 +18,10 @@ from lab3_usd.grade.scoring.load_items import load_items, one_of
 from lab3_usd.grade.scoring.rubric import Cap, Late, Points, Rubric
 from lab3_usd.model.finding import REQUIREMENT_KINDS, Requirement
 from lab3_usd.model.stage import StageModel
+from lab3_usd.spec.files import RUBRIC
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.records import record
-from lab3_usd.spec.load.yaml_file import read_foreign_yaml, read_yaml
-
-FILE = "rubric.yaml"
+from lab3_usd.spec.yaml_file import read_foreign_yaml, read_yaml
 
 
 class _RubricFile(Struct, forbid_unknown_fields=True):
@@ -39,9 +38,9 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     Raises:
         SpecError: the file is missing or wrong; the line names the item and the key.
     """
-    file = path if path is not None else lab.folder / FILE
+    file = path if path is not None else lab.folder / RUBRIC
     if path is None and not file.is_file():
-        message = f"{lab.title} has no {FILE}; name a rubric with --rubric"
+        message = f"{lab.title} has no {RUBRIC}; name a rubric with --rubric"
         raise SpecError(message)
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
     where = file.name

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
+from lab3_usd.spec.files import CHECKPOINTS, ROS, SCENE, SUBMISSION
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.fault import LabFault
-from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
-from lab3_usd.spec.load.ros import FILE as ROS
-from lab3_usd.spec.load.scene import SCENE_FILE
-from lab3_usd.spec.load.submission import FILE as SUBMISSION
 from lab3_usd.spec.ros import FROM_THE_FIRST
 from lab3_usd.spec.submission import ChecklistSpec
 
@@ -32,7 +29,7 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
         yield CHECKPOINTS, "frames: localization: from", lab.frames.localization.since
     until = lab.scene["robot"]["pose_is_error_until"]
     if until:
-        yield SCENE_FILE, "robot: pose_is_error_until", str(until)
+        yield SCENE, "robot: pose_is_error_until", str(until)
     for name in lab.submission.stages.differ:
         yield SUBMISSION, "stages: differ", name
     for line in lab.submission.checklist:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.spec.files import CHECKPOINTS, ROS, SCENE
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.fault import LabFault, nearest
 from lab3_usd.spec.lint.graph_names import GraphFrame, graph_frames, named_frames
-from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
-from lab3_usd.spec.load.ros import FILE as ROS
-from lab3_usd.spec.load.scene import SCENE_FILE
 
 TREE = "frames: edges"
 _FRAME_FIELDS = ("header.frame_id", "child_frame_id")
@@ -85,7 +83,7 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
         yield CHECKPOINTS, "frames: forbidden: child", frames.forbidden.child
     for name in () if frames.localization is None else frames.localization.chain:
         yield CHECKPOINTS, "frames: localization: chain", name
-    yield SCENE_FILE, "robot: base_frame", str(lab.scene["robot"]["base_frame"])
+    yield SCENE, "robot: base_frame", str(lab.scene["robot"]["base_frame"])
     yield from _ros_references(lab)
 
 

@@ -5,22 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.errors import SpecError
+from lab3_usd.spec.files import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.checkpoint_ids import checklist_faults, checkpoint_faults
 from lab3_usd.spec.lint.fault import LabFault
 from lab3_usd.spec.lint.frames import frame_faults
 from lab3_usd.spec.lint.graph_names import file_of
-from lab3_usd.spec.lint.rubric import RUBRIC_FILE, rubric_faults
+from lab3_usd.spec.lint.rubric import rubric_faults
 from lab3_usd.spec.lint.sections import section_faults
 from lab3_usd.spec.lint.topics import topic_faults
-from lab3_usd.spec.load.catalog import FILE as CATALOG
-from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
-from lab3_usd.spec.load.ros import FILE as ROS
-from lab3_usd.spec.load.scene import SCENE_FILE
-from lab3_usd.spec.load.starter import STARTER_FILE
-from lab3_usd.spec.load.submission import FILE as SUBMISSION
 
-_FIXED = (CATALOG, CHECKPOINTS, ROS, RUBRIC_FILE, SCENE_FILE, STARTER_FILE, SUBMISSION)
+_FIXED = (CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION)
 
 
 def lab_faults(lab: Lab) -> Iterator[LabFault]:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from lab3_usd.spec.files import CHECKPOINTS, RUBRIC
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.fault import LabFault
 from lab3_usd.spec.lint.topics import misspelled
-from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
-from lab3_usd.spec.load.yaml_file import read_yaml
-
-RUBRIC_FILE = "rubric.yaml"
+from lab3_usd.spec.yaml_file import read_yaml
 
 
 def rubric_faults(lab: Lab) -> Iterator[LabFault]:
@@ -22,9 +20,9 @@ def rubric_faults(lab: Lab) -> Iterator[LabFault]:
     Raises:
         SpecError: the file is no YAML.
     """
-    if not (lab.folder / RUBRIC_FILE).is_file():
+    if not (lab.folder / RUBRIC).is_file():
         return
-    items = _items(read_yaml(lab.folder / RUBRIC_FILE))
+    items = _items(read_yaml(lab.folder / RUBRIC))
     asked = set()
     for name, item in items.items():
         checkpoint = item.get("checkpoint", "")
@@ -32,14 +30,14 @@ def rubric_faults(lab: Lab) -> Iterator[LabFault]:
         if checkpoint and checkpoint not in lab.checkpoints:
             message = f"there is no checkpoint '{checkpoint}'"
             other = f"{CHECKPOINTS} has {', '.join(lab.checkpoints)}"
-            yield LabFault(RUBRIC_FILE, f"items: {name}: checkpoint", message, other)
+            yield LabFault(RUBRIC, f"items: {name}: checkpoint", message, other)
         title = str(item.get("title", ""))
-        yield from misspelled(lab, title, RUBRIC_FILE, f"items: {name}: title")
+        yield from misspelled(lab, title, RUBRIC, f"items: {name}: title")
     for checkpoint in lab.checkpoints:
         if checkpoint not in asked:
             message = "no item of the rubric gives points for it"
             key = f"checkpoints: '{checkpoint}'"
-            yield LabFault(CHECKPOINTS, key, message, f"{RUBRIC_FILE}: items", "warning")
+            yield LabFault(CHECKPOINTS, key, message, f"{RUBRIC}: items", "warning")
 
 
 def _items(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:

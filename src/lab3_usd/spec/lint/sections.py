@@ -8,14 +8,11 @@ from typing import Any
 
 from msgspec import to_builtins
 
+from lab3_usd.spec.files import CHECKPOINTS, ROS, SCENE, SUBMISSION
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.fault import LabFault
 from lab3_usd.spec.lint.graph_names import file_of
-from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINTS
-from lab3_usd.spec.load.ros import FILE as ROS
-from lab3_usd.spec.load.scene import SCENE_FILE
-from lab3_usd.spec.load.submission import FILE as SUBMISSION
 
 _FORM = r"[A-Z]\d+"  # of sections of parts that the list lacks
 _NUMBER = re.compile(r"\d+$")
@@ -74,7 +71,7 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     for rule, section in lab.handout.rules.items():
         yield CHECKPOINTS, f"{RULES}: {rule}", section
     parts = {
-        SCENE_FILE: lab.scene,
+        SCENE: lab.scene,
         ROS: to_builtins(lab.ros),
         SUBMISSION: to_builtins(lab.submission),
         CHECKPOINTS: {"frames": to_builtins(lab.frames), "policy": to_builtins(lab.policy)},

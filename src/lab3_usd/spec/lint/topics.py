@@ -5,11 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
+from lab3_usd.spec.files import ROS, SUBMISSION
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.fault import LabFault, nearest
 from lab3_usd.spec.lint.graph_names import GraphTopic, graph_topics
-from lab3_usd.spec.load.ros import FILE as ROS
-from lab3_usd.spec.load.submission import FILE as SUBMISSION
 from lab3_usd.spec.ros import FROM_THE_FIRST, NavigationSpec, TopicSpec
 
 _ABOUT_TOPICS, _ABOUT_NODES = "topic_", "lifecycle"  # how the kinds of such commands begin

@@ -11,18 +11,17 @@ from msgspec.structs import replace
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.catalog import Catalog
+from lab3_usd.spec.files import CATALOG, CHECKPOINTS, SCENE
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.catalog import FILE as CATALOG_FILE
 from lab3_usd.spec.load.catalog import parse_catalog
-from lab3_usd.spec.load.checkpoints import FILE as CHECKPOINT_FILE
 from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.load.isaac_types import load_isaac_types
 from lab3_usd.spec.load.ros import load_ros
-from lab3_usd.spec.load.scene import SCENE_FILE, complete_scene
+from lab3_usd.spec.load.scene import complete_scene
 from lab3_usd.spec.load.submission import load_submission
-from lab3_usd.spec.load.yaml_file import read_yaml
+from lab3_usd.spec.yaml_file import read_yaml
 
 
 def assemble(folder: Path) -> Lab:
@@ -31,11 +30,11 @@ def assemble(folder: Path) -> Lab:
     Raises:
         SpecError: a file is missing or wrong.
     """
-    said = read_checkpoint_file(read_yaml(folder / CHECKPOINT_FILE))
+    said = read_checkpoint_file(read_yaml(folder / CHECKPOINTS))
     files = _graph_files(folder, said.graph_names())
     catalog = _catalog(folder, files)
     graphs = {name: _graph(name, data, catalog) for name, data in files.items()}
-    scene = complete_scene(read_yaml(folder / SCENE_FILE))
+    scene = complete_scene(read_yaml(folder / SCENE))
     return Lab(
         folder=folder,
         title=said.title,
@@ -56,7 +55,7 @@ def _catalog(folder: Path, graphs: Mapping[str, Mapping[str, Any]]) -> Catalog:
 
     What the lab's own catalog leaves out is as in the bundled one.
     """
-    catalog = parse_catalog(_catalog_data(folder / CATALOG_FILE))
+    catalog = parse_catalog(_catalog_data(folder / CATALOG))
     more = sorted(set(_named_types(graphs)) - set(catalog.types))
     known = load_isaac_types().catalog.types if more else {}
     types = {name: known[name] for name in more if name in known}
@@ -89,7 +88,7 @@ def _graph_files(folder: Path, names: list[str]) -> dict[str, dict[str, Any]]:
     for name in names:
         file = f"{name}.yaml"
         if not (folder / file).is_file():
-            message = f"{CHECKPOINT_FILE}: asks for the graph '{name}', but there is no {file}"
+            message = f"{CHECKPOINTS}: asks for the graph '{name}', but there is no {file}"
             raise SpecError(message)
         found[name] = read_yaml(folder / file)
     return found

@@ -21,11 +21,11 @@ from lab3_usd.spec.catalog import (
     SingleSignal,
     TfPorts,
 )
+from lab3_usd.spec.files import CATALOG
 from lab3_usd.spec.graph_form import GraphEntry, graph_form
 from lab3_usd.spec.load.records import record
 from lab3_usd.spec.values import Value, is_known_type, typed_value
 
-FILE = "node_types.yaml"
 _RELATIONSHIP = "rel"
 
 
@@ -92,10 +92,10 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
     Raises:
         SpecError: names the file, the type and the port that are wrong.
     """
-    said = record(data, _CatalogFile, FILE)
+    said = record(data, _CatalogFile, CATALOG)
     return Catalog(
         types={name: _node_type(name, each, said.usd_types) for name, each in said.types.items()},
-        graph=graph_form(said.graph, f"{FILE}: graph"),
+        graph=graph_form(said.graph, f"{CATALOG}: graph"),
         prefixes=said.prefixes,
         renamed=said.renamed,
         lookalikes=said.lookalikes,
@@ -119,7 +119,7 @@ def parse_types(
 
 
 def _node_type(
-    name: str, entry: _TypeEntry, usd_types: Mapping[str, str], file: str = FILE
+    name: str, entry: _TypeEntry, usd_types: Mapping[str, str], file: str = CATALOG
 ) -> NodeType:
     where = f"{file}: {name}"
     ports = {

@@ -9,12 +9,12 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.errors import SpecError
+from lab3_usd.spec.files import CHECKPOINTS
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.handout import Handout
 from lab3_usd.spec.lab import Checkpoint, FrameSpec, Policy
 from lab3_usd.spec.load.records import record
 
-FILE = "checkpoints.yaml"
 _ID = re.compile(r"[A-Za-z0-9]+")
 
 
@@ -70,9 +70,10 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     Raises:
         SpecError: something is missing or wrong; the line names the key.
     """
-    said = record(data, _File, FILE)
+    said = record(data, _File, CHECKPOINTS)
     if "{id}" not in said.files:
-        message = f"{FILE}: files: '{said.files}' does not hold {{id}}, which tells stages apart"
+        wrong = f"'{said.files}' does not hold {{id}}, which tells stages apart"
+        message = f"{CHECKPOINTS}: files: {wrong}"
         raise SpecError(message)
     return CheckpointFile(
         said.title,
@@ -86,11 +87,11 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
 
 def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
     if not specs:
-        message = f"{FILE}: checkpoints: there is none"
+        message = f"{CHECKPOINTS}: checkpoints: there is none"
         raise SpecError(message)
     found = {}
     for checkpoint_id, spec in specs.items():
-        where = f"{FILE}: checkpoint '{checkpoint_id}'"
+        where = f"{CHECKPOINTS}: checkpoint '{checkpoint_id}'"
         if not _ID.fullmatch(str(checkpoint_id)):
             message = f"{where}: an id is letters and digits, in quotation marks"
             raise SpecError(message)
@@ -114,7 +115,7 @@ def accumulate(
     found: dict[str, Checkpoint] = {}
     previous = Checkpoint("", "", "", "", (), (), (), ())
     for checkpoint_id, entry in said.entries.items():
-        where = f"{FILE}: checkpoint '{checkpoint_id}'"
+        where = f"{CHECKPOINTS}: checkpoint '{checkpoint_id}'"
         _check_known(entry.adds.graphs, tuple(graphs), f"{where}: graphs")
         _check_known(entry.adds.sensors, sensors, f"{where}: sensors")
         previous = _checkpoint(checkpoint_id, _file_of(said, checkpoint_id, entry), entry, previous)

@@ -11,10 +11,11 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.catalog import INPUT, Catalog
+from lab3_usd.spec.files import CATALOG
 from lab3_usd.spec.isaac import IsaacTypes, Need, Release, SensorOf
-from lab3_usd.spec.load.catalog import FILE, parse_catalog, parse_types
+from lab3_usd.spec.load.catalog import parse_catalog, parse_types
 from lab3_usd.spec.load.records import record
-from lab3_usd.spec.load.yaml_file import read_yaml
+from lab3_usd.spec.yaml_file import read_yaml
 
 TYPES = "node_types.yaml"
 NEEDS = "needs.yaml"
@@ -39,7 +40,7 @@ def assemble_types(folder: Path) -> IsaacTypes:
     Raises:
         SpecError: a file is missing or wrong.
     """
-    lab_data = read_yaml(folder.parent / FILE)
+    lab_data = read_yaml(folder.parent / CATALOG)
     lab = parse_catalog(lab_data)
     data = read_yaml(folder / TYPES)
     usd_types = {**lab_data["usd_types"], **data["usd_types"]}

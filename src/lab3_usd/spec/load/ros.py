@@ -11,11 +11,10 @@ from msgspec import Struct
 from lab3_usd.data import data_folder, lab_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.spec import ros
+from lab3_usd.spec.files import ROS, SCENE
 from lab3_usd.spec.load.records import record, records
-from lab3_usd.spec.load.scene import SCENE_FILE
-from lab3_usd.spec.load.yaml_file import read_yaml
+from lab3_usd.spec.yaml_file import read_yaml
 
-FILE = "ros.yaml"
 _ByName = dict[str, dict[str, Any]]
 
 
@@ -38,18 +37,18 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
         SpecError: the file is missing or wrong; the line names the part and the key.
     """
     folder = folder if folder is not None else lab_folder()
-    said = record(read_yaml(folder / FILE), _RosFile, FILE)
-    kinds = records(_evidence(said), ros.EvidenceKind, f"{FILE}: evidence")
+    said = record(read_yaml(folder / ROS), _RosFile, ROS)
+    kinds = records(_evidence(said), ros.EvidenceKind, f"{ROS}: evidence")
     return ros.RosSpec(
         system=said.system,
-        topics=records(said.topics, ros.TopicSpec, f"{FILE}: topics"),
+        topics=records(said.topics, ros.TopicSpec, f"{ROS}: topics"),
         lifecycle=said.lifecycle,
         nodes=said.nodes,
         forbidden_nodes=said.forbidden_nodes,
         goal=said.goal,
         kinds=kinds,
         commands=tuple(
-            _command(command, kinds, f"{FILE}: command {number}")
+            _command(command, kinds, f"{ROS}: command {number}")
             for number, command in enumerate(said.commands, start=1)
         ),
         navigation=said.navigation,
@@ -60,7 +59,7 @@ def _evidence(said: _RosFile) -> _ByName:
     """Return how diagnostic commands are written: as in the bundled lab where nothing is said."""
     if said.evidence is not None:
         return said.evidence
-    evidence: _ByName = read_yaml(data_folder("graphs") / FILE)["evidence"]
+    evidence: _ByName = read_yaml(data_folder("graphs") / ROS)["evidence"]
     return evidence
 
 
@@ -72,7 +71,7 @@ def map_facts(scene: Mapping[str, Any]) -> ros.MapFacts | None:
     """
     if not scene.get("map"):
         return None
-    return record(scene["map"], ros.MapFacts, f"{SCENE_FILE}: map")
+    return record(scene["map"], ros.MapFacts, f"{SCENE}: map")
 
 
 def _command(

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 from msgspec import Meta, Struct
 
 from lab3_usd.errors import SpecError
+from lab3_usd.spec.files import SCENE
 from lab3_usd.spec.load.records import record
 from lab3_usd.spec.values import typed_value
 
-SCENE_FILE = "scene.yaml"
 Number = Annotated[float, Meta(ge=-1e9, le=1e9)]  # finite, and no room is larger
 Number3 = tuple[Number, Number, Number]
 # What a part says that is left out: a lab need not have wheels, a scan, slips or forbidden names.
@@ -168,12 +168,12 @@ def check_scene(scene: Mapping[str, Any]) -> None:
     Raises:
         SpecError: names the part and the attribute.
     """
-    said = record(scene, _Scene, SCENE_FILE)
+    said = record(scene, _Scene, SCENE)
     places: dict[str, str] = {}
     for sensor, spec in said.sensors.items():
         if spec.path in places:
-            message = f"{SCENE_FILE}: {sensor}: '{spec.path}' is the path of {places[spec.path]}"
+            message = f"{SCENE}: {sensor}: '{spec.path}' is the path of {places[spec.path]}"
             raise SpecError(message)
         places[spec.path] = sensor
         for name, attribute in spec.attributes.items():
-            typed_value(attribute.value, attribute.type, f"{SCENE_FILE}: {sensor}: {name}")
+            typed_value(attribute.value, attribute.type, f"{SCENE}: {sensor}: {name}")

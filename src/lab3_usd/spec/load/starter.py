@@ -10,11 +10,11 @@ from msgspec import Struct, field
 from msgspec.structs import fields, replace
 
 from lab3_usd.errors import SpecError
+from lab3_usd.spec.files import SCENE, STARTER
 from lab3_usd.spec.load.records import record
-from lab3_usd.spec.load.scene import SCENE_FILE, Number3, complete_scene
-from lab3_usd.spec.load.yaml_file import read_yaml
+from lab3_usd.spec.load.scene import Number3, complete_scene
+from lab3_usd.spec.yaml_file import read_yaml
 
-STARTER_FILE = "starter.yaml"
 _Data = dict[str, Any]
 
 
@@ -95,18 +95,18 @@ def load_starter_spec(folder: Path) -> StarterSpec:
     Raises:
         SpecError: a file cannot be read, or says something that no prim can be made of.
     """
-    if not (folder / STARTER_FILE).is_file():
-        message = f"{folder} has no {STARTER_FILE}: give lab3 build a starter scene of yours"
+    if not (folder / STARTER).is_file():
+        message = f"{folder} has no {STARTER}: give lab3 build a starter scene of yours"
         raise SpecError(message)
-    starter = record(read_yaml(folder / STARTER_FILE), _StarterFile, STARTER_FILE)
-    scene = complete_scene(read_yaml(folder / SCENE_FILE))
+    starter = record(read_yaml(folder / STARTER), _StarterFile, STARTER)
+    scene = complete_scene(read_yaml(folder / SCENE))
     kinds: dict[str, _Data] = {}
     for name, kind in starter.kinds.items():
-        kinds[name] = _like(kind, kinds, f"{STARTER_FILE}: kind {name}")
+        kinds[name] = _like(kind, kinds, f"{STARTER}: kind {name}")
     prims = {prim.path: prim for prim in _prims(starter.prims, "", kinds)}
     for fact in _handout_facts(scene["robot"]):
         if fact.path not in prims:
-            message = f"{STARTER_FILE}: {fact.path} is missing, {SCENE_FILE} asks for it"
+            message = f"{STARTER}: {fact.path} is missing, {SCENE} asks for it"
             raise SpecError(message)
         prims[fact.path] = _with_fact(prims[fact.path], fact)
     stage = scene["stage"]
@@ -139,7 +139,7 @@ def _prims(
 ) -> Iterator[PrimSpec]:
     for name, item in children.items():
         path = f"{parent}/{name}"
-        where = f"{STARTER_FILE}: {path}"
+        where = f"{STARTER}: {path}"
         prim = record(_like(item, kinds, where), _Prim, where)
         if not prim.type and not prim.over:
             message = f"{where}: 'type' is missing"
@@ -171,7 +171,7 @@ def _handout_facts(robot: Mapping[str, Any]) -> Iterator[PrimSpec]:
     """Yield the prims of the robot with no more than the handout says of them."""
     root = robot["path"]
     pose = {each.name: robot["pose"][each.name] for each in fields(PoseSpec)}
-    yield PrimSpec(root, pose=record(pose, PoseSpec, SCENE_FILE))
+    yield PrimSpec(root, pose=record(pose, PoseSpec, SCENE))
     for name, link in robot["links"].items():
         yield PrimSpec(
             f"{root}/{name}",

@@ -9,8 +9,8 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from lab3_usd.data import lab_folder
 from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.files import write_whole
+from lab3_usd.spec.files import STARTER
 from lab3_usd.spec.load.starter import (
-    STARTER_FILE,
     AttributeSpec,
     PoseSpec,
     PrimSpec,
@@ -99,7 +99,7 @@ def _write_pose(prim: Usd.Prim, pose: PoseSpec, metres: float) -> None:
 
 
 def _write_attribute(prim: Usd.Prim, spec: AttributeSpec) -> None:
-    where = f"{STARTER_FILE}: {prim.GetPath()}: {spec.name}"
+    where = f"{STARTER}: {prim.GetPath()}: {spec.name}"
     attribute = prim.GetAttribute(spec.name)
     if spec.type is not None:
         attribute = _declare(prim, spec.name, spec.type)
@@ -119,7 +119,7 @@ def _declare(prim: Usd.Prim, name: str, declared: str) -> Usd.Attribute:
     variability = Sdf.VariabilityVarying if kind == declared else Sdf.VariabilityUniform
     value_type = Sdf.ValueTypeNames.Find(kind)
     if not value_type:
-        message = f"{STARTER_FILE}: {prim.GetPath()}: {name}: '{kind}' is no type of USD"
+        message = f"{STARTER}: {prim.GetPath()}: {name}: '{kind}' is no type of USD"
         raise SpecError(message)
     return prim.CreateAttribute(name, value_type, False, variability)  # noqa: FBT003 - no keyword
 
