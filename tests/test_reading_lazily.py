@@ -18,8 +18,7 @@ from lab3_usd.model import derived
 from lab3_usd.model.stage import Prims, StageModel
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.geometry import colliders
-from lab3_usd.stage.read import opening, prims, reader
+from lab3_usd.stage.read import colliders, opening, prims, reader
 from lab3_usd.stage.read.ports import Properties
 from lab3_usd.stage.read.prims import EVERYTHING
 from lab3_usd.stage.read.reader import read_model, read_stage

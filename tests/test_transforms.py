@@ -8,8 +8,8 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from lab3_usd.model.stage import Matrix
 from lab3_usd.model.transform_math import IDENTITY
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.geometry.transforms import TransformCache, local_transform
 from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.transforms import TransformCache, local_transform
 
 Op = UsdGeom.XformOp
 VALUES = {

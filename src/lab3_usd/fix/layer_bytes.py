@@ -22,7 +22,7 @@ from lab3_usd.stage.edit.contents import (
     same_content,
 )
 from lab3_usd.stage.edit.session import EditedLayer
-from lab3_usd.stage.read.usda_scan import ASSET, BLOCK_COMMENT, LINE_COMMENT, STRING
+from lab3_usd.stage.text.usda_scan import ASSET, BLOCK_COMMENT, LINE_COMMENT, STRING
 
 if TYPE_CHECKING:
     from pxr import Sdf

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from lab3_usd.fix.source_tree import ROOT, Block
-from lab3_usd.stage.read.usda_scan import ASSET, BLOCK_COMMENT, LINE_COMMENT, STRING
+from lab3_usd.stage.text.usda_scan import ASSET, BLOCK_COMMENT, LINE_COMMENT, STRING
 
 STEP = "    "
 _OPAQUE = re.compile(f"{STRING}|{ASSET}|{LINE_COMMENT}|{BLOCK_COMMENT}", re.DOTALL)

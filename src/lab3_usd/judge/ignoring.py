@@ -35,8 +35,8 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
     """
     if result.verdict == "unreadable":
         return result
-    from lab3_usd.stage.read.ignore_notes import read_ignore_notes  # noqa: PLC0415 - pxr
     from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
+    from lab3_usd.stage.text.ignore_notes import read_ignore_notes  # noqa: PLC0415 - pxr
 
     path = Path(result.path)
     stage = open_stage(path)
@@ -61,7 +61,7 @@ def _is_for_others(note: IgnoreNote, scopes: Collection[Scope]) -> bool:
 
 def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:  # noqa: ANN401
     """Return what no note in an open stage ignores, of findings that have no places yet."""
-    from lab3_usd.stage.read.ignore_notes import read_ignore_notes  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.text.ignore_notes import read_ignore_notes  # noqa: PLC0415 - pxr
 
     notes = read_ignore_notes(stage, str(path))
     if not notes:

@@ -58,7 +58,7 @@ def located(findings: Collection[Finding], path: Path | str, stage: Any) -> Iter
     """Yield findings of an open stage with their layer, line and column."""
     if not findings:
         return
-    from lab3_usd.stage.read.source_locations import locate  # noqa: PLC0415 - only with findings
+    from lab3_usd.stage.text.source_locations import locate  # noqa: PLC0415 - only with findings
 
     places = locate(stage, str(path), [(each.prim, each.property) for each in findings])
     for each in findings:

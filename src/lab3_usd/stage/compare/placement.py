@@ -9,7 +9,7 @@ from pxr import Gf, Usd
 from lab3_usd.model.changes import Difference
 from lab3_usd.stage.compare.terms import Terms, affects_physics, applied_schemas, is_light_or_camera
 from lab3_usd.stage.compare.values import display_value, same_place, same_scale, same_value
-from lab3_usd.stage.geometry.transforms import ORDER, RESET, TransformCache, local_transform
+from lab3_usd.stage.read.transforms import ORDER, RESET, TransformCache, local_transform
 
 _SCALE = "xformOp:scale"
 

@@ -25,7 +25,7 @@ from lab3_usd.stage.compare.terms import (
     pattern,
 )
 from lab3_usd.stage.compare.values import display_value, same_value
-from lab3_usd.stage.geometry.transforms import ORDER
+from lab3_usd.stage.read.transforms import ORDER
 
 _SCHEMAS = "apiSchemas"
 

@@ -1,1 +1,1 @@
-"""Where prims stand, and the shapes of their colliders."""
+"""Cuts through the collision shapes of a stage."""

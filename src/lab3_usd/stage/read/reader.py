@@ -18,7 +18,7 @@ from lab3_usd.model.stage import (
 )
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.lab import Lab
-from lab3_usd.stage.geometry.colliders import StageColliders
+from lab3_usd.stage.read.colliders import StageColliders
 from lab3_usd.stage.read.layers import find_muted
 from lab3_usd.stage.read.missing_assets import find_unresolved, is_in_scene
 from lab3_usd.stage.read.opening import cached, open_stage, quiet, stage_errors

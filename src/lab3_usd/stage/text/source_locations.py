@@ -13,7 +13,7 @@ from pxr import Sdf, Usd
 
 from lab3_usd.model.changes import Site
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.read.usda_scan import scan_text
+from lab3_usd.stage.text.usda_scan import scan_text
 
 # The fields in which a property's opinion stands; a spec without them only declares it.
 _OPINIONS = ("default", "timeSamples", "spline", "connectionPaths", "targetPaths")

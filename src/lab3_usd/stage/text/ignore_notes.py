@@ -34,7 +34,7 @@ def read_ignore_notes(stage: Usd.Stage, given: str) -> tuple[IgnoreNote, ...]:
         if data.startswith(b"#"):
             may_hold_data |= any(form in data for form in _IN_TEXT)
             if _GROUP.encode() in data:
-                from lab3_usd.stage.read.source_locations import layer_name  # noqa: PLC0415 - rare
+                from lab3_usd.stage.text.source_locations import layer_name  # noqa: PLC0415 - rare
 
                 name = given if layer == root else layer_name(layer, root, given)
                 comments += _comments(data.decode("utf-8", "replace"), name)

@@ -10,9 +10,9 @@ from pxr import Gf, Usd, Vt
 
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.prims import Collider, Colliders, Matrix, Prim, Prims
-from lab3_usd.stage.geometry.transforms import TransformCache
 from lab3_usd.stage.read.opening import stage_errors
 from lab3_usd.stage.read.prims import RIGID_BODY, PrimReader
+from lab3_usd.stage.read.transforms import TransformCache
 
 _Corner = tuple[float, float, float]
 _Box = tuple[_Corner, _Corner]
