@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from pxr import Usd
 
 from lab3_usd import build_checkpoint
@@ -36,7 +36,7 @@ class Ran:
 
 
 def read(name: str) -> Any:
-    return yaml.safe_load((ROOT / name).read_text())
+    return quick_yaml.load((ROOT / name).read_text())
 
 
 @pytest.fixture(scope="module")

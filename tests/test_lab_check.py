@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from click.testing import CliRunner
 
 from lab3_usd.cli import lab3
@@ -29,9 +29,9 @@ def folder(tmp_path: Path) -> Path:
 
 
 def edited(folder: Path, file: str, edit: Callable[[Any], object]) -> None:
-    said = yaml.safe_load((folder / file).read_text())
+    said = quick_yaml.load((folder / file).read_text())
     edit(said)
-    (folder / file).write_text(yaml.safe_dump(said, sort_keys=False, allow_unicode=True))
+    (folder / file).write_text(quick_yaml.dump(said))
 
 
 def checked(folder: Path | None) -> tuple[int, list[str]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from click.testing import CliRunner
 from pxr import Usd
 
@@ -118,21 +118,21 @@ def lab(request: pytest.FixtureRequest, repository: Path, tmp_path: Path) -> Pat
     """The second lab without one of its parts."""
     folder = tmp_path / "lab"
     shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
-    files = {name: yaml.safe_load((folder / f"{name}.yaml").read_text()) for name in FILES}
+    files = {name: quick_yaml.load((folder / f"{name}.yaml").read_text()) for name in FILES}
     if request.param in {"IMU", "sensors"}:
         _drop_target(folder)
     LACKS[request.param](files)
     for name, data in files.items():
-        (folder / f"{name}.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+        (folder / f"{name}.yaml").write_text(quick_yaml.dump(data))
     (folder / "rubric.yaml").unlink()
     return folder
 
 
 def _drop_target(folder: Path) -> None:
     path = folder / "Odometry.yaml"
-    data = yaml.safe_load(path.read_text())
+    data = quick_yaml.load(path.read_text())
     data["nodes"]["links"]["targets"]["6.4"]["targetPrims"].remove("/World/Jetbot/chassis/Imu")
-    path.write_text(yaml.safe_dump(data, sort_keys=False))
+    path.write_text(quick_yaml.dump(data))
 
 
 def run(lab: Path, *arguments: object) -> str:
@@ -155,12 +155,12 @@ def test_its_stages_pass_and_nothing_is_said_of_what_it_lacks(lab: Path, tmp_pat
 def test_a_robot_without_wheels_still_needs_its_joints(repository: Path, tmp_path: Path) -> None:
     folder = tmp_path / "lab"
     shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
-    files = {name: yaml.safe_load((folder / f"{name}.yaml").read_text()) for name in FILES}
+    files = {name: quick_yaml.load((folder / f"{name}.yaml").read_text()) for name in FILES}
     no_wheels(files)
     (folder / "rubric.yaml").unlink()
     del jetbot(files)["chassis"]["children"]["mast_joint"]
     for name, data in files.items():
-        (folder / f"{name}.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+        (folder / f"{name}.yaml").write_text(quick_yaml.dump(data))
     built = run(folder, "build", "--out", tmp_path / "out", "--only", "1").split()
     arguments = ["--lab", str(folder), "check", "--format", "json", *built]
     result = CliRunner().invoke(lab3, arguments)
@@ -184,11 +184,11 @@ def test_a_stage_in_centimetres_shows_what_its_panel_should_show(
 ) -> None:
     folder = tmp_path / "lab"
     shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
-    files = {name: yaml.safe_load((folder / f"{name}.yaml").read_text()) for name in FILES}
+    files = {name: quick_yaml.load((folder / f"{name}.yaml").read_text()) for name in FILES}
     metres(files)
     (folder / "rubric.yaml").unlink()
     for name, data in files.items():
-        (folder / f"{name}.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+        (folder / f"{name}.yaml").write_text(quick_yaml.dump(data))
     (path,) = run(folder, "build", "--out", tmp_path / "out", "--only", "5").split()
     stage = Usd.Stage.Open(path)
     place = stage.GetPrimAtPath("/World/Jetbot/chassis/Imu").GetAttribute("xformOp:translate")

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from breaking import correct_stage
 from linting import broken_robot
 from menu_graphs import MENUS, with_menus
@@ -81,7 +81,7 @@ def told_in(code: str, path: Path, **environment: str) -> Told:
     return sorted((rule, prim) for rule, prim in json.loads(done.stdout.splitlines()[-1]))
 
 
-FAULTS = yaml.safe_load(Path(__file__).with_name("lint_faults.yaml").read_text())
+FAULTS = quick_yaml.load(Path(__file__).with_name("lint_faults.yaml").read_text())
 MANY = (
     "the clock has no time",
     "the source of a wire was deleted",

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from linting import broken_robot, linted
 
-FAULTS: dict[str, dict[str, Any]] = yaml.safe_load(
+FAULTS: dict[str, dict[str, Any]] = quick_yaml.load(
     Path(__file__).with_name("lint_faults.yaml").read_text()
 )
 LEAST = 26

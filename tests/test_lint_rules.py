@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from foreign_robots import ROBOTS
 from linting import broken_robot, said_by
 
 from lab3_usd.check.registry import all_rules
 
 FOLDER = Path(__file__).resolve().parent / "lint_cases"
-CASES = {path.stem: yaml.safe_load(path.read_text()) for path in sorted(FOLDER.glob("*.yaml"))}
+CASES = {path.stem: quick_yaml.load(path.read_text()) for path in sorted(FOLDER.glob("*.yaml"))}
 TRIGGERS = [
     pytest.param(rule, {"robot": case.get("robot", "rover"), **entry}, id=f"{rule} {name}".strip())
     for rule, case in CASES.items()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
@@ -40,14 +40,14 @@ def folder(tmp_path: Path) -> Path:
 
 
 def read(file: Path) -> Data:
-    data: Data = yaml.safe_load(file.read_bytes())
+    data: Data = quick_yaml.load(file.read_bytes())
     return data
 
 
 def edited(file: Path, edit: Edit) -> None:
     data = read(file)
     edit(data)
-    file.write_text(yaml.safe_dump(data, sort_keys=False))
+    file.write_text(quick_yaml.dump(data))
 
 
 def refusal(folder: Path) -> str:
@@ -449,7 +449,7 @@ def test_a_role_or_key_given_twice_is_refused(file: str, key: str, folder: Path)
     (folder / file).write_text("".join(lines))
     line = refusal(folder)
     assert line.startswith(f"{file}: line ")
-    assert f"'{yaml.safe_load(key).popitem()[0]}' is given twice" in line
+    assert f"'{quick_yaml.load(key).popitem()[0]}' is given twice" in line
 
 
 @pytest.mark.parametrize("file", [TYPES, CHECKPOINTS, SCENE, *GRAPH_FILES])
@@ -551,12 +551,21 @@ def places(data: Any, here: tuple[str | int, ...] = ()) -> Iterator[tuple[str | 
 def slips(data: Data) -> Iterator[Data]:
     for place in list(places(data)):
         for slip in SLIPS:
-            wrong = copy.deepcopy(data)
+            wrong = copied_along(data, place)
             put(*place, value=slip)(wrong)
             yield wrong
-        shorter = copy.deepcopy(data)
+        shorter = copied_along(data, place)
         drop(*place)(shorter)
         yield shorter
+
+
+def copied_along(data: Data, place: tuple[str | int, ...]) -> Data:
+    """Copy what holds a place, so that it may be changed there."""
+    whole = inner = copy.copy(data)
+    for key in place[:-1]:
+        inner[key] = copy.copy(inner[key])
+        inner = inner[key]
+    return whole
 
 
 def refused_in_one_line(parse: Callable[[Data], object], wrong: Data) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from breaking import correct_stage
 from click.testing import CliRunner, Result
 from menu_graphs import MENUS, with_menus
@@ -28,7 +28,7 @@ from lab3_usd.stage.read.native import native_errors
 
 TESTS = Path(__file__).resolve().parent
 EXAMPLE = TESTS.parent / "docs" / "examples" / "carter.usda"
-FAULTS: dict[str, dict[str, Any]] = yaml.safe_load((TESTS / "native_faults.yaml").read_text())
+FAULTS: dict[str, dict[str, Any]] = quick_yaml.load((TESTS / "native_faults.yaml").read_text())
 HEADER = ('defaultPrim = "World"', "metersPerUnit = 1", 'upAxis = "Z"')
 KNOWN = {each.name for each in UsdValidation.ValidationRegistry().GetAllValidatorMetadata()}
 NATIVE = LintSettings(native=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from click.testing import CliRunner
 
 from lab3_usd.cli import lab3
@@ -26,14 +26,14 @@ FILES = nav2_files(load_lab(), load_ros())
 
 
 def parameters(node: str) -> dict[str, Any]:
-    data = yaml.safe_load(FILES[PARAMS_FILE])
+    data = quick_yaml.load(FILES[PARAMS_FILE])
     for name in node.split("/"):
         data = data[name]
     return dict(data["ros__parameters"])
 
 
 def displays(file: str) -> dict[str, dict[str, Any]]:
-    manager = yaml.safe_load(FILES[file])["Visualization Manager"]
+    manager = quick_yaml.load(FILES[file])["Visualization Manager"]
     return {display["Name"]: display for display in manager["Displays"]}
 
 
@@ -142,7 +142,7 @@ def test_rviz_has_the_displays_of_the_handout() -> None:
 
 
 def test_rviz_looks_from_the_map_and_has_both_tools() -> None:
-    manager = yaml.safe_load(FILES[RVIZ_FILE])["Visualization Manager"]
+    manager = quick_yaml.load(FILES[RVIZ_FILE])["Visualization Manager"]
     assert manager["Global Options"]["Fixed Frame"] == "map"
     tools = {tool["Class"]: tool.get("Topic", {}).get("Value") for tool in manager["Tools"]}
     assert tools["rviz_default_plugins/SetInitialPose"] == "/initialpose"
@@ -150,7 +150,7 @@ def test_rviz_looks_from_the_map_and_has_both_tools() -> None:
 
 
 def test_the_lidar_alone_is_shown_as_the_handout_says() -> None:
-    manager = yaml.safe_load(FILES[LIDAR_RVIZ_FILE])["Visualization Manager"]
+    manager = quick_yaml.load(FILES[LIDAR_RVIZ_FILE])["Visualization Manager"]
     scan = displays(LIDAR_RVIZ_FILE)["LaserScan"]
     assert manager["Global Options"]["Fixed Frame"] == "base_scan"
     assert scan["Size (m)"] == pytest.approx(0.03)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
@@ -57,10 +57,10 @@ def item(graded: Grade, name: str) -> ItemGrade:
 
 def made(tmp_path: Path, change: Any) -> Rubric:
     """A rubric like the bundled one, with a change made to its data."""
-    data = yaml.safe_load(BUNDLED)
+    data = quick_yaml.load(BUNDLED)
     change(data)
     path = tmp_path / "mine.yaml"
-    path.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+    path.write_text(quick_yaml.dump(data), encoding="utf-8")
     return load_rubric(path, LAB)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from breaking import broken, judged, place
 
 from lab3_usd.check.checker import Judgement
@@ -31,7 +31,7 @@ class Case:
 def _cases() -> tuple[list[Case], list[Case]]:
     triggers, clearing = [], []
     for path in sorted(FOLDER.glob("*.yaml")):
-        content = yaml.safe_load(path.read_text())
+        content = quick_yaml.load(path.read_text())
         checkpoint = content.get("checkpoint", "05")
         entries = {"": content, **content.get("more", {})}
         for name, entry in entries.items():

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import yaml
+import quick_yaml
 from pxr import Gf, Sdf, Usd
 from scene_changes import (
     LIDAR,
@@ -48,7 +48,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Lab:
     """The bundled lab with an IMU from checkpoint 02 on, and a second lidar from 04 on."""
     folder = tmp_path_factory.mktemp("sensors") / "lab"
     shutil.copytree(data_folder("graphs"), folder, ignore=shutil.ignore_patterns("__pycache__"))
-    scene = yaml.safe_load((folder / "scene.yaml").read_text())
+    scene = quick_yaml.load((folder / "scene.yaml").read_text())
     scene["sensors"]["imu"] = {
         "kind": "imu",
         "path": IMU,
@@ -61,11 +61,11 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Lab:
     }
     back = {**scene["sensors"]["lidar"], "path": BACK, "handout": "E3"}
     scene["sensors"]["back"] = {**back, "pose": {"translate": [-0.1, 0.0, 0.1], **POSE}}
-    (folder / "scene.yaml").write_text(yaml.safe_dump(scene, sort_keys=False))
-    checkpoints = yaml.safe_load((folder / "checkpoints.yaml").read_text())
+    (folder / "scene.yaml").write_text(quick_yaml.dump(scene))
+    checkpoints = quick_yaml.load((folder / "checkpoints.yaml").read_text())
     checkpoints["checkpoints"]["02"]["adds"]["sensors"] = ["imu"]
     checkpoints["checkpoints"]["04"]["adds"]["sensors"].append("back")
-    (folder / "checkpoints.yaml").write_text(yaml.safe_dump(checkpoints, sort_keys=False))
+    (folder / "checkpoints.yaml").write_text(quick_yaml.dump(checkpoints))
     return load_lab(folder)
 
 
@@ -167,8 +167,8 @@ def test_a_lidar_of_a_later_checkpoint_is_early_beside_one_that_is_asked_for(
 def test_two_sensors_cannot_share_a_path(tmp_path: Path) -> None:
     folder = tmp_path / "lab"
     shutil.copytree(data_folder("graphs"), folder)
-    scene = yaml.safe_load((folder / "scene.yaml").read_text())
+    scene = quick_yaml.load((folder / "scene.yaml").read_text())
     scene["sensors"]["camera"]["path"] = LIDAR
-    (folder / "scene.yaml").write_text(yaml.safe_dump(scene, sort_keys=False))
+    (folder / "scene.yaml").write_text(quick_yaml.dump(scene))
     with pytest.raises(SpecError, match=f"camera: '{LIDAR}' is the path of lidar"):
         load_lab(folder)

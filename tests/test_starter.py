@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 from click.testing import CliRunner
 from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdValidation
 
@@ -466,9 +466,9 @@ def test_the_command_names_the_file_it_wrote(tmp_path: Path) -> None:
 def edited(tmp_path: Path, edit: Any) -> Path:
     folder = tmp_path / "graphs"
     shutil.copytree(data_folder("graphs"), folder)
-    data = yaml.safe_load((folder / "starter.yaml").read_text())
+    data = quick_yaml.load((folder / "starter.yaml").read_text())
     edit(data)
-    (folder / "starter.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    (folder / "starter.yaml").write_text(quick_yaml.dump(data))
     return folder
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import quick_yaml
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
@@ -55,9 +55,9 @@ def test_a_slip_is_refused_where_it_is(
     tmp_path: Path, slip: Callable[[dict[str, Any]], object], line: str
 ) -> None:
     folder = Path(shutil.copytree(data_folder("graphs"), tmp_path / "graphs"))
-    data = yaml.safe_load((folder / SUBMISSION).read_text())
+    data = quick_yaml.load((folder / SUBMISSION).read_text())
     slip(data)
-    (folder / SUBMISSION).write_text(yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
+    (folder / SUBMISSION).write_text(quick_yaml.dump(data))
     with pytest.raises(SpecError) as caught:
         load_submission(folder)
     assert str(caught.value).startswith(f"{SUBMISSION}: ")

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import yaml
+import quick_yaml
 from breaking import correct_stage, judged, the_lab
 from dry_runs import driven, faults
 from msgspec import Struct, convert
@@ -85,7 +85,7 @@ class Row(Struct, frozen=True):
 
 def known_rows() -> list[Row]:
     text = TABLE.read_text(encoding="utf-8")
-    return convert(yaml.safe_load(text)["disagreements"], list[Row])
+    return convert(quick_yaml.load(text)["disagreements"], list[Row])
 
 
 def wrong(found: Sequence[Verdicts]) -> list[str]:
@@ -176,4 +176,4 @@ def idle_silence(edits: Sequence[Silence]) -> list[str]:
 
 
 def known_silence() -> list[str]:
-    return list(yaml.safe_load(TABLE.read_text(encoding="utf-8"))["silent_edits"] or {})
+    return list(quick_yaml.load(TABLE.read_text(encoding="utf-8"))["silent_edits"] or {})
