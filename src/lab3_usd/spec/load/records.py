@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Iterator, Mapping
+from functools import cache
 from types import UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
-from msgspec.structs import fields
+from msgspec.structs import FieldInfo, fields
 
 from lab3_usd.errors import SpecError
 
@@ -66,7 +67,7 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:  # noqa: ANN401
     """Return the keys that lead to the first slip, and what is wrong there."""
     kind = _meant(data, kind)
     if _is_record(kind) and isinstance(data, dict):
-        known = {field.encode_name: field for field in fields(kind)}
+        known = {field.encode_name: field for field in _fields(kind)}
         for key in data if kind.__struct_config__.forbid_unknown_fields else ():
             if key not in known:
                 return [], f"{key!r} is not known; known are {', '.join(known)}"
@@ -79,6 +80,12 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:  # noqa: ANN401
             return [name, *names], fault
     quotes = "; put it in quotes" if kind is str and isinstance(data, (bool, int, float)) else ""
     return [], f"is {_SHOWN.repr(data)}, expected {_called(kind)}{quotes}"
+
+
+@cache
+def _fields(kind: Any) -> tuple[FieldInfo, ...]:  # noqa: ANN401
+    """Return the fields of a record; msgspec evaluates all annotations for it."""
+    return fields(kind)
 
 
 def _meant(data: Any, kind: Any) -> Any:  # noqa: ANN401
@@ -104,7 +111,7 @@ def _inside(data: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:  # noqa: AN
     if isinstance(data, dict) and _is_record(kind):
         yield from (
             (each.encode_name, data[each.encode_name], each.type)
-            for each in fields(kind)
+            for each in _fields(kind)
             if each.encode_name in data
         )
     elif isinstance(data, dict) and _is_mapping(kind):
