@@ -11,13 +11,17 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import entry_points
+from io import StringIO
 from pathlib import Path
+from unittest.mock import patch
 
 import click
 import pytest
+from in_process import lab3
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
@@ -29,6 +33,8 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted([*ROOT.glob("*.md"), *DOCS.glob("*.md"), ROOT / "schema" / "README.md"])
 BEFORE = re.compile(r"<!-- before:\s+(.+?)\s*-->", re.DOTALL)
+# A command that needs no shell, and what a page may ask of it afterwards.
+ALONE = re.compile(r"""lab3 ([^$&*;<>?`|~\\\n]+)(; echo "exit code \$\?")?""")
 RULE = re.compile(r"`([A-Z]{1,2}\d\d)`|\b([A-Z]{1,2}\d\d) [a-z]+-[a-z-]+\b")
 
 
@@ -71,18 +77,28 @@ def blocks(page: Path) -> Iterator[Block]:
 class Sandbox:
     """A folder where a page's commands run; `environment` makes them those of this checkout.
 
-    As in a terminal, `cd` holds for the commands that follow.
+    As in a terminal, `cd` holds for the commands that follow. Where `has_own_lab`, all of them are
+    processes, which use the lab of this folder.
     """
 
     folder: Path
     environment: dict[str, str]
+    has_own_lab: bool = False
+
+    @property
+    def place(self) -> Path:
+        """The file that names the working directory, once a command has been run."""
+        return self.folder.parent / "cwd"
+
+    @property
+    def cwd(self) -> str:
+        return self.place.read_text().strip() if self.place.exists() else str(self.folder)
 
     def bash(self, command: str) -> str:
         """Return what a command prints, errors as well, as a terminal shows it."""
-        place = self.folder.parent / "cwd"
         done = subprocess.run(
-            ["bash", "-c", f"{command}\npwd > {shlex.quote(str(place))}"],  # noqa: S607
-            cwd=place.read_text().strip() if place.exists() else self.folder,
+            ["bash", "-c", f"{command}\npwd > {shlex.quote(str(self.place))}"],  # noqa: S607
+            cwd=self.cwd,
             env=self.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -91,6 +107,44 @@ class Sandbox:
             timeout=300,
         )
         return done.stdout
+
+    def shown(self, command: str) -> str:
+        """Return what a command prints; where no shell is needed, no process is started either.
+
+        What it says goes first, as through a pipe.
+        """
+        alone = ALONE.fullmatch(command)
+        if alone is None or self.has_own_lab:
+            return self.bash(command)
+        with self.entered():
+            done = lab3(*shlex.split(alone[1]))
+        code = f"exit code {done.returncode}\n" if alone[2] else ""
+        return done.stderr + done.stdout + code
+
+    def python(self, text: str) -> str:
+        """Return what a program prints."""
+        with self.entered(), redirect_stdout(StringIO()) as printed:
+            exec(text, {"__name__": "__main__"})  # noqa: S102 - our own page
+        return printed.getvalue()
+
+    def prepare(self, text: str) -> None:
+        """Run what readers do not see; where that changes to, they are not taken."""
+        before = self.cwd
+        for line in text.replace("\\\n", " ").splitlines():
+            answer = self.shown(f'{line}; echo "exit code $?"')
+            assert answer.endswith("exit code 0\n"), f"{line}\n{answer}"
+        self.place.write_text(before)
+
+    @contextmanager
+    def entered(self) -> Iterator[None]:
+        """Make this process one that was started here."""
+        before = Path.cwd()
+        with patch.dict(os.environ, self.environment, clear=True):
+            os.chdir(self.cwd)
+            try:
+                yield
+            finally:
+                os.chdir(before)
 
 
 @pytest.fixture(scope="module")
@@ -105,8 +159,8 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def sandbox(program: Path, tmp_path: Path) -> Iterator[Sandbox]:
     folder = tmp_path / program.name
     program.rename(folder)
-    for name in ("docs", "graphs", "maps", "schema"):
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("docs", "graphs", "maps", "schema"):  # and the lab as it is kept compiled
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("*.pyc"))
     # A reader has run `make demo` first.
     (folder / "out").mkdir()
     for name in ("00_student_start", "01_ros_clock", "02_ros_drive", "05_odometry_tf"):
@@ -163,23 +217,26 @@ def matches(shown: list[str], printed: str) -> bool:
     return re.fullmatch(pattern, lines) is not None
 
 
+def changes_the_lab(page: Path) -> bool:
+    return any(block.extra.lstrip("+").startswith("graphs/") for block in blocks(page))
+
+
 def run_blocks(page: Path, sandbox: Sandbox) -> None:
     """Run what a page shows; a `text` block after Python is what that prints."""
+    sandbox = replace(sandbox, has_own_lab=changes_the_lab(page))
     printed = None
     for block in blocks(page):
         if block.language == "text" and printed is not None:
             assert matches(block.text.splitlines(), printed), printed
         printed = None
         if block.language == "before":
-            answer = sandbox.bash(f"( set -e; {block.text} ) && echo done")
-            assert answer.endswith("done\n"), answer
+            sandbox.prepare(block.text)
         elif block.language == "console":
             for command, shown in sessions(block.text):
-                answer = sandbox.bash(command)
+                answer = sandbox.shown(command)
                 assert matches(shown, answer), f"$ {command}\n{answer}"
         elif block.language == "python":
-            printed = sandbox.bash(f"python -W error -c {shlex.quote(block.text)}")
-            assert "Traceback" not in printed, printed
+            printed = sandbox.python(block.text)
         elif block.extra:  # a file, or with a plus what is added to its end
             target = sandbox.folder / block.extra.lstrip("+")
             before = target.read_text() if block.extra.startswith("+") else ""
