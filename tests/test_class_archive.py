@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 from grade_files import stage, starter
+from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.class_run import ClassSettings, grade_class
+from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.intake.class_archive import submissions_in
 from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions
 
@@ -48,7 +49,7 @@ def left_out(handed: StudentSubmission) -> list[str]:
 
 
 def rows(archive: Path, out: Path) -> dict[str, dict[str, Any]]:
-    grade_class(ClassSettings(archive, starter(), out))
+    graded_here(ClassSettings(archive, starter(), out))
     students = json.loads((out / "grades.json").read_text())["students"]
     return {row["student"]: row for row in students}
 

@@ -10,17 +10,20 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
 from grade_files import cut_wire, files_below, stage, starter, submission
+from workers_here import graded_here, workers_here
 
 from lab3_usd.commands import grade as grade_command
 from lab3_usd.commands.grade import Rate, command, line
 from lab3_usd.data import data_folder
 from lab3_usd.errors import Lab3Error, StageError, UsageError
+from lab3_usd.grade.book.gradebook import Rows
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
 from lab3_usd.grade.scoring.load_rubric import load_rubric
 from lab3_usd.grade.workers.messages import Task
@@ -97,7 +100,7 @@ def test_the_table_can_be_read_by_a_spreadsheet(book: Path) -> None:
 def test_no_cell_is_a_formula(tmp_path: Path) -> None:
     submission(tmp_path / "class" / "=1+1", "00")
     submission(tmp_path / "class" / "jane", "00")
-    grade_class(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
+    graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
     assert "'=1+1" in (tmp_path / "book" / "grades.csv").read_text()
 
 
@@ -159,7 +162,9 @@ def interrupted(settings: ClassSettings, after: int) -> None:
         grade_class(settings, stop)
 
 
-def judged(place: Path, out: Path, **changes: Any) -> list[str]:
+def judged(
+    place: Path, out: Path, grade: Callable[[ClassSettings], Rows] = graded_here, **changes: Any
+) -> list[str]:
     """Resume a gradebook, and return whose submission was really judged."""
     done: list[str] = []
 
@@ -170,7 +175,7 @@ def judged(place: Path, out: Path, **changes: Any) -> list[str]:
             yield task, answer
 
     settings = {"starter": starter(), **changes}
-    grade_class(ClassSettings(place, out=out, resume=True, runner=runner, **settings))
+    grade(ClassSettings(place, out=out, resume=True, runner=runner, **settings))
     return done
 
 
@@ -179,7 +184,7 @@ def test_an_interrupted_run_goes_on_where_it_was(place: Path, book: Path, tmp_pa
     interrupted(ClassSettings(place, starter(), out), after=2)
     assert not (out / "grades.csv").exists()
     assert len(list((out / "students").iterdir())) == 2
-    assert len(judged(place, out)) == 2
+    assert len(judged(place, out, grade_class)) == 2
     assert files_below(out) == files_below(book)
 
 
@@ -235,7 +240,7 @@ def test_the_rubric_may_say_who_was_late(tmp_path: Path) -> None:
         text.replace("late: {at_most: 1.0}", "late: {at_most: 0.5, students: [whole]}"),
         encoding="utf-8",
     )
-    grade_class(ClassSettings(tmp_path / "class", starter(), tmp_path / "book", rubric=rubric))
+    graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book", rubric=rubric))
     whole = rows(tmp_path / "book")["whole"]
     assert (whole["late"], whole["percent"], whole["because"]) == (
         True,
@@ -423,7 +428,8 @@ def test_what_is_passed_over_is_said_on_stderr(tmp_path: Path) -> None:
     submission(tmp_path / "class" / "jane", "00")
     (tmp_path / "class" / "bob.pdf").touch()
     arguments = [str(tmp_path / "class"), "--starter", str(starter())]
-    done = CliRunner().invoke(command, [*arguments, "-o", str(tmp_path / "book"), "--jobs", "1"])
+    with workers_here():
+        done = CliRunner().invoke(command, [*arguments, "-o", str(tmp_path / "book")])
     assert done.exit_code == 0
     assert done.stderr.startswith("lab3: ")
     assert done.stderr.endswith(": bob.pdf\n")
@@ -434,7 +440,7 @@ def test_the_newer_of_two_uploads_is_graded(tmp_path: Path) -> None:
     name = stage("00").name
     (tmp_path / "class" / f"bob_7_998_{name}").write_text("rubbish")
     shutil.copyfile(stage("00"), tmp_path / "class" / f"bob_7_1002_{name.replace('.', '-1.')}")
-    grade_class(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
+    graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
     assert rows(tmp_path / "book")["7"]["verdicts"] == {"00": "pass"}
 
 
@@ -444,7 +450,7 @@ def test_two_who_claim_one_number_each_have_their_own_grade(tmp_path: Path) -> N
     who = "submission_{0}:\n  :submitters:\n  - :name: N{0}\n    :sid: '7'\n"
     metadata = who.format(1) + who.format(2)
     (tmp_path / "class" / "submission_metadata.yml").write_text(metadata)
-    grade_class(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
+    graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
     found = rows(tmp_path / "book")
     assert {student: row["name"] for student, row in found.items()} == {
         "7 (submission_1)": "N1",
@@ -464,7 +470,7 @@ def test_who_is_late_by_a_number_that_two_claim_is_late(tmp_path: Path) -> None:
     text = (data_folder("graphs") / "rubric.yaml").read_text(encoding="utf-8")
     late = text.replace("late: {at_most: 1.0}", 'late: {at_most: 0.5, students: ["7"]}')
     rubric.write_text(late, encoding="utf-8")
-    grade_class(ClassSettings(tmp_path / "class", starter(), tmp_path / "book", rubric=rubric))
+    graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book", rubric=rubric))
     found = rows(tmp_path / "book")
     assert {student: row["late"] for student, row in found.items()} == {
         "7 (submission_1)": True,

@@ -13,9 +13,10 @@ from typing import Any, ClassVar
 
 import pytest
 from grade_files import files_below, stage, starter, submission
+from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.class_run import ClassSettings, grade_class
+from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.intake.class_archive import submissions_in
 from lab3_usd.grade.intake.limits import Limits
 from lab3_usd.grade.intake.remote import fetched, local_path
@@ -89,7 +90,7 @@ def put(files: dict[str, bytes], kind: str = "memory") -> str:
 
 
 def graded(place: Path | str, out: Path, **changes: Any) -> dict[str, dict[str, Any]]:
-    grade_class(ClassSettings(place, starter(), out, **changes))
+    graded_here(ClassSettings(place, starter(), out, **changes))
     students = json.loads((out / "grades.json").read_text())["students"]
     return {row["student"]: row for row in students}
 

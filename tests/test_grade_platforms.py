@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 from grade_files import stage, starter, submission
+from workers_here import graded_here
 
-from lab3_usd.grade.class_run import ClassSettings, grade_class
+from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.intake.platforms import FileOwner, file_owners, is_platform_name
 from lab3_usd.grade.intake.submissions import find_submissions
 
@@ -177,7 +178,7 @@ def test_clones_of_github_classroom_are_folders(tmp_path: Path) -> None:
 
 def graded(tmp_path: Path) -> dict[str, dict[str, str]]:
     out = tmp_path / "book"
-    grade_class(ClassSettings(tmp_path / "class", starter(), out))
+    graded_here(ClassSettings(tmp_path / "class", starter(), out))
     return {
         row["student"]: row for row in json.loads((out / "grades.json").read_text())["students"]
     }
