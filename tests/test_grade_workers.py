@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
@@ -130,33 +130,51 @@ def task(student: str) -> Task:
     return Task(student, student, ())
 
 
-@pytest.mark.parametrize(
-    ("student", "how"),
-    [
-        ("crashes", "crashed usd-core (SIGSEGV)"),
-        ("killed", "ended by SIGKILL"),
-        ("leaves", "ended the worker (status 7)"),
-        ("hangs", "ran out of time (0.6 s)"),
-        ("nonsense", "answered nonsense"),
-        ("list", "answered nonsense"),
-        ("grows", "ran out of memory"),
-        ("endless", "ended the worker (status 0)"),
-        ("writes", "too large: answers more than 1 MB"),
-        ("lines", "too large: answers more than 1 MB"),
-        ("busy", "ran out of time (1.8 s for all files)"),
-        ("deaf", "ran out of time (0.6 s)"),
-        ("closes", "stopped answering"),
-        ("parts", "ran out of time (0.6 s)"),
-    ],
-)
+# What a worker does over the second file, and what is known of its end.
+ENDS = {
+    "closes": "stopped answering",
+    "busy": "ran out of time (1.8 s for all files)",
+    "hangs": "ran out of time (0.6 s)",
+    "deaf": "ran out of time (0.6 s)",
+    "parts": "ran out of time (0.6 s)",
+    "crashes": "crashed usd-core (SIGSEGV)",
+    "killed": "ended by SIGKILL",
+    "leaves": "ended the worker (status 7)",
+    "nonsense": "answered nonsense",
+    "list": "answered nonsense",
+    "grows": "ran out of memory",
+    "endless": "ended the worker (status 0)",
+    "writes": "too large: answers more than 1 MB",
+    "lines": "too large: answers more than 1 MB",
+}
+
+
+@pytest.fixture(scope="module")
+def ends() -> dict[str, Future[WorkerDiedError]]:
+    """The ends of workers that are waited for side by side."""
+    with pytest.MonkeyPatch.context() as patched, ThreadPoolExecutor(5) as threads:
+        patched.setattr(worker_process, "_MAIN", ODD.replace("{", "{{").replace("}", "}}"))
+        patched.setattr(limits, "_TIMES_AS_LONG", 3)
+        return {student: threads.submit(end_of, student) for student in ENDS}
+
+
+def end_of(student: str) -> WorkerDiedError:
+    worker = start_worker(PoolSettings(None, None, STUDENT))
+    try:
+        with pytest.raises(WorkerDiedError) as died:
+            ask(worker, task(student), never_stopped)
+    finally:
+        end_worker(worker)
+    return died.value
+
+
+@pytest.mark.parametrize("student", ENDS)
 def test_how_a_worker_ended_and_over_which_file_is_known(
-    worker: Worker, student: str, how: str, monkeypatch: pytest.MonkeyPatch
+    ends: dict[str, Future[WorkerDiedError]], student: str
 ) -> None:
-    monkeypatch.setattr(limits, "_TIMES_AS_LONG", 3)
-    with pytest.raises(WorkerDiedError) as died:
-        ask(worker, task(student), never_stopped)
-    assert (died.value.how, died.value.file) == (how, "second.usda")
-    assert died.value.external == (student == "killed")
+    died = ends[student].result()
+    assert (died.how, died.file) == (ENDS[student], "second.usda")
+    assert died.external == (student == "killed")
 
 
 def test_what_a_worker_left_running_goes_with_it(worker: Worker) -> None:
