@@ -16,15 +16,19 @@ from ros_outputs import good_outputs
 
 from lab3_usd.data import data_folder
 from lab3_usd.judge import folder as judge_folder
+from lab3_usd.judge import folder_checks
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.lab.nav2.files import nav2_files
+from lab3_usd.lab.nav2.parameters import read_params
 from lab3_usd.model.finding import StageResult
-from lab3_usd.spec.lab import Lab
+from lab3_usd.model.lab_files import Agreement, NavigationSubject
+from lab3_usd.spec.lab import FrameSpec, Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.load.ros import load_ros
 from lab3_usd.spec.load.submission import load_submission
+from lab3_usd.spec.ros import MapFacts, RosSpec
 from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 from lab3_usd.stage.write.starter import build_starter
 
@@ -37,6 +41,8 @@ ROBOT = LAB.scene["robot"]["path"]
 PICTURE = b"\x89PNG\r\n\x1a\n"
 # Notes that a submission without a fault has: how map and walls agree, and stamps after Stop.
 ALWAYS = {"M09", "P09"}
+
+WALL_AGREEMENTS = folder_checks._wall_agreements
 
 Fault = Callable[[Path], None]
 
@@ -84,10 +90,12 @@ def _template() -> Path:
 
 
 def checked(folder: Path, **settings: object) -> FolderResult:
-    """Judge a folder; a stage that is as it was built is judged once for all folders."""
+    """Judge a folder; a file that is as it was built is judged once for all folders."""
     with (
         patch.object(judge_folder, "check_stage", _check_once),
         patch.object(judge_folder, "against_starter", _compare_once),
+        patch.object(folder_checks, "_wall_agreements", _agree_once),
+        patch.object(folder_checks, "read_params", _read_once),
     ):
         return check_folder(folder, FolderSettings(**settings))  # type: ignore[arg-type]
 
@@ -107,8 +115,22 @@ def _compare_once(result: StageResult, starter: Starter, lab: Lab) -> StageResul
     return replace(_built_beside_starter(number), path=result.path)
 
 
+def _agree_once(stage: Path, image: Path, facts: MapFacts, lab: Lab) -> tuple[Agreement, ...]:
+    numbers = [each for each in LAB.checkpoints if _is_as_built(stage, stage_name(each))]
+    if not numbers or not _is_as_built(image, f"maps/{image.name}"):
+        return WALL_AGREEMENTS(stage, image, facts, lab)
+    return _built_agreements(numbers[0], image.name, facts)
+
+
+def _read_once(path: Path, ros: RosSpec, frames: FrameSpec, root: Path) -> NavigationSubject:
+    if not _is_as_built(path, f"config/{path.name}"):
+        return read_params(path, ros, frames, root)
+    return replace(_built_params(path.name), file=path.relative_to(root).as_posix())
+
+
 def _is_as_built(path: Path, name: str) -> bool:
-    return path.is_file() and path.read_bytes() == (_template() / name).read_bytes()
+    built = _template() / name
+    return path.is_file() and built.is_file() and path.read_bytes() == built.read_bytes()
 
 
 @cache
@@ -121,6 +143,18 @@ def _built_beside_starter(number: str) -> StageResult:
     starter = open_starter(_template() / STARTER, LAB)
     assert not starter.faults
     return against_starter(_built_result(number), starter, LAB)
+
+
+@cache
+def _built_agreements(number: str, image: str, facts: MapFacts) -> tuple[Agreement, ...]:
+    return WALL_AGREEMENTS(
+        _template() / stage_name(number), _template() / "maps" / image, facts, LAB
+    )
+
+
+@cache
+def _built_params(name: str) -> NavigationSubject:
+    return read_params(_template() / "config" / name, ROS, LAB.frames)
 
 
 def said(result: FolderResult, *severities: str) -> list[str]:
