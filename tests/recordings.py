@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rosbags.interfaces import Qos, QosDurability
+from rosbags.interfaces import Connection, Qos, QosDurability
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -31,11 +32,17 @@ def keep(sent: Sent) -> Iterator[Sent]:
 
 
 def messages(bag: Path) -> Iterator[Sent]:
+    for connection, time, data in stored(bag):
+        said = STORE.deserialize_cdr(data, connection.msgtype)
+        qos = tuple(connection.ext.offered_qos_profiles)
+        yield Sent(time, connection.topic, connection.msgtype, said, qos)
+
+
+@cache
+def stored(bag: Path) -> list[tuple[Connection, int, bytes]]:
+    """Return what a recording, which nobody changes, holds."""
     with Reader(bag) as reader:
-        for connection, time, data in reader.messages():
-            said = STORE.deserialize_cdr(data, connection.msgtype)
-            qos = tuple(connection.ext.offered_qos_profiles)
-            yield Sent(time, connection.topic, connection.msgtype, said, qos)
+        return list(reader.messages())
 
 
 def rewritten(
