@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from lab3_usd.check.registry import rules_of
 from lab3_usd.lab.maps.map_files import find_map, map_subject
@@ -267,7 +268,7 @@ def test_agreement_with_the_walls_is_a_figure_and_no_fault(tmp_path: Path) -> No
     guesses = (Agreement(0.93, "from the world's origin"), Agreement(0.41, "from the start"))
     (tmp_path / FACTS.yaml).write_text(GOOD)
     (tmp_path / FACTS.image).write_bytes(image())
-    subject = map_subject(tmp_path / FACTS.yaml, FACTS, agreements=guesses)
+    subject = replace(map_subject(tmp_path / FACTS.yaml, FACTS), agreements=guesses)
     found = problems(subject)
     assert [p.actual for p in found["M09"]] == ["0.930"]
     assert list(found) == ["M09"]

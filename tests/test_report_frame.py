@@ -26,8 +26,8 @@ def marked(excerpt: Excerpt, line: int, column: int, width: int = 80) -> str:
 
 
 def test_an_excerpt_is_the_line_and_its_neighbours() -> None:
-    found = read_excerpts([MISSING_WIRE], around=2)
-    assert found == {(LAYER, 9): Excerpt(7, tuple(STAGE_TEXT.splitlines()[6:11]))}
+    found = read_excerpts([MISSING_WIRE])
+    assert found == {(LAYER, 9): Excerpt(8, tuple(STAGE_TEXT.splitlines()[7:10]))}
 
 
 @pytest.mark.parametrize(("line", "first", "count"), [(1, 1, 2), (13, 12, 2)])

@@ -13,7 +13,7 @@ from lab3_usd.errors import UsageError
 _RANDOM = re.compile("[a-z0-9_]{8}")  # what tempfile puts behind a prefix
 
 
-def write_whole(target: Path, data: bytes, *, force: bool = False) -> None:
+def write_whole(target: Path, data: bytes, *, force: bool) -> None:
     """Write `data` to a new file beside `target`, then rename it to `target`.
 
     Raises:
@@ -22,7 +22,7 @@ def write_whole(target: Path, data: bytes, *, force: bool = False) -> None:
     write_parts(target, (data,), force=force)
 
 
-def write_parts(target: Path, parts: Iterable[bytes], *, force: bool = False) -> None:
+def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
     """Write one part after the other to a new file beside `target`, then rename it to `target`.
 
     Raises:

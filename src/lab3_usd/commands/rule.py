@@ -47,7 +47,7 @@ def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
     raise click.UsageError(message)
 
 
-def manual_lines(rule: Rule, handout: str = "") -> Iterator[str]:
+def manual_lines(rule: Rule, handout: str) -> Iterator[str]:
     """Yield the manual: a heading, what is wrong, and its named sections, wrapped.
 
     `handout` is the section of the handout behind the rule, where the lab names one.

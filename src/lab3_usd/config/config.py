@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +54,7 @@ def load_config(file: Path) -> Config:
         UsageError: it cannot be read, or a key or value is wrong; the line says which.
     """
     given = dict(read_table(file))
-    _refuse_unknown(given, _KEYS, str(file))
+    _refuse_unknown(given, str(file))
     values = {
         key.replace("-", "_"): _KEYS[key](value, f"{file}: {key}", file.parent)
         for key, value in given.items()
@@ -62,14 +62,14 @@ def load_config(file: Path) -> Config:
     return Config(file=file, **values)
 
 
-def _refuse_unknown(given: Iterable[str], known: Collection[str], where: str) -> None:
+def _refuse_unknown(given: Iterable[str], where: str) -> None:
     for key in given:
-        if key in known:
+        if key in _KEYS:
             continue
         from difflib import get_close_matches  # noqa: PLC0415 - only after a slip
 
-        close = " or ".join(f"'{each}'" for each in get_close_matches(key, known))
-        hint = f"did you mean {close}?" if close else f"known are {', '.join(known)}"
+        close = " or ".join(f"'{each}'" for each in get_close_matches(key, _KEYS))
+        hint = f"did you mean {close}?" if close else f"known are {', '.join(_KEYS)}"
         message = f"{where}: there is no key '{key}'; {hint}"
         raise UsageError(message)
 

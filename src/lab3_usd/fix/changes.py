@@ -20,7 +20,7 @@ Changes = Mapping[tuple[str, Site], tuple[TextChange, ...]]
 
 
 @quiet()
-def text_changes(report: Report, lab: Lab, starter: str | None = None) -> Changes:
+def text_changes(report: Report, lab: Lab, starter: str | None) -> Changes:
     """Return what the safe repair of each finding changes in text files, each by itself.
 
     What is restored is taken from the starter, None for the bundled one.

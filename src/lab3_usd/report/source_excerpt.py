@@ -25,10 +25,10 @@ class Excerpt(Struct, frozen=True):
     lines: tuple[str, ...]
 
 
-def read_excerpts(findings: Iterable[Finding], around: int = 1) -> dict[tuple[str, int], Excerpt]:
+def read_excerpts(findings: Iterable[Finding]) -> dict[tuple[str, int], Excerpt]:
     """Return the excerpt for each (layer, line) that the findings name, as far as it can be read.
 
-    `around` is the number of lines before and after. Each layer is read once.
+    It is the line and its neighbours. Each layer is read once.
     """
     wanted: dict[str, set[int]] = {}
     for finding in findings:
@@ -36,10 +36,9 @@ def read_excerpts(findings: Iterable[Finding], around: int = 1) -> dict[tuple[st
             wanted.setdefault(finding.layer, set()).add(finding.line)
     found: dict[tuple[str, int], Excerpt] = {}
     for layer, numbers in wanted.items():
-        span = {near for number in numbers for near in range(number - around, number + around + 1)}
-        lines = _read_lines(layer, span)
+        lines = _read_lines(layer, {near for number in numbers for near in _around(number)})
         for number in sorted(numbers & lines.keys()):
-            found[layer, number] = _excerpt(lines, number, around)
+            found[layer, number] = _excerpt(lines, number)
     return found
 
 
@@ -61,8 +60,12 @@ def _read_lines(layer: str, numbers: set[int]) -> dict[int, str]:
         return {}
 
 
-def _excerpt(lines: Mapping[int, str], number: int, around: int) -> Excerpt:
-    shown = [near for near in range(number - around, number + around + 1) if near in lines]
+def _around(number: int) -> range:
+    return range(number - 1, number + 2)
+
+
+def _excerpt(lines: Mapping[int, str], number: int) -> Excerpt:
+    shown = [near for near in _around(number) if near in lines]
     return Excerpt(shown[0], tuple(lines[near] for near in shown))
 
 

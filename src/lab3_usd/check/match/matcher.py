@@ -33,7 +33,7 @@ def complete_roles(
     graph: GraphModel,
     node_of: Pairs,
     offered: Sequence[Node],
-    scripts: Scripts = NO_SCRIPTS,
+    scripts: Scripts,
 ) -> Roles:
     """Return the roles as assigned, and what the other nodes are; `offered` may be extra nodes."""
     taken = {node.path for node in node_of.values() if node is not None}

@@ -72,7 +72,7 @@ WORDS = {
 }
 
 
-def qos_of(node: Node, live: Nodes, *, static: bool = False) -> Qos | None:
+def qos_of(node: Node, live: Nodes, *, static: bool) -> Qos | None:
     """Return the profile that the node uses; None where it refuses to work or it is unknown.
 
     Without a profile of its own a node keeps the last `queueSize` messages, reliable and volatile.

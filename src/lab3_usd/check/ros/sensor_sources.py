@@ -42,9 +42,7 @@ def fed_by_sensor(node: Node, port: str, running: Nodes) -> bool:
     return any(is_switched_on(source, running) for source, _ in live_sources(node, port, running))
 
 
-def rate_source(
-    node: Node, stage: StageModel, lab: Lab, running: Nodes, *, static: bool = False
-) -> str:
+def rate_source(node: Node, stage: StageModel, lab: Lab, running: Nodes, *, static: bool) -> str:
     """Say what sets the pace: the sensor's own rate, the event that starts the node, or nothing."""
     state = run_states(stage, lab).get(node.path)
     if state is None:

@@ -22,7 +22,7 @@ _EXCLUDED = "physics:excludeFromArticulation"
 Links = dict[str, str]  # the path of each link with that of its parent link, '' for none
 
 
-def expansion(target: Prim, stage: StageModel, parent: str = "") -> Links | None:
+def expansion(target: Prim, stage: StageModel, parent: str) -> Links | None:
     """Return the prims that become frames in the place of a target, None where it stays one.
 
     An articulation root stands for the bodies at and below it, a robot for everything in its

@@ -19,7 +19,7 @@ from lab3_usd.spec.load.loader import load_lab
 HTML, JSON, GRADESCOPE = "report.html", "report.json", "results.json"
 
 
-def write_reports(report: Report, rubric: Rubric, points: Grade, name: str = "") -> dict[str, str]:
+def write_reports(report: Report, rubric: Rubric, points: Grade, name: str) -> dict[str, str]:
     """Return the texts of the report files by name; `name` is the student's, where it is known."""
     student = report.submissions[0].path if report.submissions else ""
     summary = grade_sheet(rubric, points, student, name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import yaml
@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from lab3_usd.lab.maps.grid import GAP, MapError, read_pgm
 from lab3_usd.lab.plain_yaml import load_plain
-from lab3_usd.model.lab_files import Agreement, MapSubject
+from lab3_usd.model.lab_files import MapSubject
 from lab3_usd.spec.ros import MapFacts
 
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -40,16 +40,11 @@ def find_map(folder: Path, facts: MapFacts) -> Path:
     return others[0] if not named.is_file() and len(others) == 1 else named
 
 
-def map_subject(
-    yaml_path: Path | None,
-    facts: MapFacts,
-    root: Path | None = None,
-    agreements: Sequence[Agreement] = (),
-) -> MapSubject:
+def map_subject(yaml_path: Path | None, facts: MapFacts, root: Path | None = None) -> MapSubject:
     """Read a map YAML and the image it names; None says that no map was handed in.
 
     Files are named relative to `root`, by default the YAML's folder. What cannot be read is said in
-    the subject, not raised. `agreements` are the caller's comparisons with the walls of a stage.
+    the subject, not raised. The caller compares it with the walls of a stage.
     """
     if yaml_path is None:
         return MapSubject(facts, given=False, file=facts.yaml)
@@ -75,7 +70,6 @@ def map_subject(
         image_fault=shown.fault,
         image_format=shown.format,
         size=shown.size,
-        agreements=tuple(agreements),
     )
 
 

@@ -52,6 +52,7 @@ PALETTES: Mapping[str, Mapping[str, str]] = {
         "lit": "#6b5a12",
     },
 }
+SCOPE = ".lab3"  # the class of the element of a picture
 RULES = """\
 {s} text{{font-family:{font};font-size:12px;fill:{text}}}
 {s} .canvas{{fill:{canvas}}}
@@ -97,25 +98,21 @@ RULES = """\
 """
 
 
-def stylesheet(theme: Theme = "auto", scope: str = ".lab3") -> str:
-    """Return the rules for pictures inside `scope`.
-
-    `auto` follows the reader's system; the others hold whatever it says. A page that switches
-    themes by itself asks once for each, with scopes of its own.
-    """
+def stylesheet(theme: Theme = "auto") -> str:
+    """Return the rules for pictures; `auto` follows the reader's system, the others do not."""
     if theme != "auto":
-        return _rules(theme, scope)
-    dark = _rules("dark", scope)
-    return f"{_rules('light', scope)}@media (prefers-color-scheme:dark){{\n{dark}}}\n"
+        return _rules(theme)
+    dark = _rules("dark")
+    return f"{_rules('light')}@media (prefers-color-scheme:dark){{\n{dark}}}\n"
 
 
-def _rules(theme: str, scope: str) -> str:
+def _rules(theme: str) -> str:
     rules = RULES.format(
-        s=scope, font=FONT, on_header=ON_HEADER, below_title=BELOW_TITLE, **PALETTES[theme]
+        s=SCOPE, font=FONT, on_header=ON_HEADER, below_title=BELOW_TITLE, **PALETTES[theme]
     )
-    return rules + "".join(_headers(scope))
+    return rules + "".join(_headers())
 
 
-def _headers(scope: str) -> Iterator[str]:
+def _headers() -> Iterator[str]:
     for family, colour in HEADERS.items():
-        yield f"{scope} .f-{family}{{fill:{colour}}}\n"
+        yield f"{SCOPE} .f-{family}{{fill:{colour}}}\n"
