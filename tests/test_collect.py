@@ -11,10 +11,11 @@ import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
 from ros_outputs import EDGES, fake_ros2, frames_gv, good_outputs
+from saved_outputs import read_evidence
 
 from lab3_usd.cli import lab3
 from lab3_usd.lab.evidence.collect import collect_script
-from lab3_usd.lab.evidence.reader import MANIFEST, read_evidence
+from lab3_usd.lab.evidence.reader import MANIFEST
 from lab3_usd.model.lab_files import GoalRun
 from lab3_usd.spec.load.loader import load_lab
 

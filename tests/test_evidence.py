@@ -29,6 +29,7 @@ from ros_outputs import (
     info,
     view_frames,
 )
+from saved_outputs import read_evidence
 
 from lab3_usd.lab.evidence.command_outputs import recognise
 from lab3_usd.lab.evidence.commands import is_prompt, read_command
@@ -39,7 +40,7 @@ from lab3_usd.lab.evidence.output_parsers import (
     parse_state,
     parse_tree,
 )
-from lab3_usd.lab.evidence.reader import read_evidence, read_listed
+from lab3_usd.lab.evidence.reader import read_listed
 from lab3_usd.model.lab_files import Evidence, GoalRun, Lookup
 from lab3_usd.spec.load.ros import load_ros
 
@@ -301,10 +302,6 @@ def test_outputs_without_their_command_are_told_by_looks_and_name(
 
 def test_a_text_that_nothing_tells_shows_nothing(tmp_path: Path) -> None:
     assert read(tmp_path, notes__txt=RATE) == Evidence(folder=".")
-
-
-def test_a_folder_that_does_not_exist_shows_nothing(tmp_path: Path) -> None:
-    assert read_evidence(tmp_path / "none", root=tmp_path) == Evidence(folder="none")
 
 
 def test_a_filtered_list_shows_nothing(tmp_path: Path) -> None:
@@ -605,26 +602,12 @@ def test_files_are_named_from_the_root(tmp_path: Path) -> None:
     assert evidence.folder == "results"
 
 
-def test_several_folders_are_read(tmp_path: Path) -> None:
-    for name, text in (("results", ACTIVE), ("logs", "inactive [2]\n")):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "amcl.txt").write_text(text)
-    evidence = read_evidence(tmp_path / "results", tmp_path / "logs", root=tmp_path)
-    assert [s.fact for s in evidence.lifecycle["/amcl"]] == ["active [3]", "inactive [2]"]
-
-
 def test_links_are_not_followed(tmp_path: Path) -> None:
     (tmp_path / "outside.txt").write_text(TOPICS)
     inside = tmp_path / "results"
     inside.mkdir()
     (inside / "topic_list.txt").symlink_to(tmp_path / "outside.txt")
     assert read_evidence(inside).topic_list == {}
-
-
-def test_a_folder_outside_the_root_keeps_its_name(tmp_path: Path) -> None:
-    (tmp_path / "results").mkdir()
-    evidence = read_evidence(tmp_path / "results", root=tmp_path / "work")
-    assert evidence.folder == (tmp_path / "results").as_posix()
 
 
 def test_a_file_that_cannot_be_read_shows_nothing(
@@ -653,13 +636,13 @@ def test_a_manifest_that_is_a_link_is_not_followed_out(tmp_path: Path) -> None:
 
 
 def test_of_a_submission_only_what_is_listed_is_read(tmp_path: Path) -> None:
-    for name in ("results/topic_list.txt", "results/more/node_list.txt", "elsewhere/type.txt"):
+    listed = ["elsewhere/topic_list.txt", "results/topic_list.txt", "logs/deep/topic_list.txt"]
+    for name in (*listed, "results/more/node_list.txt"):
         file = tmp_path / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(TOPICS)
-    listed = ["elsewhere/topic_list.txt", "results/topic_list.txt"]
     evidence = read_listed(tmp_path, listed, ["results", "logs"], ROS)
-    assert [shown.file for shown in evidence.topic_list[""]] == ["results/topic_list.txt"]
+    assert [shown.file for shown in evidence.topic_list[""]] == listed[1:]
     assert evidence.node_list == {}
 
 

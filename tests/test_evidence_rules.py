@@ -23,10 +23,10 @@ from ros_outputs import (
     info,
     view_frames,
 )
+from saved_outputs import read_evidence
 from submissions import diagnostics
 
 from lab3_usd.check.registry import rules_of
-from lab3_usd.lab.evidence.reader import read_evidence
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.lab_files import EvidenceSubject
 from lab3_usd.spec.load.loader import load_lab

@@ -10,9 +10,7 @@ from typing import Any
 from lab3_usd.lab.evidence import output_parsers
 from lab3_usd.lab.evidence.command_outputs import CommandOutput, split_outputs
 from lab3_usd.lab.evidence.message import parse_messages
-from lab3_usd.lab.submission.listing import entries_below
 from lab3_usd.model.lab_files import Evidence, GoalRun, Lookup, Observation
-from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.ros import GoalSpec, RosSpec
 
 MANIFEST = "manifest.tsv"
@@ -48,41 +46,25 @@ _RESULT = re.compile(r"(?m)^Goal finished with status:\s*(\w+)")
 _Found = dict[str, dict[str, list[Observation[Any]]]]
 
 
-def read_evidence(*folders: Path, root: Path | None = None, ros: RosSpec | None = None) -> Evidence:
-    """Read everything that the texts in `folders` and below show (see `read_listed`).
-
-    Files are named relative to `root`, by default the first folder. Folders that do not exist and
-    links to folders show nothing.
-    """
-    base = root if root is not None else folders[0]
-    there = [folder for folder in folders if folder.is_dir() and not folder.is_symlink()]
-    files = {
-        _relative(folder / entry.path, base): folder / entry.path
-        for folder in there
-        for entry in entries_below(folder)
-        if not entry.why_not
-    }
-    return _read_files(
-        files, _relative(folders[0], base), ros if ros is not None else load_lab().ros
-    )
-
-
 def read_listed(
     root: Path, usable: Sequence[str], folders: Sequence[str], ros: RosSpec
 ) -> Evidence:
     """Read everything that the texts of a submission show, `usable` being what may be opened.
 
-    Of those, texts in `folders` and below are read. Texts of no known form are left out.
-    Where the collecting script saved an output, its file speaks for that command alone, and its
-    silence says something.
+    Of those, texts in `folders` and below are read.
     """
     files = {
         path: root / path for folder in folders for path in usable if path.startswith(f"{folder}/")
     }
-    return _read_files(files, folders[0], ros)
+    return read_texts(files, folders[0], ros)
 
 
-def _read_files(files: Mapping[str, Path], folder: str, ros: RosSpec) -> Evidence:
+def read_texts(files: Mapping[str, Path], folder: str, ros: RosSpec) -> Evidence:
+    """Read everything that files show, by the names that they are told by.
+
+    Texts of no known form are left out. Where the collecting script saved an output, its file
+    speaks for that command alone, and its silence says something.
+    """
     found: _Found = {kind: {} for kind in (*_PARSERS, "goals")}
     texts = _texts(files)
     runs = {
@@ -127,13 +109,6 @@ def _beginning(path: Path, most: int) -> bytes:
             return file.read(most)
     except OSError:
         return b""
-
-
-def _relative(path: Path, base: Path) -> str:
-    try:
-        return path.relative_to(base).as_posix()
-    except ValueError:
-        return path.as_posix()
 
 
 def _facts(text: str, name: str, ros: RosSpec, *, ran: bool) -> Iterator[tuple[str, str, object]]:
