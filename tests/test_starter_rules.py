@@ -6,14 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from pxr import Gf, Usd, UsdGeom
 from submissions import LAB, ROBOT, SPEC, edit_stage
 
 from lab3_usd.check.registry import Rule, rules_of
 from lab3_usd.judge.stage import check_stage
-from lab3_usd.judge.starter import against_starter, open_starter, starter_findings
+from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.model.changes import Change, Difference, Kind, Site, StarterSubject
-from lab3_usd.model.finding import Problem, StageResult
+from lab3_usd.model.finding import Finding, Problem, StageResult
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
 
@@ -231,9 +232,11 @@ def test_sites_that_are_blamed_already_are_left_out(
     path = tmp_path / "Lab3_08.usda"
     path.write_bytes(files[1].read_bytes())
     edit_stage(path, lambda stage: inertia_of(stage).Set(Gf.Vec3f(1, 1, 1)))
-    site = (BASE, "physics:diagonalInertia")
-    assert [each.rule for each in starter_findings(path, files[0], "08", LAB, [])] == ["U04"]
-    assert starter_findings(path, files[0], "08", LAB, [site]) == ()
+    blamed = Finding("S16", "inertia", "error", BASE, "is odd", "physics:diagonalInertia")
+    result, starter = check_stage(path), open_starter(files[0], LAB)
+    for known, told in (((), ["U04"]), ((blamed,), ["S16"])):
+        found = against_starter(replace(result, findings=known), starter, LAB)
+        assert [each.rule for each in found.findings] == told
 
 
 # -- units that are the starter's fault

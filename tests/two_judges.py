@@ -19,7 +19,8 @@ from random_edits import edit
 from run_differences import differences
 from sabotage import Fault, graph_faults
 
-from lab3_usd.judge.starter import starter_findings
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.model.finding import Finding
 from lab3_usd.sim.execution.record import Recording
 from lab3_usd.stage.write.starter import build_starter
@@ -151,9 +152,11 @@ def silent(number: int) -> Silence:
 def _against_starter(stage: Usd.Stage, number: int) -> tuple[Finding, ...]:
     path = _starter().with_name(f"edited-{number}.usda")
     stage.GetRootLayer().Export(str(path))
-    found = starter_findings(path, _starter(), CHECKPOINT, the_lab(), [])
+    starter = open_starter(_starter(), the_lab())
+    result = against_starter(check_stage(path, CHECKPOINT), starter, the_lab())
     path.unlink()
-    return found
+    assert result.crashes == ()
+    return result.findings
 
 
 def unexplained(edits: Sequence[Silence]) -> list[str]:

@@ -69,25 +69,6 @@ def _fault(finding: Finding) -> _Fault:
     return finding.rule, finding.prim, finding.property, finding.actual
 
 
-def starter_findings(
-    stage_path: Path, starter_path: Path, checkpoint: str, lab: Lab, blamed_sites: Iterable[Site]
-) -> tuple[Finding, ...]:
-    """Return what a stage changed of its starter, except at sites where an error is known already.
-
-    Raises:
-        StageError: one of the files cannot be opened.
-    """
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - see open_starter
-
-    starter = open_starter(starter_path, lab, trusted=False)
-    beside = _Beside(starter, open_stage(stage_path), stage_path, checkpoint, lab)
-    judged = _compared(beside, _ReportedSites(frozenset(blamed_sites)))
-    if judged.crashes:
-        message = f"rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
-        raise RuntimeError(message)
-    return judged.findings
-
-
 def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageResult:
     """Return the result of a stage together with what it changed of the starter.
 
@@ -96,7 +77,7 @@ def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageRes
     """
     if result.verdict == "unreadable":
         return result
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - see open_starter
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - see above
 
     return open_against_starter(result, open_stage(Path(result.path)), starter, lab)
 
