@@ -17,7 +17,7 @@ from report_schema import assert_valid
 
 from lab3_usd import cli
 from lab3_usd.commands.config import _DEFAULTS
-from lab3_usd.config.config import KEYS, Config, config_for, load_config
+from lab3_usd.config.config import _KEYS, Config, config_for, load_config
 from lab3_usd.config.files import find_file
 from lab3_usd.data import LAB_VARIABLE, data_folder
 from lab3_usd.errors import UsageError
@@ -243,7 +243,7 @@ def test_config_prints_every_key_with_its_source(wrong: Path) -> None:
     path = set_up(wrong.parent, 'ignore = ["W01"]\n[severity]\nP = "note"')
     printed = lab3("config", wrong).stdout.splitlines()
     assert printed[0] == f"configuration: {path}"
-    assert [line.split()[0] for line in printed[1:]] == list(KEYS) == list(_DEFAULTS)
+    assert [line.split()[0] for line in printed[1:]] == list(_KEYS) == list(_DEFAULTS)
     sources = {line.split()[0]: line.rpartition("(")[2][:-1] for line in printed[1:]}
     assert {key for key, source in sources.items() if source == str(path)} == {"ignore", "severity"}
     assert "configuration: none" in lab3("config", "--isolated", wrong).stdout

@@ -129,4 +129,3 @@ _KEYS: dict[str, Callable[[Any, str, Path], Any]] = {
     "maps": _path,
     "lab": _path,
 }
-KEYS = tuple(_KEYS)

@@ -188,6 +188,6 @@ def _against_starter(result: StageResult, settings: JudgeSettings, lab: Lab) -> 
 
 
 def _about_maps(checkpoint: str, maps: Path | None, lab: Lab) -> Iterable[Finding]:
-    from lab3_usd.judge.folder import lone_stage_notes, map_findings  # noqa: PLC0415
+    from lab3_usd.judge.folder_checks import lone_stage_notes, map_findings  # noqa: PLC0415
 
     return lone_stage_notes(checkpoint, lab) if maps is None else map_findings(maps, lab)

@@ -17,8 +17,6 @@ from lab3_usd.judge.folder_checks import (
     judge_maps,
     judge_parameters,
     judge_saved_outputs,
-    lone_stage_notes,
-    map_findings,
     read_saved_outputs,
 )
 from lab3_usd.judge.recordings import opens_all, read_recordings
@@ -31,15 +29,6 @@ from lab3_usd.model.submission import Listing, StarterFile, SubmissionSubject
 from lab3_usd.spec.file_names import named_checkpoint
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
-
-__all__ = [
-    "FolderResult",
-    "FolderSettings",
-    "check_folder",
-    "is_submission",
-    "lone_stage_notes",
-    "map_findings",
-]
 
 
 class _Starters(Struct, frozen=True):
