@@ -14,6 +14,8 @@ pytest_plugins = ["pytester"]
 # Where the package is installed, pytest loads the plugin by itself, and refuses to do so twice.
 INSTALLED = "lab3" in {each.name for each in entry_points(group="pytest11")}
 PLUGIN = () if INSTALLED else ("-p", "lab3_usd.pytest_plugin")
+# Its summary imports all of Hypothesis, anew in each of these runs.
+OTHERS = ("-p", "no:hypothesispytest")
 
 
 @pytest.fixture
@@ -24,7 +26,7 @@ def clock(tmp_path: Path) -> Path:
 
 def run(pytester: pytest.Pytester, *arguments: str) -> pytest.RunResult:
     """Run pytest with the plugin, whether or not it is installed as one."""
-    return pytester.runpytest_inprocess(*PLUGIN, *arguments)
+    return pytester.runpytest_inprocess(*PLUGIN, *OTHERS, *arguments)
 
 
 def test_every_requirement_is_a_test(pytester: pytest.Pytester, clock: Path) -> None:
