@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics
 
@@ -24,8 +26,16 @@ Change = Callable[[Usd.Stage], None]
 def text_starter(file: Path) -> Path:
     """The bundled starter as text."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    build_starter(file)
+    file.write_bytes(_text())
     return file
+
+
+@cache
+def _text() -> bytes:
+    with TemporaryDirectory() as folder:
+        target = Path(folder) / "starter.usda"
+        build_starter(target)
+        return target.read_bytes()
 
 
 def binary_starter(file: Path) -> Path:
