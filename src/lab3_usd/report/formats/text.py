@@ -9,7 +9,6 @@ from msgspec.structs import replace
 from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResult, Submission
 from lab3_usd.report.blocks import Block, blocks
 from lab3_usd.report.entries import entries, summarize
-from lab3_usd.report.faults import faults
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 from lab3_usd.report.source_excerpt import read_excerpts
@@ -22,7 +21,6 @@ from lab3_usd.report.text.findings import (
     finding_blocks,
     is_repairable,
 )
-from lab3_usd.report.text.order import repair_order, where_found
 from lab3_usd.spec.load.loader import load_lab
 
 
@@ -95,11 +93,9 @@ def _together(block: Block, page: Page) -> list[str]:
         lines += _submission_heading(block.submission, page)
     if page.options.verbosity == "quiet":
         return lines
-    found = faults(block)
-    lines += repair_order(found, block, page)
-    lines += finding_blocks(
-        ((fault.finding, where_found(fault.stages, block)) for fault in found), page
-    )
+    from lab3_usd.report.text.order import fault_lines  # noqa: PLC0415 - only for folders
+
+    lines += fault_lines(block, page)
     if block.submission is not None:
         lines += checklist_lines(block.submission.checklist, page.options, page.width)
     return lines

@@ -7,15 +7,23 @@ from itertools import groupby
 
 from lab3_usd.report.blocks import Block, Stage, Stages
 from lab3_usd.report.entries import site
-from lab3_usd.report.faults import Fault
+from lab3_usd.report.faults import Fault, faults
 from lab3_usd.report.text.ansi import paint
-from lab3_usd.report.text.findings import INDENT, Page, wrapped
+from lab3_usd.report.text.findings import INDENT, Page, finding_blocks, wrapped
 
 MOST = 3
 _NUMBERED = "   "
 
 
-def repair_order(found: Sequence[Fault], block: Block, page: Page) -> Iterator[str]:
+def fault_lines(block: Block, page: Page) -> Iterator[str]:
+    """Yield what to repair first, and each fault once with the stages that have it."""
+    found = faults(block)
+    yield from _repair_order(found, block, page)
+    blamed = ((fault.finding, _where_found(fault.stages, block)) for fault in found)
+    yield from finding_blocks(blamed, page)
+
+
+def _repair_order(found: Sequence[Fault], block: Block, page: Page) -> Iterator[str]:
     """Yield the few errors whose repair wins most checkpoints, and then most points.
 
     Where there are hardly more errors than that, nothing is said.
@@ -29,7 +37,7 @@ def repair_order(found: Sequence[Fault], block: Block, page: Page) -> Iterator[s
     yield paint("Repair these first", "heading", color=page.color)
     for number, each in enumerate(first, 1):
         told = f"{each.finding.rule} {site(each.finding)}"
-        stands = f"in {plural_checkpoints(each.stages, block)}: {each.finding.message}"
+        stands = f"in {_plural_checkpoints(each.stages, block)}: {each.finding.message}"
         start = f"{number}. "
         yield from wrapped(start + told, INDENT, page.width, INDENT + _NUMBERED)
         yield from wrapped(stands, INDENT + _NUMBERED, page.width)
@@ -40,13 +48,13 @@ def _gain(fault: Fault, block: Block, points: Mapping[str, float]) -> tuple[int,
     return len(held), sum(points.get(checkpoint or "", 0.0) for checkpoint in held)
 
 
-def plural_checkpoints(stages: Stages, block: Block) -> str:
+def _plural_checkpoints(stages: Stages, block: Block) -> str:
     """Name the checkpoints of some stages: `checkpoint 03`, `checkpoints 03 to 08`."""
     names = _spans([stage for stage in block.stages if stage.index in stages], block)
     return f"checkpoint{'s' if len(stages) > 1 else ''} {names}"
 
 
-def where_found(stages: Stages, block: Block) -> str:
+def _where_found(stages: Stages, block: Block) -> str:
     """Say which stages of a folder have a fault, and which no longer has it.
 
     `since 01, also in 02 to 08`; `in 03`; `since 02, also in 03 to 07, repaired in 08`. Empty for
