@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 from pxr import Gf, Usd, UsdGeom
 from sabotage import Fault
@@ -30,6 +29,7 @@ from scene_changes import (
 )
 
 from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.scene import PoseSpec, SensorSpec
 
 _GONE = {"removed": remove, "deactivated": deactivate, "only over": undefine}
 
@@ -49,7 +49,7 @@ _Found = tuple[str, Change, str]
 
 
 def _units(lab: Lab) -> Iterator[_Found]:
-    up = "Z" if lab.scene["stage"]["up_axis"] == "Y" else "Y"
+    up = "Z" if lab.scene.stage.up_axis == "Y" else "Y"
     yield f"{up} up", lambda stage: void(UsdGeom.SetStageUpAxis(stage, up)), "/"
     wrong = 0.1 * _metres(lab)
     yield "other units", lambda stage: void(UsdGeom.SetStageMetersPerUnit(stage, wrong)), "/"
@@ -57,49 +57,49 @@ def _units(lab: Lab) -> Iterator[_Found]:
 
 def _metres(lab: Lab) -> float:
     """Return the length of one unit of the lab's stages."""
-    return float(lab.scene["stage"]["meters_per_unit"])
+    return lab.scene.stage.meters_per_unit
 
 
-def _place(lab: Lab, pose: Mapping[str, Any], *away: float) -> Gf.Vec3d:
+def _place(lab: Lab, pose: PoseSpec, *away: float) -> Gf.Vec3d:
     """Return where a prim stands that is some metres away from its place, in stage units."""
-    return (Gf.Vec3d(*pose["translate"]) + Gf.Vec3d(*away)) / _metres(lab)
+    return (Gf.Vec3d(*pose.translate) + Gf.Vec3d(*away)) / _metres(lab)
 
 
 def _robot(lab: Lab) -> Iterator[_Found]:
-    robot = lab.scene["robot"]
-    path, base = robot["path"], robot["articulation"]["target"]
+    robot = lab.scene.robot
+    path, base = robot.path, robot.articulation.target
     for what, change in _GONE.items():
         yield f"robot {what}", change(path), path
-    yield "robot moved", put(path, TRANSLATE, _place(lab, robot["pose"], 0.3, 0, 0)), path
-    yield "robot lifted", put(path, TRANSLATE, _place(lab, robot["pose"], 0, 0, 0.2)), path
+    yield "robot moved", put(path, TRANSLATE, _place(lab, robot.pose, 0.3, 0, 0)), path
+    yield "robot lifted", put(path, TRANSLATE, _place(lab, robot.pose, 0, 0, 0.2)), path
     yield "robot turned", put(path, ORIENT, turn(45)), path
     yield "robot scaled", put(path, SCALE, Gf.Vec3d(2, 2, 2)), path
     if base:
-        yield "no articulation", without_api(base, robot["articulation"]["api"]), base
-    if robot["wheels"]["joints"]:
+        yield "no articulation", without_api(base, robot.articulation.api), base
+    if robot.wheels.joints:
         yield "held by the world", weld(f"{path}/hold", body1=base), f"{path}/hold"
 
 
 def _links(lab: Lab) -> Iterator[_Found]:
-    robot = lab.scene["robot"]
-    for name, link in robot["links"].items():
-        path = f"{robot['path']}/{name}"
+    robot = lab.scene.robot
+    for name, link in robot.links.items():
+        path = f"{robot.path}/{name}"
         for what, change in _GONE.items():
             yield f"{name} {what}", change(path), path
         yield f"{name} no body", without_api(path, "PhysicsRigidBodyAPI"), path
         yield f"{name} body off", switch(path, "physics:rigidBodyEnabled"), path
-        if "mass" in link:
+        if link.mass is not None:
             yield f"{name} heavy", put(path, "physics:mass", 5.5), path
             yield f"{name} without mass", clear(path, "physics:mass"), path
 
 
 def _wheels(lab: Lab) -> Iterator[_Found]:
-    robot = lab.scene["robot"]
-    wheels = robot["wheels"]
-    for name, link in wheels["joints"].items():
-        path = "/".join((robot["path"], wheels["joints_below"], name))
-        others = [each for each in wheels["joints"].values() if each != link]
-        for what, change in _joint_changes(path, f"{robot['path']}/{others[0]}").items():
+    robot = lab.scene.robot
+    wheels = robot.wheels
+    for name, link in wheels.joints.items():
+        path = robot.joint_path(name)
+        others = [each for each in wheels.joints.values() if each != link]
+        for what, change in _joint_changes(path, f"{robot.path}/{others[0]}").items():
             yield f"{name} {what}", change, path
         yield f"{name} renamed", move_prim(path, f"{path}_1"), f"{path}_1"
 
@@ -130,15 +130,15 @@ def _shift(path: str) -> Change:
 
 
 def _world(lab: Lab) -> Iterator[_Found]:
-    world = lab.scene["world"]
-    yield "no graph parent", remove(world["graph_parent"]["path"]), world["graph_parent"]["path"]
-    for part, types in {
-        "ground": ("Plane",),
-        "light": ("DistantLight", "DomeLight"),
-        "physics_scene": ("PhysicsScene",),
-    }.items():
-        if part in world:
-            yield f"no {part}", _without(types), world[part]["usual"]
+    world = lab.scene.world
+    yield "no graph parent", remove(world.graph_parent.path), world.graph_parent.path
+    for part, spec, types in (
+        ("ground", world.ground, ("Plane",)),
+        ("light", world.light, ("DistantLight", "DomeLight")),
+        ("physics_scene", world.physics_scene, ("PhysicsScene",)),
+    ):
+        if spec is not None:
+            yield f"no {part}", _without(types), spec.usual
 
 
 def _without(types: tuple[str, ...]) -> Change:
@@ -151,10 +151,10 @@ def _without(types: tuple[str, ...]) -> Change:
 
 def _early(lab: Lab) -> Iterator[_Found]:
     for name, spec in lab.sensors.items():
-        path, kind = spec["path"], spec["type"]
+        path, kind = spec.path, spec.type
         yield f"{name} in the starter", _defined(path, kind), path
     for graph in lab.graphs.values():
-        if not any(graph.path.startswith(each["path"]) for each in lab.sensors.values()):
+        if not any(graph.path.startswith(each.path) for each in lab.sensors.values()):
             yield f"{graph.name} in the starter", _defined(graph.path, "OmniGraph"), graph.path
 
 
@@ -162,22 +162,19 @@ def _defined(path: str, kind: str) -> Change:
     return lambda stage: void(stage.DefinePrim(path, kind))
 
 
-def _sensor(lab: Lab, spec: Mapping[str, Any]) -> Iterator[_Found]:
-    path: str = spec["path"]
-    name = path.rpartition("/")[2]
+def _sensor(lab: Lab, spec: SensorSpec) -> Iterator[_Found]:
+    path, name = spec.path, spec.name
     for what, change in _GONE.items():
         yield f"{name} {what}", change(path), path
     yield f"{name} renamed", move_prim(path, f"{path}_1"), f"{path}_1"
     yield f"{name} an Xform", retype(path, "Xform"), path
-    yield f"{name} moved", put(path, TRANSLATE, _place(lab, spec["pose"], 0, 0, 0.05)), path
+    yield f"{name} moved", put(path, TRANSLATE, _place(lab, spec.pose, 0, 0, 0.05)), path
     yield f"{name} turned", put(path, ORIENT, turn(5)), path
     yield f"{name} scaled", put(path, SCALE, Gf.Vec3d(1, 1, 2)), path
     yield f"{name} left behind", detach(path), path
-    for api in (*spec["required_apis"], *filter(None, [spec["required_api"]])):
+    for api in (*spec.required_apis, *filter(None, [spec.required_api])):
         yield f"{name} without {api}", without_api(path, api), path
-    for attribute, entry in spec["attributes"].items():
-        if entry.get("required"):
-            wrong = entry["value"] * 3
-            yield f"{name} {attribute} wrong", put(path, attribute, wrong), path
-            if entry.get("unset") != "right":
-                yield f"{name} {attribute} unset", clear(path, attribute), path
+    for attribute, entry in spec.required.items():
+        yield f"{name} {attribute} wrong", put(path, attribute, entry.value * 3), path
+        if entry.unset != "right":
+            yield f"{name} {attribute} unset", clear(path, attribute), path

@@ -36,7 +36,7 @@ LAB = load_lab()
 ROS = load_ros()
 SPEC = load_submission()
 STARTER = f"assets/{SPEC.stages.starter}.usda"
-ROBOT = LAB.scene["robot"]["path"]
+ROBOT = LAB.scene.robot.path
 # A pixel: what counts is that there is a picture.
 PICTURE = b"\x89PNG\r\n\x1a\n"
 # Notes that a submission without a fault has: how map and walls agree, and stamps after Stop.

@@ -17,7 +17,7 @@ from lab3_usd.stage.compare.values import same_value
 from lab3_usd.stage.write.starter import starter_layer
 
 LAB = load_lab()
-ROBOT = LAB.scene["robot"]["path"]
+ROBOT = LAB.scene.robot.path
 BASE = f"{ROBOT}/base_link"
 JOINT = f"{ROBOT}/joints/wheel_left_joint"
 WALL = "/Environment/Walls/East"

@@ -16,7 +16,7 @@ from lab3_usd.model.finding import Problem
 from lab3_usd.stage.compare.starter import compare_starter
 from lab3_usd.stage.write.starter import starter_layer
 
-ROBOT = LAB.scene["robot"]["path"]
+ROBOT = LAB.scene.robot.path
 BASE, FOOT = f"{ROBOT}/base_link", f"{ROBOT}/base_footprint"
 WHEEL = f"{ROBOT}/wheel_left_link"
 JOINT = f"{ROBOT}/joints/wheel_left_joint"

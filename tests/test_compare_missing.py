@@ -19,7 +19,7 @@ from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import starter_layer
 
 LAB = load_lab()
-ROBOT = LAB.scene["robot"]["path"]
+ROBOT = LAB.scene.robot.path
 BASE = f"{ROBOT}/base_link"
 FOOT = f"{ROBOT}/base_footprint"
 WHEEL = f"{ROBOT}/wheel_left_link"

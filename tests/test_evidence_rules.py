@@ -30,7 +30,7 @@ from lab3_usd.check.registry import rules_of
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.lab_files import EvidenceSubject
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.ros import load_ros, map_facts
+from lab3_usd.spec.load.ros import load_ros
 
 ROS = load_ros()
 LAB = load_lab()
@@ -42,7 +42,7 @@ def subject(folder: Path, files: Files) -> EvidenceSubject:
     for name, text in files.items():
         (folder / name).write_text(text)
     evidence = read_evidence(folder, root=folder.parent)
-    return EvidenceSubject(ROS, LAB.frames, map_facts(LAB.scene), evidence, tuple(LAB.checkpoints))
+    return EvidenceSubject(ROS, LAB.frames, LAB.scene.map, evidence, tuple(LAB.checkpoints))
 
 
 def problems(given: EvidenceSubject) -> dict[str, list[Problem]]:

@@ -9,6 +9,7 @@ import pytest
 import yaml
 from another_robot import own_node, write_stage
 from click.testing import CliRunner
+from msgspec.structs import replace
 from pxr import Usd
 
 from lab3_usd.cli import lab3
@@ -127,16 +128,15 @@ def test_the_tree_is_the_one_that_the_stage_publishes(pair: tuple[Lab, Lab]) -> 
 @pytest.mark.parametrize("key", ["path", "base_frame"])
 def test_the_robot_is_described(key: str, pair: tuple[Lab, Lab]) -> None:
     new, old = pair
-    assert new.scene["robot"][key] == old.scene["robot"][key]
+    assert getattr(new.scene.robot, key) == getattr(old.scene.robot, key)
 
 
 def test_masses_and_wheels_are_measured(pair: tuple[Lab, Lab]) -> None:
-    new, old = (lab.scene["robot"] for lab in pair)
-    masses = {name: link["mass"] for name, link in old["links"].items() if "mass" in link}
-    found = {name: new["links"][name]["mass"] for name in masses}
+    new, old = (lab.scene.robot for lab in pair)
+    masses = {name: link.mass for name, link in old.links.items() if link.mass}
+    found = {name: new.links[name].mass for name in masses}
     assert found == pytest.approx(masses, rel=1e-6)
-    for key in ("joints", "joints_below", "distance", "axle"):
-        assert new["wheels"][key] == old["wheels"][key]
+    assert replace(new.wheels, handout=old.wheels.handout) == old.wheels
 
 
 @pytest.mark.parametrize("name", ["lidar", "camera"])
@@ -144,12 +144,12 @@ def test_sensors_are_described_with_what_is_required_of_them(
     name: str, pair: tuple[Lab, Lab]
 ) -> None:
     new, old = (lab.sensors[name] for lab in pair)
-    assert (new["kind"], new["path"], new["type"]) == (old["kind"], old["path"], old["type"])
-    assert new["pose"]["translate"] == old["pose"]["translate"]
-    assert new["pose"]["rotate"] == old["pose"]["rotate"]
-    for attribute, said in old["attributes"].items():
-        found = new["attributes"][attribute]
-        assert (found["value"], found.get("required")) == (said["value"], said.get("required"))
+    assert (new.kind, new.path, new.type) == (old.kind, old.path, old.type)
+    assert new.pose.translate == old.pose.translate
+    assert new.pose.rotate == old.pose.rotate
+    for attribute, said in old.attributes.items():
+        found = new.attributes[attribute]
+        assert (found.value, found.required) == (said.value, said.required)
 
 
 def test_a_student_s_mistake_is_found_by_the_described_lab(
@@ -185,26 +185,26 @@ def test_a_stage_of_another_robot_passes_by_its_lab(robot: tuple[Path, Path]) ->
 
 def test_another_robot_is_measured(robot: tuple[Path, Path]) -> None:
     lab = load_lab(robot[1])
-    said = lab.scene["robot"]
-    assert (said["path"], said["articulation"]["target"]) == (
+    said = lab.scene.robot
+    assert (said.path, said.articulation.target) == (
         "/World/Carter",
         "/World/Carter/chassis",
     )
-    assert {name: link["mass"] for name, link in said["links"].items()} == {
+    assert {name: link.mass for name, link in said.links.items()} == {
         "chassis": 30.0,
         "left": 2.0,
         "right": 2.0,
     }
-    assert said["wheels"]["joints"] == {"left_motor": "left", "right_motor": "right"}
-    assert (said["wheels"]["distance"], said["wheels"]["axle"]) == (0.5, [0.0, 1.0, 0.0])
-    assert said["pose"]["translate"] == [2.0, -1.0, 0.0]
+    assert said.wheels.joints == {"left_motor": "left", "right_motor": "right"}
+    assert (said.wheels.distance, said.wheels.axle) == (0.5, (0.0, 1.0, 0.0))
+    assert said.pose.translate == (2.0, -1.0, 0.0)
 
 
 def test_a_sensor_of_another_kind_is_described(robot: tuple[Path, Path]) -> None:
     (imu,) = load_lab(robot[1]).sensors.values()
-    assert (imu["kind"], imu["path"]) == ("imu", "/World/Carter/chassis/Imu")
-    assert imu["pose"]["translate"] == [0.1, 0.0, 0.05]
-    assert imu["attributes"]["sensorPeriod"]["value"] == 0.01
+    assert (imu.kind, imu.path) == ("imu", "/World/Carter/chassis/Imu")
+    assert imu.pose.translate == (0.1, 0.0, 0.05)
+    assert imu.attributes["sensorPeriod"].value == 0.01
 
 
 def test_topics_are_those_of_the_graphs(robot: tuple[Path, Path]) -> None:
@@ -226,8 +226,8 @@ def test_a_lab_described_after_a_stage_of_the_second_lab_is_like_it(jetbot: Lab)
     for name, graph in second.graphs.items():
         wires = {str(wire) for wire in graph.wires}
         assert {str(wire) for wire in jetbot.graphs[name].wires} == wires
-    places = {each["path"]: each["pose"]["translate"] for each in second.sensors.values()}
-    assert {s["path"]: s["pose"]["translate"] for s in jetbot.sensors.values()} == places
+    places = {each.path: each.pose.translate for each in second.sensors.values()}
+    assert {s.path: s.pose.translate for s in jetbot.sensors.values()} == places
 
 
 def test_a_node_of_an_unknown_type_is_described_by_its_ports(tmp_path: Path) -> None:
@@ -284,9 +284,9 @@ def test_a_rig_that_nothing_moves_is_described_by_its_body(tmp_path: Path) -> No
     rig = Path(__file__).resolve().parent / "labs" / "rig"
     stage = ran("--lab", rig, "build", "--only", "rear", "-o", tmp_path)[1].strip()
     assert ran("lab", "new", tmp_path / "lab", "--from", stage)[0] == 0
-    robot = load_lab(tmp_path / "lab").scene["robot"]
-    assert (robot["path"], robot["base_frame"]) == ("/Yard/Rig", "post")
-    assert robot["articulation"]["target"] == ""
+    robot = load_lab(tmp_path / "lab").scene.robot
+    assert (robot.path, robot.base_frame) == ("/Yard/Rig", "post")
+    assert robot.articulation.target == ""
     assert ran("--lab", tmp_path / "lab", "check", stage)[1].endswith(" 0 warnings, 0 notes\n")
 
 

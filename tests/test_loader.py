@@ -18,7 +18,7 @@ from lab3_usd.spec.load.catalog import parse_catalog
 from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.scene import check_scene
+from lab3_usd.spec.load.scene import parse_scene
 from lab3_usd.spec.yaml_file import read_yaml
 
 Data = dict[str, Any]
@@ -311,6 +311,12 @@ WRONG_SCENES = {
     ),
     "graphs without a parent": (drop("world", "graph_parent"), ("world", "graph_parent")),
     "tolerance in words": (put("tolerance", "mass", value="small"), ("tolerance", "mass")),
+    "missing tolerance": (drop("tolerance", "rest"), ("tolerance", "rest")),
+    "map with two numbers": (put("map", "origin", value=[0, 0]), ("map", "origin")),
+    "unknown key of a sensor": (put("sensors", "camera", "look", value={}), ("camera", "'look'")),
+    "view in words": (put("sensors", "camera", "looks", "up", value="Z"), ("looks", "'up'")),
+    "scan without limits": (drop("sensors", "lidar", "scan", "whole"), ("lidar", "scan", "whole")),
+    "wheels that are no joints": (put("robot", "wheels", "joints", value=[]), ("wheels", "joints")),
 }
 
 WRONG_TYPES = {
@@ -593,7 +599,7 @@ def test_no_slip_in_a_graph_crashes_the_loader(file: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "parse"), [(CHECKPOINTS, parse_all_checkpoints), (SCENE, check_scene)]
+    ("file", "parse"), [(CHECKPOINTS, parse_all_checkpoints), (SCENE, parse_scene)]
 )
 def test_no_slip_in_checkpoints_or_scene_crashes_the_loader(
     file: str, parse: Callable[[Data], object]

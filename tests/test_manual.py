@@ -23,13 +23,13 @@ LINT = "K"  # the family that knows no lab
 
 def names(lab: Lab) -> set[str]:
     """The names that a lab alone has: prims, joints, graphs, files, folders and sections."""
-    robot = lab.scene["robot"]
+    robot = lab.scene.robot
     folders = lab.submission.folders
     return {
-        robot["path"].rpartition("/")[2],
-        *robot["links"],
-        *robot["wheels"]["joints"],
-        *(each["path"].rpartition("/")[2] for each in lab.sensors.values()),
+        robot.path.rpartition("/")[2],
+        *robot.links,
+        *robot.wheels.joints,
+        *(each.name for each in lab.sensors.values()),
         *(graph.path.rpartition("/")[2] for graph in lab.graphs.values()),
         *lab.files.values(),
         *(f"`{name}`" for name in (folders.stages, folders.starter, *folders.shown)),

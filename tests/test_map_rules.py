@@ -12,9 +12,8 @@ from lab3_usd.lab.maps.map_files import find_map, map_subject
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.lab_files import Agreement, MapSubject
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.ros import map_facts
 
-FACTS = map_facts(load_lab().scene)
+FACTS = load_lab().scene.map
 RULES = {found.id: found for found in rules_of("maps", "M")}
 GOOD = """\
 image: turtlebot3_map.pgm

@@ -43,7 +43,6 @@ from lab3_usd.model.lab_files import (
     RecordingShown,
 )
 from lab3_usd.sim.bag import limits, screening
-from lab3_usd.spec.load.ros import map_facts
 
 RULES = {each.id: each for each in rules_of("evidence", "E")}
 DRIVE = "0.15,0,2 0,0,0.5 -0.15,0,1.5 0,0.8,1.5 0,0,1"
@@ -78,7 +77,7 @@ def shown(folder: Path) -> tuple[RecordingShown, ...]:
 
 def problems(recordings: tuple[RecordingShown, ...], *, required: bool = False) -> list[Problem]:
     evidence = Evidence("results", recordings=recordings)
-    facts, reached = map_facts(LAB.scene), tuple(LAB.checkpoints)
+    facts, reached = LAB.scene.map, tuple(LAB.checkpoints)
     given = EvidenceSubject(LAB.ros, LAB.frames, facts, evidence, reached, required)
     return [each for name in ("E18", "E19") for each in RULES[name].check(given)]
 
@@ -150,7 +149,7 @@ def test_a_goal_that_a_saved_output_shows_reached_is_no_fault() -> None:
     aborted = Check(GOAL, "bad", "the last of 1 goals is aborted", rule="E16")
     recording = RecordingShown("results/run.mcap", checks=(aborted,))
     evidence = Evidence("results", recordings=(recording,))
-    facts, reached = map_facts(LAB.scene), tuple(LAB.checkpoints)
+    facts, reached = LAB.scene.map, tuple(LAB.checkpoints)
     given = EvidenceSubject(LAB.ros, LAB.frames, facts, evidence, reached)
     assert [each.severity for each in RULES["E18"].check(given)] == ["error"]
     later = replace(evidence, goals={"": (Observation(GoalRun(4), "results/goal.txt"),)})
@@ -160,7 +159,7 @@ def test_a_goal_that_a_saved_output_shows_reached_is_no_fault() -> None:
 def test_a_recording_shows_what_commands_would_print(plain: Path, handed_in: Path) -> None:
     put(plain, handed_in)
     evidence = Evidence("results", recordings=shown(handed_in))
-    facts, reached = map_facts(LAB.scene), tuple(LAB.checkpoints)[:6]
+    facts, reached = LAB.scene.map, tuple(LAB.checkpoints)[:6]
     given = EvidenceSubject(LAB.ros, LAB.frames, facts, evidence, reached)
 
     def missing(given: EvidenceSubject) -> str:

@@ -11,7 +11,7 @@ import pytest
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.ros import load_ros, map_facts
+from lab3_usd.spec.load.ros import load_ros
 from lab3_usd.spec.ros import RosSpec, file_word
 
 ROS = load_ros()
@@ -83,12 +83,6 @@ def test_frames_of_the_commands_and_messages_are_in_the_tree() -> None:
     asked = {frame for c in ROS.commands if c.to for frame in (c.of, c.to)}
     fields = {frame for t in ROS.topics.values() for frame in (t.fields or {}).values()}
     assert asked | fields <= tree
-
-
-def test_map_facts_need_an_origin_of_three() -> None:
-    scene = {"map": {**load_lab().scene["map"], "origin": [0, 0]}}
-    with pytest.raises(SpecError, match="origin"):
-        map_facts(scene)
 
 
 @pytest.mark.parametrize(

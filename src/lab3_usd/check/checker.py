@@ -77,7 +77,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     placed = relocated_lab(lab, relocations)
     if is_root_articulated(placed, stage):
         placed = articulated_at_root(placed)
-    robot = relocations.get(lab.scene["robot"]["path"], "")
+    robot = relocations.get(lab.scene.robot.path, "")
     subjects = [*_graph_subjects(placed, checkpoint, stage, live, robot)]
     run = _Run(lab, [], [])
     for found in rules_of("graph", *GRAPH_FAMILIES):

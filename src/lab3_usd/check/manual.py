@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
 
 from msgspec.structs import replace
 
@@ -92,35 +91,33 @@ def _at(words: Sequence[str], number: int) -> str:
 
 
 def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
-    robot: Mapping[str, Any] = lab.scene["robot"]
-    joints: Mapping[str, str] = robot["wheels"]["joints"]
-    wheels = list(joints.values())
-    links = [name for name in robot["links"] if name not in (robot["base_frame"], *wheels)]
-    placed = [name for name in links if "offset" in robot["links"][name]]
-    yield "robot", robot["path"]
-    yield "base", robot["base_frame"]
+    robot = lab.scene.robot
+    joints, wheels = list(robot.wheels.joints), list(robot.wheels.joints.values())
+    links = [name for name in robot.links if name not in (robot.base_frame, *wheels)]
+    placed = [name for name in links if robot.links[name].offset is not None]
+    yield "robot", robot.path
+    yield "base", robot.base_frame
     yield "link", _at(placed, 0) or _at(links[::-1], 0) or _at(wheels, 0)
     yield "wheel", _at(wheels, 0)
     yield "other_wheel", _at(wheels, 1)
-    yield "joint", _at(list(joints), 0)
-    yield "other_joint", _at(list(joints), 1)
-    below = "/".join(filter(None, (robot["path"], robot["wheels"].get("joints_below", ""))))
-    yield "joint_path", f"{below}/{_at(list(joints), 0)}" if joints else ""
-    yield "world", lab.scene["world"]["graph_parent"]["path"]
+    yield "joint", _at(joints, 0)
+    yield "other_joint", _at(joints, 1)
+    yield "joint_path", robot.joint_path(joints[0]) if joints else ""
+    yield "world", lab.scene.world.graph_parent.path
 
 
 def _of_sensors(lab: Lab) -> Iterator[tuple[str, str]]:
-    kinds = {each["kind"]: "sensor" for each in lab.sensors.values()}
+    kinds = {each.kind: "sensor" for each in lab.sensors.values()}
     from lab3_usd.check.scene.sensor_location import CAMERA, LIDAR  # noqa: PLC0415 - few ask
 
     kinds |= {LIDAR: "lidar", CAMERA: "camera"}
     for kind, word in kinds.items():
-        for each in lab.sensors_of(kind)[:1]:
-            link, _, name = each["path"].rpartition("/")
-            yield word, each["path"]
-            yield f"{word}_name", name
-            yield f"{word}_link", link.rpartition("/")[2]
-            yield f"{word}_menu", _menu(each["asset_suffix"])
+        first = lab.first_sensor(kind)
+        if first is not None:
+            yield word, first.path
+            yield f"{word}_name", first.name
+            yield f"{word}_link", first.path.rpartition("/")[0].rpartition("/")[2]
+            yield f"{word}_menu", _menu(first.asset_suffix)
 
 
 def _menu(asset: str) -> str:
@@ -149,8 +146,9 @@ def _of_files(lab: Lab) -> Iterator[tuple[str, str]]:
     yield "shown", _at(folders.shown, 0)
     yield "assets", folders.starter
     yield "starter", f"{folders.starter}/{files.starter}{ending}"
-    yield "map", lab.scene.get("map", {}).get("yaml", "")
-    yield "map_image", lab.scene.get("map", {}).get("image", "")
+    facts = lab.scene.map
+    yield "map", "" if facts is None else facts.yaml
+    yield "map_image", "" if facts is None else facts.image
 
 
 def _of_ros(lab: Lab) -> Iterator[tuple[str, str]]:

@@ -6,12 +6,12 @@ That is a mistake of its own, reported once: what moved along is judged where it
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from msgspec.structs import replace
 
 from lab3_usd.spec.graph import GraphSpec, Target
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.scene import SceneSpec
 
 
 def relocated_lab(lab: Lab, relocations: Mapping[str, str]) -> Lab:
@@ -22,20 +22,19 @@ def relocated_lab(lab: Lab, relocations: Mapping[str, str]) -> Lab:
     return replace(lab, graphs=graphs, scene=_relocated_scene(lab.scene, relocations))
 
 
-def _relocated_scene(scene: Mapping[str, Any], relocations: Mapping[str, str]) -> Mapping[str, Any]:
-    robot = scene["robot"]
-    target = robot["articulation"]["target"]
-    articulation = {**robot["articulation"], "target": relocated_path(target, relocations)}
-    placed = {
-        **robot,
-        "path": relocated_path(robot["path"], relocations),
-        "articulation": articulation,
-    }
+def _relocated_scene(scene: SceneSpec, relocations: Mapping[str, str]) -> SceneSpec:
+    robot = scene.robot
+    target = relocated_path(robot.articulation.target, relocations)
+    placed = replace(
+        robot,
+        path=relocated_path(robot.path, relocations),
+        articulation=replace(robot.articulation, target=target),
+    )
     sensors = {
-        name: {**sensor, "path": relocated_path(sensor["path"], relocations)}
-        for name, sensor in scene["sensors"].items()
+        name: replace(sensor, path=relocated_path(sensor.path, relocations))
+        for name, sensor in scene.sensors.items()
     }
-    return {**scene, "robot": placed, "sensors": sensors}
+    return replace(scene, robot=placed, sensors=sensors)
 
 
 def relocated_spec(spec: GraphSpec, relocations: Mapping[str, str]) -> GraphSpec:

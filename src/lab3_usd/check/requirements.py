@@ -96,7 +96,7 @@ def scene_requirements(
     The items read as in `lab`, whose prims are looked up where they really stand.
     """
     errors = [each for each in findings if each.severity == "error"]
-    robot = lab.scene["robot"]["path"]
+    robot = lab.scene.robot.path
     for item in scene_items(lab, subject.checkpoint):
         met = is_met(
             replace(item, prim=_actual_path(item.prim, robot, subject.relocations)), errors

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
 
 from msgspec import Struct
 
@@ -11,6 +10,7 @@ from lab3_usd.check.scene.pose_errors import ORDER
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import BODY_ENABLED
+from lab3_usd.spec.scene import PoseSpec
 
 POSE = {
     "translate": ("position", "xformOp:translate"),
@@ -63,12 +63,12 @@ def _is_other_name(item: SceneItem, name: str | None) -> bool:
 
 
 def pose_items(
-    group: str, path: str, pose: Mapping[str, Any], rules: Mapping[str, tuple[str, ...]]
+    group: str, path: str, pose: PoseSpec, rules: Mapping[str, tuple[str, ...]]
 ) -> Iterator[SceneItem]:
     """Yield position, rotation and scale of a prim; `rules` says which rules judge each."""
     for kind, (word, where) in POSE.items():
-        title = f"{path.rpartition('/')[2]}: {word} {tuple(pose[kind])}"
+        title = f"{path.rpartition('/')[2]}: {word} {getattr(pose, kind)}"
         also = (where, *_ALSO.get(kind, ()))
         yield SceneItem(
-            f"{group}/{word}", group, title, path, where, pose["handout"], rules[kind], also
+            f"{group}/{word}", group, title, path, where, pose.handout, rules[kind], also
         )

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any
 
 from msgspec import Struct
 
 from lab3_usd.check.scene.sensor_location import CAMERA, LIDAR, OTHER, kind_of
 from lab3_usd.check.scene_item import POSE, SceneItem, pose_items
 from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.scene import RobotSpec, SensorSpec
 
 SCENE = "Scene"
 
@@ -28,16 +28,16 @@ def scene_items(lab: Lab, checkpoint: Checkpoint) -> tuple[SceneItem, ...]:
 
 
 def _stage_items(lab: Lab) -> Iterator[SceneItem]:
-    spec = lab.scene["stage"]
+    spec = lab.scene.stage
     titles = {
-        "upAxis": f"up axis {spec['up_axis']}",
-        "metersPerUnit": f"{spec['meters_per_unit']:g} m per unit",
-        "kilogramsPerUnit": f"{spec['kilograms_per_unit']:g} kg per unit",
+        "upAxis": f"up axis {spec.up_axis}",
+        "metersPerUnit": f"{spec.meters_per_unit:g} m per unit",
+        "kilogramsPerUnit": f"{spec.kilograms_per_unit:g} kg per unit",
     }
     for name, title in titles.items():
-        yield SceneItem(f"Scene/stage/{name}", SCENE, title, "/", name, spec["handout"], ("S02",))
-    parent = lab.scene["world"]["graph_parent"]
-    yield _prim_item(parent["path"], parent["handout"])
+        yield SceneItem(f"Scene/stage/{name}", SCENE, title, "/", name, spec.handout, ("S02",))
+    parent = lab.scene.world.graph_parent
+    yield _prim_item(parent.path, parent.handout)
 
 
 def _prim_item(path: str, handout: str) -> SceneItem:
@@ -46,77 +46,72 @@ def _prim_item(path: str, handout: str) -> SceneItem:
 
 
 def _robot_items(lab: Lab, checkpoint: Checkpoint) -> Iterator[SceneItem]:
-    robot = lab.scene["robot"]
-    path = robot["path"]
-    yield _prim_item(path, robot["handout"])
-    yield from pose_items(SCENE, path, robot["pose"], dict.fromkeys(POSE, ("S03",)))
-    for name, link in robot["links"].items():
-        yield from _link_items(f"{path}/{name}", link, robot)
-        if "offset" in link and checkpoint.id == lab.first:
+    robot = lab.scene.robot
+    path = robot.path
+    yield _prim_item(path, robot.handout)
+    yield from pose_items(SCENE, path, robot.pose, dict.fromkeys(POSE, ("S03",)))
+    for name, link in robot.links.items():
+        yield from _link_items(name, robot)
+        if link.offset is not None and checkpoint.id == lab.first:
             yield SceneItem(
                 f"Scene/offset/{name}",
                 SCENE,
-                f"{name} sits at {link['offset']} on the robot",
+                f"{name} sits at {list(link.offset)} on the robot",
                 f"{path}/{name}",
                 POSE["translate"][1],
-                link["handout"],
+                link.handout,
                 ("S17",),
             )
-    target = robot["articulation"]
-    if target["target"]:
-        title, where = "one articulation root", target["target"]
-        yield SceneItem(
-            "Scene/articulation", SCENE, title, where, None, target["handout"], ("S11",)
-        )
-    if "ground" in lab.scene["world"]:
-        section = lab.handout.behind("S19", robot["handout"])
+    target = robot.articulation
+    if target.target:
+        title, where = "one articulation root", target.target
+        yield SceneItem("Scene/articulation", SCENE, title, where, None, target.handout, ("S11",))
+    if lab.scene.world.ground is not None:
+        section = lab.handout.behind("S19", robot.handout)
         title, body = "robot rests on the ground", ("physics:body",)
         yield SceneItem("Scene/rest", SCENE, title, path, None, section, ("S19", "S21"), body)
 
 
-def _link_items(
-    path: str, link: Mapping[str, Any], robot: Mapping[str, Any]
-) -> Iterator[SceneItem]:
-    name = path.rpartition("/")[2]
-    yield _prim_item(path, robot["handout"])
+def _link_items(name: str, robot: RobotSpec) -> Iterator[SceneItem]:
+    path, link = f"{robot.path}/{name}", robot.links[name]
+    yield _prim_item(path, robot.handout)
     yield SceneItem(
         f"Scene/body/{name}",
         SCENE,
         f"{name} is a rigid body",
         path,
         "physics:rigidBodyEnabled",
-        robot["handout"],
+        robot.handout,
         ("S05", "S24"),
         ("physics:kinematicEnabled", "xformOp:scale"),
     )
-    if "mass" in link:
-        title = f"{name} weighs {link['mass']:g} kg"
+    if link.mass is not None:
+        title = f"{name} weighs {link.mass:g} kg"
         yield SceneItem(
-            f"Scene/mass/{name}", SCENE, title, path, "physics:mass", link["handout"], ("S04",)
+            f"Scene/mass/{name}", SCENE, title, path, "physics:mass", link.handout, ("S04",)
         )
-    if link.get("collision"):
+    if link.collision:
         title = f"{name} has collision geometry"
         where = "physics:collisionEnabled"
         yield SceneItem(
-            f"Scene/collision/{name}", SCENE, title, path, where, link["handout"], ("S06",)
+            f"Scene/collision/{name}", SCENE, title, path, where, link.handout, ("S06",)
         )
-    if name not in robot["wheels"]["joints"].values() and name != robot["base_frame"]:
+    if name not in robot.wheels.joints.values() and name != robot.base_frame:
         yield SceneItem(
             f"Scene/joined/{name}",
             SCENE,
             f"joints tie {name} to the robot",
             path,
             None,
-            link["handout"],
+            link.handout,
             ("S12", "S07"),
         )
 
 
 def _wheel_items(lab: Lab) -> Iterator[SceneItem]:
-    robot = lab.scene["robot"]
-    wheels = robot["wheels"]
-    for name in wheels["joints"]:
-        path = "/".join(filter(None, (robot["path"], wheels["joints_below"], name)))
+    robot = lab.scene.robot
+    for name in robot.wheels.joints:
+        path, handout = robot.joint_path(name), robot.wheels.handout
         parts: tuple[tuple[str, str, str | None, str, tuple[str, ...]], ...] = (
             ("joint", f"{name} turns a wheel", None, "S07 S23", ("physics:jointEnabled",)),
             ("bodies", f"{name} connects its wheel", "physics:body1", "S08", ("physics:body0",)),
@@ -133,31 +128,27 @@ def _wheel_items(lab: Lab) -> Iterator[SceneItem]:
         )
         for part, title, where, ids, also in parts:
             rules = tuple(ids.split())
-            yield SceneItem(
-                f"Scene/{part}/{name}", SCENE, title, path, where, wheels["handout"], rules, also
-            )
+            yield SceneItem(f"Scene/{part}/{name}", SCENE, title, path, where, handout, rules, also)
 
 
 def _world_items(lab: Lab) -> Iterator[SceneItem]:
-    world = lab.scene["world"]
+    world = lab.scene.world
     parts = (
-        ("ground", "a ground with collision", "S13", ("physics:collisionEnabled",)),
-        ("light", "a light", "S14", ()),
-        ("physics_scene", "a physics scene", "S15", ()),
+        ("ground", world.ground, "a ground with collision", "S13", ("physics:collisionEnabled",)),
+        ("light", world.light, "a light", "S14", ()),
+        ("physics_scene", world.physics_scene, "a physics scene", "S15", ()),
     )
-    for part, title, rule, also in parts:
-        spec = world.get(part)
-        if spec is None:
-            continue
-        yield SceneItem(
-            f"Scene/{part}", SCENE, title, spec["usual"], None, spec["handout"], (rule,), also
-        )
+    for part, spec, title, rule, also in parts:
+        if spec is not None:
+            yield SceneItem(
+                f"Scene/{part}", SCENE, title, spec.usual, None, spec.handout, (rule,), also
+            )
 
 
 def _nothing_more(lab: Lab) -> SceneItem:
-    spec, rules = lab.scene["forbidden"]["starter"], ("S18", "L08", "C09", "D07")
+    spec, rules = lab.scene.forbidden.starter, ("S18", "L08", "C09", "D07")
     title = "nothing of the later parts"
-    return SceneItem("Scene/empty", SCENE, title, "/", None, spec["handout"], rules, anywhere=True)
+    return SceneItem("Scene/empty", SCENE, title, "/", None, spec.handout, rules, anywhere=True)
 
 
 class _RuleIds(Struct, frozen=True):
@@ -179,40 +170,38 @@ _RULES = {
 def _sensor_items(lab: Lab, sensor: str) -> Iterator[SceneItem]:
     """Yield what is asked of a sensor of any kind, and what its kind adds."""
     spec, group = lab.sensors[sensor], _group(lab, sensor)
-    path, kind = spec["path"], kind_of(spec)
+    path, kind = spec.path, kind_of(spec)
     rules = _RULES[kind]
-    title, handout = f"{path} exists", spec["handout"]
+    title, handout = f"{path} exists", spec.handout
     yield SceneItem(f"{group}/prim", group, title, path, None, handout, rules.prim)
     by_kind = {"translate": rules.place, "rotate": rules.turn, "scale": rules.place}
-    yield from pose_items(group, path, spec["pose"], by_kind)
-    for name, entry in spec["attributes"].items():
-        if entry.get("required"):
-            title, short = f"{group}: {name} {entry['value']}", name.rpartition(":")[2]
-            yield SceneItem(
-                f"{group}/{short}", group, title, path, name, entry["handout"], rules.values
-            )
+    yield from pose_items(group, path, spec.pose, by_kind)
+    for name, asked in spec.required.items():
+        value = list(asked.value) if isinstance(asked.value, tuple) else asked.value
+        title, short = f"{group}: {name} {value}", name.rpartition(":")[2]
+        yield SceneItem(f"{group}/{short}", group, title, path, name, asked.handout, rules.values)
     if kind == LIDAR:
         yield from _lidar_items(lab, spec, group)
-    for api in spec["required_apis"] if kind == OTHER else ():
+    for api in spec.required_apis if kind == OTHER else ():
         title = f"{group} has {api}"
         yield SceneItem(f"{group}/{api}", group, title, path, None, handout, ("D06",))
 
 
 def _group(lab: Lab, sensor: str) -> str:
     """Return the name of a sensor's prim; the sensor's own where several prims have that name."""
-    names = [spec["path"].rpartition("/")[2] for spec in lab.sensors.values()]
-    name: str = lab.sensors[sensor]["path"].rpartition("/")[2]
+    names = [spec.name for spec in lab.sensors.values()]
+    name = lab.sensors[sensor].name
     return name if names.count(name) == 1 else sensor
 
 
-def _lidar_items(lab: Lab, spec: Mapping[str, Any], group: str) -> Iterator[SceneItem]:
+def _lidar_items(lab: Lab, spec: SensorSpec, group: str) -> Iterator[SceneItem]:
     """Yield what is asked of lidars alone."""
-    scan, forbidden, path = spec["scan"], lab.scene["forbidden"][LIDAR], spec["path"]
-    if scan or spec["required_api"]:
+    scan, forbidden, path = spec.scan, lab.scene.forbidden.lidar, spec.path
+    if scan or spec.required_api:
         title = f"{group} has the lidar's schema and gives a scan"
-        lows = [low for low, _ in scan["rising"]] if scan else []
-        also = (*scan["above_zero"], scan["emitters"], *lows) if scan else ()
+        lows = [low for low, _ in scan.rising] if scan else []
+        also = (*scan.above_zero, scan.emitters, *lows) if scan else ()
         rules = ("L06", "L09")
-        yield SceneItem(f"{group}/schema", group, title, path, None, spec["handout"], rules, also)
-    title, handout = "no second lidar", forbidden["handout"] or spec["handout"]
+        yield SceneItem(f"{group}/schema", group, title, path, None, spec.handout, rules, also)
+    title, handout = "no second lidar", forbidden.handout or spec.handout
     yield SceneItem(f"{group}/only", group, title, path, None, handout, ("L07",), anywhere=True)

@@ -15,6 +15,7 @@ from lab3_usd.files import refuse_existing, write_whole
 if TYPE_CHECKING:
     from lab3_usd.lab.maps.raster import MapFrame
     from lab3_usd.spec.lab import Lab
+    from lab3_usd.spec.ros import MapFacts
     from lab3_usd.stage.geometry.slices import StageSlice
 
 CELLS = click.IntRange(1, 10_000)
@@ -71,40 +72,39 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None: 
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
     lab = load_lab()
-    scene = lab.scene
-    if "map" not in scene:
+    spec = lab.scene.map
+    if spec is None:
         message = f"{lab.title} has no map: its scene.yaml describes none"
         raise UsageError(message)
-    spec = scene["map"]
-    yaml_file, image_file = folder / spec["yaml"], folder / spec["image"]
+    yaml_file, image_file = folder / spec.yaml, folder / spec.image
     for file in (yaml_file, image_file):
         refuse_existing(file, force=force)
     frame = _frame(spec, options)
     cut = _cut(stage, lab, options["height"])
     start = options["start"] or cut.robot
     if start is None:
-        message = f"{stage}: has no {scene['robot']['path']} to start from, give --start"
+        message = f"{stage}: has no {lab.scene.robot.path} to start from, give --start"
         raise UsageError(message)
     drawn = draw_map(frame, cut.segments, start)
     if not drawn.closed:
         click.echo("warning: the free space reaches the edge of the map", err=True)
     described = MapFile(
-        image=spec["image"],
+        image=spec.image,
         resolution=frame.resolution,
-        origin=(*frame.origin, spec["origin"][2]),
-        **{key: spec[key] for key in ("mode", "negate", "occupied_thresh", "free_thresh")},
+        origin=(*frame.origin, spec.origin[2]),
+        **{key: getattr(spec, key) for key in ("mode", "negate", "occupied_thresh", "free_thresh")},
     )
     write_whole(image_file, pgm(drawn.grid), force=force)
     write_whole(yaml_file, map_yaml(described).encode(), force=force)
     click.echo(f"{yaml_file}\n{image_file}")
 
 
-def _frame(spec: Mapping[str, Any], options: Mapping[str, Any]) -> MapFrame:
+def _frame(spec: MapFacts, options: Mapping[str, Any]) -> MapFrame:
     from lab3_usd.lab.maps.raster import MapFrame  # noqa: PLC0415
 
-    width, height = options["size"] or (spec["width"], spec["height"])
-    origin = options["origin"] or (spec["origin"][0], spec["origin"][1])
-    return MapFrame(options["resolution"] or spec["resolution"], origin, width, height)
+    width, height = options["size"] or (spec.width, spec.height)
+    origin = options["origin"] or spec.origin[:2]
+    return MapFrame(options["resolution"] or spec.resolution, origin, width, height)
 
 
 def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
@@ -112,7 +112,7 @@ def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
     from lab3_usd.stage.geometry.slices import SliceOptions, slice_stage  # noqa: PLC0415
     from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
 
-    robot: str = lab.scene["robot"]["path"]
+    robot = lab.scene.robot.path
     if height is None and not lab.lidar_link:
         message = f"{lab.title} has no lidar to take the height from, give --height"
         raise UsageError(message)

@@ -31,7 +31,7 @@ from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.files import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.lint.graph_names import graph_frames, named_frames
-from lab3_usd.spec.load.scene import complete_scene
+from lab3_usd.spec.load.scene import parse_scene
 
 _SCENE_HEAD = """\
 What the lab asks of the scene itself: units, robot, world, sensors.
@@ -103,7 +103,7 @@ def _parts(source: Source) -> _Parts:
     }
     sensors = describe_sensors(source, sections, scene["robot"]["path"])
     scene |= {"sensors": sensors} if sensors else {}
-    lab = replace(source.lab, graphs=graphs, scene=complete_scene(scene))
+    lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
     frames = _describe_frames(stage, lab, f"{texts[-1].spec.handout[0]}6")
     return _Parts(texts, names, scene, frames, lab, tuple(_frames_outside(frames, lab)))
 
@@ -117,7 +117,7 @@ def _home(sensor: str, texts: Sequence[GraphText]) -> str:
 def _sensors_by_graph(parts: _Parts) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for name, sensor in parts.lab.sensors.items():
-        found.setdefault(_home(sensor["path"], parts.texts), []).append(name)
+        found.setdefault(_home(sensor.path, parts.texts), []).append(name)
     return found
 
 
@@ -151,7 +151,7 @@ def _graph_text(text: GraphText) -> str:
 def _describe_frames(stage: StageModel, lab: Lab, section: str) -> dict[str, Any]:
     """Describe the tree; `lab` has the new graphs and scene."""
     edges = _edges(stage, lab)
-    base = lab.scene["robot"]["base_frame"]
+    base = lab.scene.robot.base_frame
     data = {"handout": section, "edges": [f"{parent} -> {child}" for parent, child in edges]}
     is_known = any(base in edge for edge in edges)
     return data | ({"deeper_under": base} if is_known else {})

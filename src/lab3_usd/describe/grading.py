@@ -7,6 +7,7 @@ from typing import Any
 
 from lab3_usd.describe.checkpoints import FileNames, Step
 from lab3_usd.describe.yaml_text import document
+from lab3_usd.spec.scene import SensorSpec
 from lab3_usd.spec.submission import FolderNames
 
 _HEAD = """\
@@ -38,12 +39,12 @@ def submission_text(names: FileNames, steps: Sequence[Step], folders: FolderName
 
 
 def rubric_text(
-    title: str, steps: Sequence[Step], sensors: Mapping[str, Mapping[str, Any]], *, frames: bool
+    title: str, steps: Sequence[Step], sensors: Mapping[str, SensorSpec], *, frames: bool
 ) -> str:
     """Return `rubric.yaml`: the same points for each checkpoint."""
     items: dict[str, Any] = {}
     for step in steps:
-        groups = [*step.graphs, *(_leaf(sensors[name]["path"]) for name in step.sensors)]
+        groups = [*step.graphs, *(sensors[name].name for name in step.sensors)]
         items[f"part {step.part}" if f"part {step.part}" not in items else step.name] = {
             "title": step.title,
             "checkpoint": step.id,
@@ -55,7 +56,3 @@ def rubric_text(
         items["tree"] = {**tree, "points": _POINTS}
     head = "Points: what each part of the lab is worth. `groups` are graphs, sensors, Scene and TF."
     return document(head, {"title": title, "items": items})
-
-
-def _leaf(path: str) -> str:
-    return path.rpartition("/")[2]

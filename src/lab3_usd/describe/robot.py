@@ -198,11 +198,11 @@ def describe_wheels(subject: StageSubject) -> dict[str, Any]:
     axles = [found for each in wheels if (found := axle(each, subject))]
     if not len(wheels) == len(places) == len(axles) == _PAIR or distance(*axles) > 1e-3:  # noqa: PLR2004
         return {}
-    root: str = subject.lab.scene["robot"]["path"]
-    folder = wheels[0].site.rpartition("/")[0].removeprefix(root).lstrip("/")
+    robot = subject.lab.scene.robot
+    folder = wheels[0].site.rpartition("/")[0].removeprefix(robot.path).lstrip("/")
     return {
         "handout": PART,
-        "joints": dict(subject.lab.scene["robot"]["wheels"]["joints"]),
+        "joints": dict(robot.wheels.joints),
         "joints_below": folder,
         "distance": round(distance(*places), 6),
         "axle": plain(axles[0]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from msgspec import to_builtins
 from msgspec.structs import replace
 
 from lab3_usd.check.match.subject import StageSubject
@@ -15,7 +16,7 @@ from lab3_usd.model.physics import SCENE, collides
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.scene import complete_scene
+from lab3_usd.spec.load.scene import parse_scene
 
 
 def describe_scene(
@@ -36,14 +37,14 @@ def describe_scene(
             "meters_per_unit": stage.meters_per_unit,
             "kilograms_per_unit": stage.kilograms_per_unit,
         },
-        "tolerance": dict(lab.scene["tolerance"]),
+        "tolerance": to_builtins(lab.scene.tolerance),
         "robot": robot,
         "world": {"graph_parent": {"path": _parent(stage, graphs, robot["path"]), "handout": PART}},
     }
     moved = moved_joints(stage, robot["path"], robot["links"], graphs.values())
     wheels = {"handout": PART, "joints": moved, "joints_below": "", "distance": 0.0}
     draft = {**data, "robot": {**robot, "wheels": {**wheels, "axle": [0.0, 1.0, 0.0]}}}
-    subject = _subject(stage, replace(lab, scene=complete_scene(draft)))
+    subject = _subject(stage, replace(lab, scene=parse_scene(draft)))
     found = describe_wheels(subject) if moved else {}
     if found:
         robot["wheels"] = found
@@ -78,7 +79,7 @@ def _parent(stage: StageModel, graphs: Mapping[str, GraphSpec], robot: str) -> s
 
 def _world(subject: StageSubject) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield the parts of the world that the stage has, and where they usually are."""
-    stage, robot = subject.stage, subject.lab.scene["robot"]["path"]
+    stage, robot = subject.stage, subject.lab.scene.robot.path
     if has_ground(subject):
         found = [*(prim.path for prim in planes(stage, robot)), *(b.path for b in boxes(subject))]
         yield "ground", _part(found[0])

@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from msgspec import to_builtins
+
 from lab3_usd.describe.robot import plain, pose
 from lab3_usd.describe.source import Source
 from lab3_usd.model.paths import is_at_or_below
@@ -14,6 +16,7 @@ from lab3_usd.model.transform_math import IDENTITY, camera_axes
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.scene import SensorSpec
 from lab3_usd.spec.values import is_known_type
 
 _OTHER = re.compile(r"(physics|physx|drive|node|kind|visibility|xformOp|purpose|ui)")
@@ -37,16 +40,16 @@ def describe_sensors(
         if not is_at_or_below(prim.path, robot):
             continue
         known = _known(prim.type, source.lab)
-        kind = known.get("kind") or _word(prim.type)
+        kind = known.kind if known else _word(prim.type)
         taken = sum(each["kind"] == kind for each in found.values())
         name = kind if not taken else f"{kind}_{taken + 1}"
         found[name] = _sensor(source, prim, kind, sections[prim.path])
     return found
 
 
-def _known(type_name: str, lab: Lab) -> Mapping[str, Any]:
-    """Return what the bundled lab says of a sensor of this type, nothing where it has none."""
-    return next((each for each in lab.sensors.values() if each["type"] == type_name), {})
+def _known(type_name: str, lab: Lab) -> SensorSpec | None:
+    """Return what the bundled lab says of a sensor of this type, None where it has none."""
+    return next((each for each in lab.sensors.values() if each.type == type_name), None)
 
 
 def _word(type_name: str) -> str:
@@ -65,40 +68,34 @@ def _sensor(source: Source, prim: Prim, kind: str, section: str) -> dict[str, An
         "handout": section,
         "pose": {**pose(prim.local, source.stage.meters_per_unit), "handout": section},
     }
-    for key in _TAKEN_OVER:
-        if known.get(key):
-            data[key] = _in_section(known[key], section)
-    if known.get("looks"):
+    same = {} if known is None else to_builtins(known)
+    data |= {key: same[key] for key in _TAKEN_OVER if same.get(key)}
+    if "scan" in data:
+        data["scan"]["handout"] = section
+    if same.get("looks"):
         along, up = camera_axes(prim.local or IDENTITY)
         data["looks"] = {"along": plain(along), "up": plain(up)}
         data["default_handout"] = section
     if prim.apis:
         data["apis"] = list(prim.apis)
     attributes = {
-        name: _attribute(said, known, name, section)
+        name: _attribute(said, same.get("attributes"), name, section)
         for name, said in sorted(source.authored[prim.path].items())
         if not _OTHER.match(name) and is_known_type(said[0])
     }
     return data | ({"attributes": attributes} if attributes else {})
 
 
-def _in_section(said: Any, section: str) -> Any:  # noqa: ANN401 - plain data of a scene file
-    """Return what a file says with a section of the new lab in place of the old ones."""
-    if not isinstance(said, Mapping):
-        return said
-    return {**said, "handout": section} if "handout" in said else dict(said)
-
-
 def _attribute(
-    authored: tuple[str, Value], known: Mapping[str, Any], name: str, section: str
+    authored: tuple[str, Value], known: Mapping[str, Any] | None, name: str, section: str
 ) -> dict[str, Any]:
     """Describe an attribute: of a known kind those are required that the bundled lab requires."""
     kind, value = authored
-    said = known.get("attributes", {}).get(name, {})
     data = {"type": kind, "value": _single(value) if kind.startswith("float") else value}
-    if not known:
+    if known is None:
         return {**data, "required": True, "handout": section}
-    kept = {key: said[key] for key in ("required", "unset", "schema") if key in said}
+    said = known.get(name, {})
+    kept = {key: said[key] for key in ("required", "unset", "schema") if said.get(key)}
     return {**data, **kept, "handout": section} if kept else data
 
 

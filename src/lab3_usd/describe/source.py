@@ -15,11 +15,11 @@ from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.scene import ANYWHERE
 from lab3_usd.stage.read.prims import Authored, authored_attributes
 from lab3_usd.stage.read.reader import read_stage
 
 _PLAIN_TYPES = ("", "Xform", "Scope")
-_ANYWHERE = "anywhere"
 
 
 class Source(Struct, frozen=True):
@@ -49,8 +49,9 @@ def read_source(path: Path, lab: Lab, types: Catalog) -> Source:
     lab = replace(lab, catalog=with_types(types, unknown))
     found = {prim.path: prim.type for prim in _sensors(stage, lab)}
     # The place of a prim of a type that USD does not know is read where a lab has such a sensor.
-    drafts = {kind: {"type": kind, "attributes": {}} for kind in found.values()}
-    scene = {**lab.scene, "sensors": {**lab.sensors, **drafts}}
+    draft = next(iter(lab.sensors.values()))
+    drafts = {kind: replace(draft, type=kind) for kind in found.values()}
+    scene = replace(lab.scene, sensors={**lab.sensors, **drafts})
     stage = read_stage(path, replace(lab, scene=scene))
     return Source(
         stem=path.stem,
@@ -76,8 +77,8 @@ def _sensors(stage: StageModel, lab: Lab) -> Iterator[Prim]:
         if prim is not None and prim.type not in _PLAIN_TYPES and not _is_part(prim):
             yield prim
     for spec in lab.sensors.values():
-        if spec["recognised"] == _ANYWHERE:
-            yield from (prim for prim in stage.of_type(spec["type"]) if prim.present)
+        if spec.recognised == ANYWHERE:
+            yield from (prim for prim in stage.of_type(spec.type) if prim.present)
 
 
 def _is_part(prim: Prim) -> bool:

@@ -200,5 +200,5 @@ def _holds(own: Starter, trusted: Starter | None, lab: Lab) -> Iterator[str]:
 def _added(model: StageModel, lab: Lab) -> Iterator[str]:
     yield from (graph.path for graph in model.graphs)
     for sensor in lab.sensors.values():
-        if model.prim(sensor["path"]) is not None:
-            yield sensor["path"]
+        if model.prim(sensor.path) is not None:
+            yield sensor.path

@@ -21,7 +21,6 @@ from lab3_usd.model.finding import Finding
 from lab3_usd.model.lab_files import Agreement, Evidence, EvidenceSubject, MapSubject
 from lab3_usd.model.submission import Listing
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.ros import map_facts
 from lab3_usd.spec.ros import MapFacts, RosSpec
 from lab3_usd.spec.submission import SubmissionSpec
 
@@ -48,7 +47,7 @@ class FolderContents(Struct, frozen=True):
 
 def judge_maps(contents: FolderContents, maps: Path | None, stage: Path | None) -> RuleResults:
     """Judge the map of the submission, or of the folder `maps`; with a stage, also its walls."""
-    facts = map_facts(contents.lab.scene)
+    facts = contents.lab.scene.map
     if facts is None:
         return RuleResults()
     if maps is not None:
@@ -110,14 +109,14 @@ def _agreements(stage_path: Path, image: Path, facts: MapFacts, lab: Lab) -> Ite
     from lab3_usd.stage.geometry.slices import SliceOptions, slice_stage  # noqa: PLC0415
     from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
 
-    robot = lab.scene["robot"]
+    robot = lab.scene.robot
     if not lab.lidar_link:
         return
-    cut = slice_stage(open_stage(stage_path), SliceOptions(robot["path"], lab.lidar_link))
+    cut = slice_stage(open_stage(stage_path), SliceOptions(robot.path, lab.lidar_link))
     if cut.robot is None or not cut.segments:
         return
     grid = read_pgm(image)
-    start_x, start_y, _ = robot["pose"]["translate"]
+    start_x, start_y, _ = robot.pose.translate
     guesses = {"the world's": (0.0, 0.0), "the robot's start": (start_x, start_y)}
     for about, (x, y) in guesses.items():
         corner = (facts.origin_x + x, facts.origin_y + y)
@@ -153,7 +152,7 @@ def judge_saved_outputs(
     subject = EvidenceSubject(
         ros=contents.ros,
         frames=contents.lab.frames,
-        facts=map_facts(contents.lab.scene),
+        facts=contents.lab.scene.map,
         evidence=evidence,
         reached=contents.lab.until(until),
         required=required,
@@ -163,7 +162,7 @@ def judge_saved_outputs(
 
 def map_findings(maps: Path, lab: Lab) -> tuple[Finding, ...]:
     """Return what is wrong with the map of a folder, for the report of a single stage."""
-    facts = map_facts(lab.scene)
+    facts = lab.scene.map
     if facts is None:
         return ()
     found = run_family("maps", "M", map_subject(find_map(maps, facts), facts), lab)
@@ -172,7 +171,7 @@ def map_findings(maps: Path, lab: Lab) -> tuple[Finding, ...]:
 
 def lone_stage_notes(checkpoint: str, lab: Lab) -> tuple[Finding, ...]:
     """Return the note that a stage of localization or navigation was checked without its map."""
-    facts = map_facts(lab.scene)
+    facts = lab.scene.map
     if facts is None or not lab.checkpoints[checkpoint].localization:
         return ()
     found = run_family("maps", "M", map_subject(None, facts), lab)

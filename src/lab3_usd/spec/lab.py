@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from msgspec import Struct, field
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Target
 from lab3_usd.spec.handout import Handout
 from lab3_usd.spec.ros import RosSpec, TopicSpec
+from lab3_usd.spec.scene import SceneSpec, SensorSpec
 from lab3_usd.spec.submission import SubmissionSpec
 
 
@@ -141,7 +141,7 @@ class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
 class Lab(Struct, frozen=True, eq=False):
     """Everything that `graphs/` says, loaded once.
 
-    `scene` is the scene file as plain, checked data; `ros` what the running system must show,
+    `scene` is what a stage holds beside its graphs; `ros` what the running system must show,
     `submission` what is handed in.
     """
 
@@ -155,7 +155,7 @@ class Lab(Struct, frozen=True, eq=False):
     ros: RosSpec
     submission: SubmissionSpec
     handout: Handout
-    scene: Mapping[str, Any] = field(default_factory=dict)
+    scene: SceneSpec
 
     @property
     def first(self) -> str:
@@ -182,22 +182,19 @@ class Lab(Struct, frozen=True, eq=False):
         return other != "" and checkpoint not in self.until(other)
 
     @property
-    def sensors(self) -> Mapping[str, Any]:
+    def sensors(self) -> Mapping[str, SensorSpec]:
         """The sensors of the scene file, by the names that checkpoints add them under."""
-        sensors: Mapping[str, Any] = self.scene["sensors"]
-        return sensors
+        return self.scene.sensors
 
-    def sensors_of(self, kind: str) -> tuple[Mapping[str, Any], ...]:
-        """Return the sensors of one kind, in the order of the scene file."""
-        return tuple(each for each in self.sensors.values() if each["kind"] == kind)
+    def first_sensor(self, kind: str) -> SensorSpec | None:
+        """Return the first sensor of a kind in the scene file, None where there is none."""
+        return next((each for each in self.sensors.values() if each.kind == kind), None)
 
     @property
     def lidar_link(self) -> str:
         """The prim at whose height the lab's map is cut: the first lidar's link, '' for none."""
-        for lidar in self.sensors_of("lidar"):
-            link: str = lidar["path"].rpartition("/")[0]
-            return link
-        return ""
+        lidar = self.first_sensor("lidar")
+        return "" if lidar is None else lidar.path.rpartition("/")[0]
 
     @property
     def topics(self) -> Mapping[str, TopicSpec]:
@@ -227,9 +224,9 @@ def _node_at_root(node: NodeSpec, lab: Lab) -> NodeSpec:
 
 
 def _target_at_root(target: Target, node: NodeSpec, lab: Lab) -> Target:
-    robot = lab.scene["robot"]
+    robot = lab.scene.robot
     if target.port not in node.type.articulation:
         return target
-    if target.prims != (robot["articulation"]["target"],):
+    if target.prims != (robot.articulation.target,):
         return target
-    return replace(target, prims=(robot["path"],), handout_prims=target.prims)
+    return replace(target, prims=(robot.path,), handout_prims=target.prims)

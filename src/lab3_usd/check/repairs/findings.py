@@ -185,10 +185,10 @@ def _deactivated(finding: Finding, whole: StageSubject) -> list[str]:
 
 def _articulation_edits(finding: Finding, whole: StageSubject, *, is_there: bool) -> Iterator[Edit]:
     """Yield how to have one articulation root, switched on, on the prim that the lab names."""
-    asked = whole.lab.scene["robot"]["articulation"]
+    asked = whole.lab.scene.robot.articulation
     if is_there:
-        yield RemoveSchema(finding.prim, asked["api"])
-        yield ApplySchema(asked["target"], asked["api"])
+        yield RemoveSchema(finding.prim, asked.api)
+        yield ApplySchema(asked.target, asked.api)
     else:
-        yield ApplySchema(finding.prim, asked["api"])
-        yield ClearValue(finding.prim, asked["switch"])
+        yield ApplySchema(finding.prim, asked.api)
+        yield ClearValue(finding.prim, asked.switch)

@@ -61,9 +61,9 @@ def _rate(prim: Prim, lab: Lab) -> float:
     """Return the sensor's own rate: as written, else what its schema takes; 0 for every frame."""
     rate = prim.attributes.get(_RATE)
     for sensor in lab.sensors.values() if rate is None else ():
-        asked = sensor["attributes"].get(_RATE, {})
-        if asked.get("unset") == "right" and sensor["required_api"] in prim.apis:
-            rate = asked["value"]
+        asked = sensor.attributes.get(_RATE)
+        if asked and asked.unset == "right" and sensor.required_api in prim.apis:
+            rate = asked.value
     return float(rate) if isinstance(rate, (int, float)) else 0.0
 
 

@@ -91,9 +91,8 @@ def _between(path: str, other: str, subject: StageSubject) -> Matrix | None:
 
 def _base(subject: StageSubject) -> str:
     """Return the path of the robot's base, of the robot where it has none."""
-    robot = subject.lab.scene["robot"]
-    base = f"{robot['path']}/{robot['base_frame']}"
-    return base if subject.stage.prim(base) is not None else str(robot["path"])
+    robot = subject.lab.scene.robot
+    return robot.path if subject.stage.prim(robot.base) is None else robot.base
 
 
 @once_per_stage

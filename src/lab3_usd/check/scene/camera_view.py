@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from msgspec import Struct
 
 from lab3_usd.check.match.subject import StageSubject
@@ -13,12 +10,12 @@ from lab3_usd.check.scene.pose_errors import (
     pose_errors,
     pose_property,
     sensor_tolerance,
-    vector,
     vector_text,
 )
 from lab3_usd.check.scene.sensor_location import SensorLocation, candidate_transforms
 from lab3_usd.model.stage import Matrix, Prim
-from lab3_usd.model.transform_math import Vector, angle_between, camera_axes
+from lab3_usd.model.transform_math import angle_between, camera_axes
+from lab3_usd.spec.scene import SensorSpec, ViewSpec
 
 
 class View(Struct, frozen=True):
@@ -32,7 +29,7 @@ class View(Struct, frozen=True):
 
 
 def camera_misfits(
-    subject: StageSubject, sensor: str, place: SensorLocation
+    subject: StageSubject, spec: SensorSpec, place: SensorLocation
 ) -> list[PoseError | View]:
     """Return what is wrong with the camera's position, scale and view.
 
@@ -40,7 +37,7 @@ def camera_misfits(
     """
     prim = place.prim
     candidates = [
-        _judge(subject, sensor, prim, matrix)
+        _judge(subject, spec, prim, matrix)
         for matrix in candidate_transforms(subject.stage, place)
         if prim
     ]
@@ -48,40 +45,38 @@ def camera_misfits(
 
 
 def _judge(
-    subject: StageSubject, sensor: str, prim: Prim, matrix: Matrix
+    subject: StageSubject, spec: SensorSpec, prim: Prim, matrix: Matrix
 ) -> list[PoseError | View]:
-    scene, spec = subject.lab.scene, subject.lab.sensors[sensor]
-    tolerance = sensor_tolerance(scene, subject.stage)
+    tolerance = sensor_tolerance(subject.lab.scene, subject.stage)
     found: list[PoseError | View] = [
         misfit
-        for misfit in pose_errors(prim, matrix, spec["pose"], tolerance)
-        if misfit.kind != "rotate" or not spec["looks"]
+        for misfit in pose_errors(prim, matrix, spec.pose, tolerance)
+        if misfit.kind != "rotate" or spec.looks is None
     ]
-    limit = scene["tolerance"]["sensor_angle"]
-    wrong = _wrong_view(spec, prim, matrix, limit) if spec["looks"] else None
-    return found if wrong is None else [*found, wrong]
+    along, up = camera_axes(matrix)
+    seen = ViewSpec(along, up)
+    if spec.looks is None or _is_same(seen, spec.looks, tolerance.angle):
+        return found
+    return [*found, _wrong_view(spec, prim, seen, spec.looks)]
 
 
-def _wrong_view(spec: Mapping[str, Any], prim: Prim, matrix: Matrix, limit: float) -> View | None:
-    seen = camera_axes(matrix)
-    expected = (vector(spec["looks"]["along"]), vector(spec["looks"]["up"]))
-    if _is_same(seen, expected, limit):
-        return None
-    message = f"camera looks along {vector_text(seen[0])} of its link, up {vector_text(seen[1])}"
-    x, y, z = (f"{angle:g}" for angle in vector(spec["pose"]["rotate"]))
+def _wrong_view(spec: SensorSpec, prim: Prim, seen: ViewSpec, expected: ViewSpec) -> View:
+    message = f"camera looks along {vector_text(seen.along)} of its link, up {vector_text(seen.up)}"
+    x, y, z = (f"{angle:g}" for angle in spec.pose.rotate)
     hint = f"set the rotation to X = {x}, Y = {y}, Z = {z} (rotateXYZ)"
-    for slip in spec["slips"]:
+    for slip in spec.slips:
         # A slip is recognised within a degree: the numbers were typed, not measured.
-        if _is_same(seen, (vector(slip["along"]), vector(slip["up"])), 1.0):
-            message, hint = slip["message"], slip["hint"]
+        if _is_same(seen, slip, 1.0):
+            message, hint = slip.message, slip.hint
     return View(
         pose_property(prim, "rotate"),
         message,
-        f"along {vector_text(expected[0])}, up {vector_text(expected[1])}",
-        f"along {vector_text(seen[0])}, up {vector_text(seen[1])}",
+        f"along {vector_text(expected.along)}, up {vector_text(expected.up)}",
+        f"along {vector_text(seen.along)}, up {vector_text(seen.up)}",
         hint,
     )
 
 
-def _is_same(one: tuple[Vector, Vector], other: tuple[Vector, Vector], limit: float) -> bool:
-    return all(angle_between(a, b) <= limit for a, b in zip(one, other, strict=True))
+def _is_same(one: ViewSpec, other: ViewSpec, limit: float) -> bool:
+    pairs = ((one.along, other.along), (one.up, other.up))
+    return all(angle_between(a, b) <= limit for a, b in pairs)

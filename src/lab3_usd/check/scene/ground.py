@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.scene.pose_errors import vector
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import (
     BODY_API,
@@ -54,10 +53,10 @@ def boxes(subject: StageSubject) -> Iterator[Collider]:
 
 
 def _boxes_below(subject: StageSubject) -> Iterator[Collider]:
-    robot = subject.lab.scene["robot"]
-    x, y, z = vector(robot["pose"]["translate"])
-    reach = z + subject.lab.scene["tolerance"]["root_position"]
-    for box in subject.stage.colliders.beside(robot["path"]):
+    robot = subject.lab.scene.robot
+    x, y, z = robot.pose.translate
+    reach = z + subject.lab.scene.tolerance.root_position
+    for box in subject.stage.colliders.beside(robot.path):
         if _covers(box, x, y) and box.low[2] <= reach:
             yield box
 
@@ -92,7 +91,7 @@ def _is_tied(stage: StageModel, body: str, known: frozenset[str]) -> bool:
 
 def falling_ground(subject: StageSubject) -> tuple[Prim, Prim] | None:
     """Return what would carry the robot if it did not move, and the body that it moves with."""
-    stage, robot = subject.stage, subject.lab.scene["robot"]["path"]
+    stage, robot = subject.stage, subject.lab.scene.robot.path
     paths = [prim.path for prim in _solid_planes(stage, robot)]
     paths += [box.path for box in _boxes_below(subject) if _is_on(stage, box)]
     found = ((stage.prims[path], moving_body(stage, path)) for path in paths)
@@ -105,7 +104,7 @@ def _covers(box: Collider, x: float, y: float) -> bool:
 
 def has_ground(subject: StageSubject) -> bool:
     """Whether anything fixed can carry the robot."""
-    robot = subject.lab.scene["robot"]["path"]
+    robot = subject.lab.scene.robot.path
     found = itertools.chain(planes(subject.stage, robot), _live_boxes(subject))
     return any(True for _ in found)
 
@@ -124,13 +123,13 @@ def highest_ground(subject: StageSubject) -> tuple[float, str] | None:
 
     None where no box says how high it is.
     """
-    stage, robot = subject.stage, subject.lab.scene["robot"]
+    stage, robot = subject.stage, subject.lab.scene.robot
     heights = [
         (prim.world[14] * stage.meters_per_unit, prim.path)
-        for prim in planes(stage, robot["path"])
+        for prim in planes(stage, robot.path)
         if prim.world
     ]
-    step = robot["pose"]["translate"][2] + _STEP
+    step = robot.pose.translate[2] + _STEP
     tops = [(box.high[2], box.path) for box in _live_boxes(subject)]
     if any(top > step for top, _ in tops) and not heights:
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 from msgspec import Struct
 
@@ -17,6 +17,7 @@ from lab3_usd.model.transform_math import (
     rotation_from_euler,
     scaled,
 )
+from lab3_usd.spec.scene import PoseSpec, SceneSpec
 
 Kind = Literal["translate", "rotate", "scale"]
 ORDER = "xformOpOrder"
@@ -69,45 +70,39 @@ class PoseError(Struct, frozen=True):
     hint: str
 
 
-def sensor_tolerance(scene: Mapping[str, Any], stage: StageModel) -> Tolerance:
+def sensor_tolerance(scene: SceneSpec, stage: StageModel) -> Tolerance:
     """Return how exactly a sensor must stand."""
-    spec = scene["tolerance"]
-    return Tolerance(
-        spec["sensor_position"], spec["sensor_angle"], spec["scale"], units_of(scene, stage)
-    )
+    spec = scene.tolerance
+    return Tolerance(spec.sensor_position, spec.sensor_angle, spec.scale, units_of(scene, stage))
 
 
-def root_tolerance(scene: Mapping[str, Any], stage: StageModel) -> Tolerance:
+def root_tolerance(scene: SceneSpec, stage: StageModel) -> Tolerance:
     """Return how exactly the robot must stand."""
-    spec = scene["tolerance"]
-    return Tolerance(
-        spec["root_position"], spec["root_angle"], spec["scale"], units_of(scene, stage)
-    )
+    spec = scene.tolerance
+    return Tolerance(spec.root_position, spec.root_angle, spec.scale, units_of(scene, stage))
 
 
-def units_of(scene: Mapping[str, Any], stage: StageModel) -> Units:
+def units_of(scene: SceneSpec, stage: StageModel) -> Units:
     """Return the units of a stage beside those of the lab."""
-    return Units(stage.meters_per_unit, scene["stage"]["meters_per_unit"])
+    return Units(stage.meters_per_unit, scene.stage.meters_per_unit)
 
 
 def pose_errors(
-    prim: Prim, matrix: Matrix, expected: Mapping[str, Any], tolerance: Tolerance
+    prim: Prim, matrix: Matrix, expected: PoseSpec, tolerance: Tolerance
 ) -> Iterator[PoseError]:
-    """Yield what is wrong with a transform: `expected` has translate, rotate (degrees) and scale.
+    """Yield what is wrong with a transform.
 
     A number that is none (NaN) is near nothing, which is why each test is the other way round.
     """
     pose = decompose(matrix)
-    place = vector(expected["translate"])
-    if not is_near(pose.translation, place, tolerance.position, tolerance.units):
-        shown = tolerance.units.shown(place)
+    if not is_near(pose.translation, expected.translate, tolerance.position, tolerance.units):
+        shown = tolerance.units.shown(expected.translate)
         yield _misfit(prim, "translate", pose.translation, shown, "")
-    rotation = vector(expected["rotate"])
+    rotation = expected.rotate
     if not rotation_difference(pose.rotation, rotation_from_euler(rotation)) <= tolerance.angle:
         yield _misfit(prim, "rotate", euler_angles(pose.rotation), rotation, " degrees")
-    size = vector(expected["scale"])
-    if not distance(pose.scale, size) <= tolerance.scale:
-        yield _misfit(prim, "scale", pose.scale, size, "")
+    if not distance(pose.scale, expected.scale) <= tolerance.scale:
+        yield _misfit(prim, "scale", pose.scale, expected.scale, "")
 
 
 def _misfit(prim: Prim, kind: Kind, actual: Vector, expected: Vector, unit: str) -> PoseError:
@@ -139,12 +134,6 @@ def pose_property(prim: Prim, kind: Kind) -> str:
             if name.startswith(operation):
                 return name
     return OPERATIONS[kind][0]
-
-
-def vector(numbers: Sequence[float]) -> Vector:
-    """Return three numbers of the scene file as a vector."""
-    x, y, z = numbers
-    return (float(x), float(y), float(z))
 
 
 def vector_text(numbers: Sequence[float]) -> str:

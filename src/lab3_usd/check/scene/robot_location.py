@@ -24,7 +24,7 @@ def robot_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
     only prim of its name below the robot, or where no other is missing the only body beside the
     robot's links that is none of them. Paths of links are those below the robot where it stands.
     """
-    expected: str = lab.scene["robot"]["path"]
+    expected = lab.scene.robot.path
     root = expected
     relocations: dict[str, str] = {}
     is_nowhere = expected not in stage.prims or not is_unresolved(stage, expected)
@@ -33,13 +33,13 @@ def robot_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
         if root != expected:
             relocations[expected] = root
     if stage.prim(root) is not None:
-        relocations |= _link_relocations(tuple(lab.scene["robot"]["links"]), root, stage)
+        relocations |= _link_relocations(tuple(lab.scene.robot.links), root, stage)
     return relocations
 
 
 def _robot(lab: Lab, stage: StageModel) -> str | None:
-    links = lab.scene["robot"]["links"]
-    name = lab.scene["robot"]["path"].rpartition("/")[2]
+    links = lab.scene.robot.links
+    name = lab.scene.robot.path.rpartition("/")[2]
     held: dict[str, int] = {}
     for prim in stage.named(links.__contains__):
         if prim.present and stage.prim(prim.parent):
@@ -54,7 +54,7 @@ def _robot(lab: Lab, stage: StageModel) -> str | None:
 
 def _namesake(lab: Lab, stage: StageModel) -> str | None:
     """Return the first prim of the robot's name whose links an asset may hold that is missing."""
-    name = lab.scene["robot"]["path"].rpartition("/")[2]
+    name = lab.scene.robot.path.rpartition("/")[2]
     named = (prim for prim in stage.named(lambda each: is_named(each, [name])) if prim.active)
     return min(
         (prim.path for prim in named if is_subtree_unresolved(stage, prim.path)), default=None
@@ -124,9 +124,9 @@ def _topmost_missing(stage: StageModel, path: str) -> str:
 
 def is_root_articulated(lab: Lab, stage: StageModel) -> bool:
     """Whether the robot root carries the articulation, and the handout's prim does not."""
-    robot = lab.scene["robot"]
-    if not robot["articulation"]["target"]:
+    robot = lab.scene.robot
+    if not robot.articulation.target:
         return False
-    root, base = stage.prim(robot["path"]), stage.prim(robot["articulation"]["target"])
+    root, base = stage.prim(robot.path), stage.prim(robot.articulation.target)
     is_on_base = base is not None and is_articulated(base)
     return root is not None and is_articulated(root) and not is_on_base

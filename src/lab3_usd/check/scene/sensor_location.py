@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Container, Iterator
 
 from msgspec import Struct
 
@@ -18,6 +17,7 @@ from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.stage import Matrix, Prim, StageModel
 from lab3_usd.model.transform_math import IDENTITY, relative_transform
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.scene import ANYWHERE, SensorSpec
 
 LIDAR, CAMERA = "lidar", "camera"  # the kinds that have rules of their own
 OTHER = "other"
@@ -60,10 +60,9 @@ def later_sensors(subject: StageSubject, kind: str) -> tuple[str, ...]:
     )
 
 
-def kind_of(spec: Mapping[str, Any]) -> str:
+def kind_of(spec: SensorSpec) -> str:
     """Return which rules judge a sensor: those of its kind, or those of all others."""
-    kind: str = spec["kind"]
-    return kind if kind in (LIDAR, CAMERA) else OTHER
+    return spec.kind if spec.kind in (LIDAR, CAMERA) else OTHER
 
 
 def find_sensor(lab: Lab, stage: StageModel, name: str) -> SensorLocation:
@@ -75,10 +74,10 @@ def find_sensor(lab: Lab, stage: StageModel, name: str) -> SensorLocation:
     sensors.
     """
     spec = lab.sensors[name]
-    path: str = spec["path"]
+    path = spec.path
     at = stage.prim(path)
-    is_there = at is not None and at.type == spec["type"]
-    if is_there and spec["recognised"] != "anywhere":
+    is_there = at is not None and at.type == spec.type
+    if is_there and spec.recognised != ANYWHERE:
         return SensorLocation(path, at)
     if at is not None and not at.type and is_unresolved(stage, path):
         return SensorLocation(path)  # the missing asset may say what it is
@@ -93,10 +92,8 @@ def find_sensor(lab: Lab, stage: StageModel, name: str) -> SensorLocation:
 
 def _others(lab: Lab, stage: StageModel, name: str) -> set[str]:
     """Return the prims that are other sensors of the type: at their paths, or found before."""
-    alike = [
-        each for each, spec in lab.sensors.items() if spec["type"] == lab.sensors[name]["type"]
-    ]
-    paths = {lab.sensors[each]["path"] for each in alike if each != name}
+    alike = [each for each, spec in lab.sensors.items() if spec.type == lab.sensors[name].type]
+    paths = {lab.sensors[each].path for each in alike if each != name}
     for each in alike[: alike.index(name)]:
         prim = find_sensor(lab, stage, each).prim
         paths |= {prim.path} if prim is not None else set()
@@ -126,18 +123,17 @@ def sensor_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
 def sensor_candidates(lab: Lab, stage: StageModel, name: str) -> Iterator[Prim]:
     """Yield the prims of the scene that could be meant as the sensor."""
     spec = lab.sensors[name]
-    robot: str = lab.scene["robot"]["path"]
-    expected_name = spec["path"].rpartition("/")[2]
-    for prim in stage.of_type(spec["type"]):
+    robot = lab.scene.robot.path
+    for prim in stage.of_type(spec.type):
         if prim.present:
-            is_known = spec["recognised"] == "anywhere" or is_at_or_below(prim.path, robot)
-            if is_known or (prim.name == expected_name and is_used_by_graph(stage, prim)):
+            is_known = spec.recognised == ANYWHERE or is_at_or_below(prim.path, robot)
+            if is_known or (prim.name == spec.name and is_used_by_graph(stage, prim)):
                 yield prim
 
 
 def _strangeness(prim: Prim, path: str, lab: Lab) -> tuple[bool, bool, bool, str]:
     parent, _, name = path.rpartition("/")
-    is_off_robot = not is_at_or_below(prim.path, lab.scene["robot"]["path"])
+    is_off_robot = not is_at_or_below(prim.path, lab.scene.robot.path)
     return prim.name != name, prim.parent != parent, is_off_robot, prim.path
 
 
@@ -160,7 +156,7 @@ def candidate_transforms(stage: StageModel, place: SensorLocation) -> list[Matri
     return frames
 
 
-def is_named(name: str, names: Mapping[str, Any] | list[str]) -> bool:
+def is_named(name: str, names: Container[str]) -> bool:
     """Whether a prim has one of these names, or one with the number Isaac Sim adds to a copy."""
     return name in names or (name[-1:].isdigit() and re.sub(r"_\d+$", "", name) in names)
 
@@ -170,8 +166,8 @@ def lidars(subject: StageSubject, right: tuple[str, ...] = ()) -> Iterator[Prim]
 
     Left out are the lidars that are right, with what they hang below.
     """
-    names = subject.lab.scene["forbidden"]["lidar"]["names"]
-    kinds = [name for name, spec in subject.lab.sensors.items() if spec["kind"] == LIDAR]
+    names = subject.lab.scene.forbidden.lidar.names
+    kinds = [name for name, spec in subject.lab.sensors.items() if spec.kind == LIDAR]
     typed = {
         prim.path for name in kinds for prim in sensor_candidates(subject.lab, subject.stage, name)
     }
@@ -197,7 +193,7 @@ def second_lidars(subject: StageSubject) -> tuple[Prim, ...]:
         return ()
     found = (find_sensor(subject.lab, subject.stage, name) for name in subject.checkpoint.sensors)
     stand_ins = [each.wrong_type_prim for each in found if each.prim is None]
-    later = [subject.lab.sensors[name]["path"] for name in later_sensors(subject, LIDAR)]
+    later = [subject.lab.sensors[name].path for name in later_sensors(subject, LIDAR)]
     return tuple(
         prim for prim in lidars(subject, right) if prim not in stand_ins and prim.path not in later
     )

@@ -78,7 +78,7 @@ def _commands_wheels(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> bo
     if not any(value is None or value != () for value in commands):
         return False
     names = joint_names(node, ports.joints, live)
-    wheels = set(lab.scene["robot"]["wheels"]["joints"])
+    wheels = set(lab.scene.robot.wheels.joints)
     if names and not wheels & set(names):
         return False
     return _aims_at_robot(node, ports, stage, lab, live)
@@ -118,7 +118,7 @@ def _aims_at_robot(node: Node, ports: DrivePorts, stage: StageModel, lab: Lab, l
     if written is None:
         return True  # see `is_doubtful`
     aim = str(written) or next(iter(node.targets(ports.target)), "")
-    robot = lab.scene["robot"]["path"]
+    robot = lab.scene.robot.path
     if is_unresolved(stage, robot) or any(is_at_or_below(m.prim, robot) for m in stage.unresolved):
         return bool(aim) and (is_at_or_below(aim, robot) or is_at_or_below(robot, aim))
     roots = [

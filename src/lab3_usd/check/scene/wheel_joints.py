@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from msgspec import Struct
 
@@ -47,13 +46,12 @@ class WheelJoint(Struct, frozen=True, eq=False):
 @once_per_stage
 def wheel_joints(subject: StageSubject) -> list[WheelJoint]:
     """Return the wheel joints in the order of the scene file."""
-    robot = subject.lab.scene["robot"]
-    root, wheels = robot["path"], robot["wheels"]
+    robot = subject.lab.scene.robot
     found = []
-    for name, link in wheels["joints"].items():
-        path = "/".join(filter(None, (root, wheels["joints_below"], name)))
-        prim = _find(subject.stage, root, name, f"{root}/{link}")
-        found.append(WheelJoint(name, path, f"{root}/{link}", prim))
+    for name, wheel in robot.wheels.joints.items():
+        link = f"{robot.path}/{wheel}"
+        prim = _find(subject.stage, robot.path, name, link)
+        found.append(WheelJoint(name, robot.joint_path(name), link, prim))
     return found
 
 
@@ -69,11 +67,10 @@ def _find(stage: StageModel, root: str, name: str, link: str) -> Prim | None:
 
 def could_hide_joints(subject: StageSubject) -> bool:
     """Whether a missing asset of the robot, other than those of its links, could hold joints."""
-    robot = subject.lab.scene["robot"]
-    links = [f"{robot['path']}/{name}" for name in robot["links"]]
-    return is_unresolved(subject.stage, robot["path"]) or any(
-        is_at_or_below(missing.prim, robot["path"])
-        and not any(is_at_or_below(missing.prim, link) for link in links)
+    robot = subject.lab.scene.robot
+    return is_unresolved(subject.stage, robot.path) or any(
+        is_at_or_below(missing.prim, robot.path)
+        and not any(is_at_or_below(missing.prim, link) for link in robot.link_paths)
         for missing in subject.stage.unresolved
     )
 
@@ -83,12 +80,11 @@ def has_no_joints(subject: StageSubject) -> bool:
 
     A robot of one link has none.
     """
-    root: str = subject.lab.scene["robot"]["path"]
-    is_one_link = len(subject.lab.scene["robot"]["links"]) <= 1
-    if is_one_link or subject.stage.prim(root) is None or could_hide_joints(subject):
+    robot, stage = subject.lab.scene.robot, subject.stage
+    if len(robot.links) <= 1 or stage.prim(robot.path) is None or could_hide_joints(subject):
         return False
     return not any(
-        is_at_or_below(body, root) for joint in joints(subject.stage) for body in bodies(joint)
+        is_at_or_below(body, robot.path) for joint in joints(stage) for body in bodies(joint)
     )
 
 
@@ -123,8 +119,9 @@ def wrong_ends(joint: WheelJoint, subject: StageSubject) -> Iterator[tuple[str, 
     One end is the wheel, the other a body of the robot that is no wheel. Ends that are right are
     left out; a link that is missing altogether is not the joint's fault.
     """
-    robot = subject.lab.scene["robot"]
-    plain = [f"{robot['path']}/{name}" for name in _plain_links(robot)]
+    robot = subject.lab.scene.robot
+    wheels = [wheel.link for wheel in wheel_joints(subject)]
+    plain = [path for path in robot.link_paths if path not in wheels]
     ends, side = ends_of(joint), wheel_side(joint)
     if side is None:
         has_base = any(is_at_or_below(ends[1], link) for link in plain)
@@ -136,17 +133,13 @@ def wrong_ends(joint: WheelJoint, subject: StageSubject) -> Iterator[tuple[str, 
         yield BODIES[1 - side], base
 
 
-def _plain_links(robot: Any) -> list[str]:  # noqa: ANN401 - plain data of the scene file
-    return [name for name in robot["links"] if name not in robot["wheels"]["joints"].values()]
-
-
 def _is_body(path: str, subject: StageSubject) -> bool:
     """Whether a prim moves with a body of the robot that the handout does not name."""
-    robot = subject.lab.scene["robot"]
-    named = [f"{robot['path']}/{name}" for name in robot["links"]]
-    if not is_at_or_below(path, robot["path"]) or any(is_at_or_below(path, n) for n in named):
+    robot = subject.lab.scene.robot
+    is_link = any(is_at_or_below(path, link) for link in robot.link_paths)
+    if is_link or not is_at_or_below(path, robot.path):
         return False
-    while is_at_or_below(path, robot["path"]):
+    while is_at_or_below(path, robot.path):
         found = subject.stage.prim(path)
         if found is not None and BODY_API in found.apis:
             return True

@@ -198,14 +198,14 @@ def lacks_only_the_camera(maker: FrameSource, view: TfView) -> bool:
 
     F9 allows that target, so it costs nothing.
     """
-    robot = view.subject.lab.scene["robot"]
+    robot = view.subject.lab.scene.robot
     stage = view.subject.stage
-    if maker.node.targets(maker.port) != (robot["path"],):
+    if maker.node.targets(maker.port) != (robot.path,):
         return False
-    stands_for_links = expands(robot["path"], maker.node, stage) or is_target_unresolved(
-        robot["path"], stage
+    stands_for_links = expands(robot.path, maker.node, stage) or is_target_unresolved(
+        robot.path, stage
     )
-    return stands_for_links and not set(robot["links"]) & set(missing_frames(maker, view))
+    return stands_for_links and not set(robot.links) & set(missing_frames(maker, view))
 
 
 def waived_frames(view: TfView) -> set[str]:

@@ -9,7 +9,6 @@ from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.lab.fill import fill_template
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.ros import map_facts
 from lab3_usd.spec.ros import RosSpec
 
 LAUNCH_FILE = "lab3_launch.py"
@@ -72,7 +71,7 @@ def write_nav2(
 
 def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
     """Everything that the templates name: topics, frames, speeds, files."""
-    navigation, goal, facts = ros.navigation, ros.goal, map_facts(lab.scene)
+    navigation, goal, facts = ros.navigation, ros.goal, lab.scene.map
     localization = lab.frames.localization
     if navigation is None or goal is None or facts is None or localization is None:
         parts = {"navigation": navigation, "goal": goal, "map": facts, "localization": localization}
@@ -90,7 +89,7 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         "map_yaml": "/".join(filter(None, (lab.submission.folders.maps, facts.yaml))),
         "map_frame": map_frame,
         "odom_frame": odom_frame,
-        "base_frame": lab.scene["robot"]["base_frame"],
+        "base_frame": lab.scene.robot.base_frame,
         "lidar_frame": _frame_of(lab, navigation.scan_topic) or localization.chain[-1],
         "scan_topic": navigation.scan_topic,
         "map_topic": navigation.map_topic,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from lab3_usd.sim.behaviour.evidence import Interface
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, TopicSpec
+from lab3_usd.spec.scene import SensorSpec
 
 # The parts that topics play, by the type of their messages.
 _PARTS = {
@@ -33,7 +33,7 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
     names = {part: _named(asked, kind) for part, kind in _PARTS.items()}
     odometry = [each for each in lab.topics.values() if each.type == _PARTS["odometry"]]
     frames = odometry[0].fields or {} if odometry else {}
-    lidar, camera = (next(iter(lab.sensors_of(kind)), {}) for kind in ("lidar", "camera"))
+    lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
     return Interface(
         types={each.name: each.type for each in asked if not each.subscribed},
         domain=lab.ros.system.domain,
@@ -44,8 +44,8 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         scan_rate=_rate(lidar),
         image_rate=_rate(camera),
         limits=_limits(lab),
-        looks=tuple(camera["looks"]["along"]) if camera.get("looks") else (0.0, 0.0, 0.0),
-        profile={name: said["value"] for name, said in lidar.get("attributes", {}).items()},
+        looks=camera.looks.along if camera and camera.looks else (0.0, 0.0, 0.0),
+        profile={name: said.value for name, said in lidar.attributes.items()} if lidar else {},
     )
 
 
@@ -79,9 +79,10 @@ def _named(topics: list[TopicSpec], kind: str) -> str:
     return next((each.name for each in topics if each.type == kind), "")
 
 
-def _rate(sensor: Mapping[str, Any]) -> float:
+def _rate(sensor: SensorSpec | None) -> float:
     """Return the rate that is asked of a sensor, 0 where none is."""
-    return float(sensor.get("attributes", {}).get(_RATE, {"value": 0.0})["value"])
+    asked = None if sensor is None else sensor.attributes.get(_RATE)
+    return 0.0 if asked is None else float(asked.value)
 
 
 def _limits(lab: Lab) -> tuple[float, float]:

@@ -83,7 +83,7 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
         yield CHECKPOINTS, "frames: forbidden: child", frames.forbidden.child
     for name in () if frames.localization is None else frames.localization.chain:
         yield CHECKPOINTS, "frames: localization: chain", name
-    yield SCENE, "robot: base_frame", str(lab.scene["robot"]["base_frame"])
+    yield SCENE, "robot: base_frame", lab.scene.robot.base_frame
     yield from _ros_references(lab)
 
 

@@ -112,10 +112,10 @@ def _frames_of_prims(
 ) -> Iterator[GraphFrame]:
     targets = {each.port: each.prims for each in node.targets}
     above = next((_name(path) for path in targets.get(ports[0], ())), lab.catalog.world_frame)
-    robot = lab.scene["robot"]
+    robot = lab.scene.robot
     for path in targets.get(ports[1], ()):
         # The root of an articulation stands for its links.
-        names = tuple(robot["links"]) if path == robot["path"] else (_name(path),)
+        names = tuple(robot.links) if path == robot.path else (_name(path),)
         for name in names:
             if name != above:
                 key = f"{node.role}: {_short(ports[1])}"

@@ -71,7 +71,7 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     for rule, section in lab.handout.rules.items():
         yield CHECKPOINTS, f"{RULES}: {rule}", section
     parts = {
-        SCENE: lab.scene,
+        SCENE: to_builtins(lab.scene),
         ROS: to_builtins(lab.ros),
         SUBMISSION: to_builtins(lab.submission),
         CHECKPOINTS: {"frames": to_builtins(lab.frames), "policy": to_builtins(lab.policy)},

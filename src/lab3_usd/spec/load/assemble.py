@@ -19,7 +19,7 @@ from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.load.isaac_types import load_isaac_types
 from lab3_usd.spec.load.ros import load_ros
-from lab3_usd.spec.load.scene import complete_scene
+from lab3_usd.spec.load.scene import parse_scene
 from lab3_usd.spec.load.submission import load_submission
 from lab3_usd.spec.yaml_file import read_yaml
 
@@ -34,13 +34,13 @@ def assemble(folder: Path) -> Lab:
     files = _graph_files(folder, said.graph_names())
     catalog = _catalog(folder, files)
     graphs = {name: _graph(name, data, catalog) for name, data in files.items()}
-    scene = complete_scene(read_yaml(folder / SCENE))
+    scene = parse_scene(read_yaml(folder / SCENE))
     return Lab(
         folder=folder,
         title=said.title,
         catalog=catalog,
         graphs=graphs,
-        checkpoints=accumulate(said, graphs, tuple(scene["sensors"])),
+        checkpoints=accumulate(said, graphs, tuple(scene.sensors)),
         policy=said.policy,
         frames=said.frames,
         ros=load_ros(folder),

@@ -1,4 +1,4 @@
-"""Loads `ros.yaml`, and the facts of the map out of `scene.yaml`."""
+"""Loads `ros.yaml`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from msgspec import Struct
 from lab3_usd.data import data_folder, lab_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.spec import ros
-from lab3_usd.spec.files import ROS, SCENE
+from lab3_usd.spec.files import ROS
 from lab3_usd.spec.load.records import record, records
 from lab3_usd.spec.yaml_file import read_yaml
 
@@ -61,17 +61,6 @@ def _evidence(said: _RosFile) -> _ByName:
         return said.evidence
     evidence: _ByName = read_yaml(data_folder("graphs") / ROS)["evidence"]
     return evidence
-
-
-def map_facts(scene: Mapping[str, Any]) -> ros.MapFacts | None:
-    """Return the facts of the map out of a scene file that has been read; None for no map.
-
-    Raises:
-        SpecError: a fact is missing or of another kind.
-    """
-    if not scene.get("map"):
-        return None
-    return record(scene["map"], ros.MapFacts, f"{SCENE}: map")
 
 
 def _command(

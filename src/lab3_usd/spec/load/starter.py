@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import Struct, field
-from msgspec.structs import fields, replace
+from msgspec.structs import replace
 
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.files import SCENE, STARTER
 from lab3_usd.spec.load.records import record
-from lab3_usd.spec.load.scene import Number3, complete_scene
+from lab3_usd.spec.load.scene import parse_scene
+from lab3_usd.spec.scene import Number3, RobotSpec, StageUnits
 from lab3_usd.spec.yaml_file import read_yaml
 
 _Data = dict[str, Any]
@@ -80,9 +81,7 @@ class StarterSpec(Struct, frozen=True):
 
     doc: str
     default_prim: str
-    up_axis: str
-    meters_per_unit: float
-    kilograms_per_unit: float
+    units: StageUnits
     prims: tuple[PrimSpec, ...]
 
 
@@ -99,23 +98,20 @@ def load_starter_spec(folder: Path) -> StarterSpec:
         message = f"{folder} has no {STARTER}: give lab3 build a starter scene of yours"
         raise SpecError(message)
     starter = record(read_yaml(folder / STARTER), _StarterFile, STARTER)
-    scene = complete_scene(read_yaml(folder / SCENE))
+    scene = parse_scene(read_yaml(folder / SCENE))
     kinds: dict[str, _Data] = {}
     for name, kind in starter.kinds.items():
         kinds[name] = _like(kind, kinds, f"{STARTER}: kind {name}")
     prims = {prim.path: prim for prim in _prims(starter.prims, "", kinds)}
-    for fact in _handout_facts(scene["robot"]):
+    for fact in _handout_facts(scene.robot):
         if fact.path not in prims:
             message = f"{STARTER}: {fact.path} is missing, {SCENE} asks for it"
             raise SpecError(message)
         prims[fact.path] = _with_fact(prims[fact.path], fact)
-    stage = scene["stage"]
     return StarterSpec(
         doc=starter.doc,
         default_prim=starter.default_prim,
-        up_axis=stage["up_axis"],
-        meters_per_unit=stage["meters_per_unit"],
-        kilograms_per_unit=stage["kilograms_per_unit"],
+        units=scene.stage,
         prims=tuple(prims.values()),
     )
 
@@ -167,17 +163,14 @@ def _attributes(values: _Data, where: str) -> Iterator[AttributeSpec]:
             yield AttributeSpec(name, value)
 
 
-def _handout_facts(robot: Mapping[str, Any]) -> Iterator[PrimSpec]:
+def _handout_facts(robot: RobotSpec) -> Iterator[PrimSpec]:
     """Yield the prims of the robot with no more than the handout says of them."""
-    root = robot["path"]
-    pose = {each.name: robot["pose"][each.name] for each in fields(PoseSpec)}
-    yield PrimSpec(root, pose=record(pose, PoseSpec, SCENE))
-    for name, link in robot["links"].items():
-        yield PrimSpec(
-            f"{root}/{name}",
-            pose=PoseSpec(tuple(link["offset"])) if "offset" in link else None,
-            attributes=(AttributeSpec("physics:mass", link["mass"]),) if "mass" in link else (),
-        )
+    pose = robot.pose
+    yield PrimSpec(robot.path, pose=PoseSpec(pose.translate, pose.rotate, pose.scale))
+    for path, link in zip(robot.link_paths, robot.links.values(), strict=True):
+        place = None if link.offset is None else PoseSpec(link.offset)
+        mass = () if link.mass is None else (AttributeSpec("physics:mass", link.mass),)
+        yield PrimSpec(path, pose=place, attributes=mass)
 
 
 def _with_fact(prim: PrimSpec, fact: PrimSpec) -> PrimSpec:

@@ -35,7 +35,7 @@ class _Scenes(Struct, frozen=True):
 
     def part(self, path: str) -> Part:
         """Return what a prim at this path belongs to."""
-        root = self.lab.scene["robot"]["path"]
+        root = self.lab.scene.robot.path
         return "robot" if is_at_or_below(path, root) else "scene"
 
     def is_left_aside(self, prim: Usd.Prim) -> bool:

@@ -49,17 +49,17 @@ def compare_starter(
 
 
 def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:
-    robot, tolerance = lab.scene["robot"], lab.scene["tolerance"]
+    robot, tolerance = lab.scene.robot, lab.scene.tolerance
     # A stage whose unit is nothing is told so elsewhere; here it only must not divide by it.
-    length = tolerance["sensor_position"] / (UsdGeom.GetStageMetersPerUnit(stage) or 1.0)
+    length = tolerance.sensor_position / (UsdGeom.GetStageMetersPerUnit(stage) or 1.0)
     return Terms(
         rules=rules,
         classes=classifier(rules),
-        number=tolerance["number"],
-        mass=tolerance["mass"],
-        limits=(length, tolerance["sensor_angle"], tolerance["scale"]),
-        root=robot["path"],
-        articulated=tuple(filter(None, (robot["path"], robot["articulation"]["target"]))),
+        number=tolerance.number,
+        mass=tolerance.mass,
+        limits=(length, tolerance.sensor_angle, tolerance.scale),
+        root=robot.path,
+        articulated=tuple(filter(None, (robot.path, robot.articulation.target))),
         bodies_rest=bodies_rest,
     )
 

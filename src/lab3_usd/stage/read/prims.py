@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from pathlib import Path
-from typing import Any
 
 from msgspec import Struct, field
 from pxr import Sdf, Usd
@@ -14,6 +13,7 @@ from pxr import Sdf, Usd
 from lab3_usd.model.prims import NameFilter, Prim, Prims
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph_form import GraphForm
+from lab3_usd.spec.scene import SensorSpec
 from lab3_usd.stage.read.missing_assets import is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.plain_values import plain_value
@@ -48,18 +48,18 @@ class PrimReader:
     """
 
     def __init__(
-        self, stage: Usd.Stage, name: str, hidden: tuple[str, ...], sensors: Mapping[str, Any]
+        self, stage: Usd.Stage, name: str, hidden: tuple[str, ...], sensors: Collection[SensorSpec]
     ) -> None:
         """Read from `stage`, which goes by `name` where it turns out to be damaged.
 
-        The lab's sensors are placed, and have the attributes that the lab describes.
+        The lab's `sensors` are placed, and have the attributes that the lab describes.
         """
         self.stage = stage
         self.transforms = TransformCache()
         self.hidden = hidden
         self.name = name
-        self.placed = {*_PLACED, *(sensor["type"] for sensor in sensors.values())}
-        self.asked = {name for sensor in sensors.values() for name in sensor["attributes"]}
+        self.placed = {*_PLACED, *(sensor.type for sensor in sensors)}
+        self.asked = {name for sensor in sensors for name in sensor.attributes}
 
     def prim(self, prim: Usd.Prim, path: str) -> Prim:
         """Return the prim at a path, whose values and place are still to be read."""

@@ -58,7 +58,7 @@ def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
     hidden = tuple(dict.fromkeys(missing.prim for missing in unresolved))
     scan = _Scan(stage, lab, hidden)
     scan.run()
-    reader = PrimReader(stage, path, hidden, lab.sensors)
+    reader = PrimReader(stage, path, hidden, lab.sensors.values())
     prims = StagePrims(reader, lab.catalog.graph, scan.others)
     return StageModel(
         up_axis=str(stage.GetMetadata("upAxis")),

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from pxr import Gf, Sdf
 
 from lab3_usd.spec.catalog import Catalog, Dynamic, Port, Value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
+from lab3_usd.spec.scene import PoseSpec, SensorSpec
 
 # How Kit marks ports (isaac facts: serialization, sections 4, 5 and 7).
 _EXECUTION = {"isExecution": True}
@@ -37,7 +38,7 @@ def author_graph(layer: Sdf.Layer, spec: GraphSpec, catalog: Catalog) -> None:
 
 
 def author_sensor(
-    layer: Sdf.Layer, spec: Mapping[str, Any], metres: float, asset: str | None = None
+    layer: Sdf.Layer, spec: SensorSpec, metres: float, asset: str | None = None
 ) -> None:
     """Define the sensor of `scene.yaml` with its pose and attributes.
 
@@ -45,17 +46,15 @@ def author_sensor(
     With `asset`, the prim references the vendor's file as the Create menu does, and only what
     the handout sets is authored over it; without, the prim describes itself.
     """
-    prim = _define_prim(layer, spec["path"], spec["type"])
-    attributes = spec["attributes"]
+    prim = _define_prim(layer, spec.path, spec.type)
     if asset is None:
-        _prepend_apis(prim, list(spec["apis"]))
+        _prepend_apis(prim, list(spec.apis))
     else:
         prim.referenceList.prependedItems.append(Sdf.Reference(asset))
-        attributes = {name: entry for name, entry in attributes.items() if entry.get("required")}
-    for name, entry in attributes.items():
-        attribute = Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.Find(entry["type"]))
-        attribute.default = catalog_value(entry["value"], entry["type"])
-    _author_pose(prim, spec["pose"], metres)
+    for name, entry in (spec.attributes if asset is None else spec.required).items():
+        attribute = Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.Find(entry.type))
+        attribute.default = catalog_value(entry.value, entry.type)
+    _author_pose(prim, spec.pose, metres)
 
 
 def _define_prim(layer: Sdf.Layer, path: str, type_name: str) -> Sdf.PrimSpec:
@@ -134,16 +133,16 @@ def _declare_uniform(prim: Sdf.PrimSpec, name: str, usd_type: str, value: Value)
     attribute.default = catalog_value(value, usd_type)
 
 
-def _author_pose(prim: Sdf.PrimSpec, pose: Mapping[str, Any], metres: float) -> None:
+def _author_pose(prim: Sdf.PrimSpec, pose: PoseSpec, metres: float) -> None:
     """Write translate, orient and scale in double precision, as the Property panel does.
 
     `pose` holds metres, degrees about X, then Y, then Z, and factors.
     """
     types = Sdf.ValueTypeNames
     ops = (
-        ("xformOp:translate", types.Double3, Gf.Vec3d(*pose["translate"]) / metres),
-        ("xformOp:orient", types.Quatd, quaternion(pose["rotate"])),
-        ("xformOp:scale", types.Double3, Gf.Vec3d(*pose["scale"])),
+        ("xformOp:translate", types.Double3, Gf.Vec3d(*pose.translate) / metres),
+        ("xformOp:orient", types.Quatd, quaternion(pose.rotate)),
+        ("xformOp:scale", types.Double3, Gf.Vec3d(*pose.scale)),
     )
     for name, value_type, value in ops:
         Sdf.AttributeSpec(prim, name, value_type).default = value

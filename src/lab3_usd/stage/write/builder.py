@@ -169,8 +169,8 @@ def _add(layer: Sdf.Layer, lab: Lab, checkpoint: Checkpoint, options: BuildOptio
     with Sdf.ChangeBlock():
         for sensor in checkpoint.new_sensors:
             spec = lab.sensors[sensor]
-            asset = options.lidar_asset if spec["kind"] == LIDAR else None
-            author_sensor(layer, spec, lab.scene["stage"]["meters_per_unit"], asset)
+            asset = options.lidar_asset if spec.kind == LIDAR else None
+            author_sensor(layer, spec, lab.scene.stage.meters_per_unit, asset)
         for name in checkpoint.new:
             author_graph(layer, lab.graphs[name], lab.catalog)
 

@@ -49,13 +49,13 @@ def starter_layer(folder: Path) -> Sdf.Layer:
     spec = load_starter_spec(folder)
     layer = Sdf.Layer.CreateAnonymous(_SUFFIX)
     stage = Usd.Stage.Open(layer)
-    UsdGeom.SetStageUpAxis(stage, spec.up_axis)
-    UsdGeom.SetStageMetersPerUnit(stage, spec.meters_per_unit)
-    UsdPhysics.SetStageKilogramsPerUnit(stage, spec.kilograms_per_unit)
+    UsdGeom.SetStageUpAxis(stage, spec.units.up_axis)
+    UsdGeom.SetStageMetersPerUnit(stage, spec.units.meters_per_unit)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, spec.units.kilograms_per_unit)
     layer.documentation = spec.doc
     layer.defaultPrim = spec.default_prim
     for prim_spec in spec.prims:
-        _write_prim(stage, prim_spec, spec.meters_per_unit)
+        _write_prim(stage, prim_spec, spec.units.meters_per_unit)
     _write_library(stage, spec.prims)
     return layer
 

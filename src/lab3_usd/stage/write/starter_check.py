@@ -29,11 +29,11 @@ def starter_problems(lab: Lab, stage: Usd.Stage) -> list[str]:
 
 def _units(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
     """Say in which units or with which axis up the stage is not what every number of the lab is."""
-    spec = lab.scene["stage"]
-    wanted = {
-        "upAxis": spec["up_axis"],
-        "metersPerUnit": spec["meters_per_unit"],
-        "kilogramsPerUnit": spec["kilograms_per_unit"],
+    spec = lab.scene.stage
+    wanted: dict[str, str | float] = {
+        "upAxis": spec.up_axis,
+        "metersPerUnit": spec.meters_per_unit,
+        "kilogramsPerUnit": spec.kilograms_per_unit,
     }
     for name, expected in wanted.items():
         # Kilograms have no default in usd-core.
@@ -41,9 +41,9 @@ def _units(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
         actual = holder.GetMetadata(name)
         if actual is None:
             continue
-        is_number = isinstance(expected, float)
-        limit = lab.scene["tolerance"]["number"]
-        if actual != expected and not (is_number and math.isclose(actual, expected, rel_tol=limit)):
+        limit = lab.scene.tolerance.number
+        is_near = isinstance(expected, float) and math.isclose(actual, expected, rel_tol=limit)
+        if actual != expected and not is_near:
             yield f"/ has {name} {_short(actual)}, expected {_short(expected)}; convert the starter"
 
 
@@ -52,7 +52,7 @@ def _short(value: float | str) -> str:
 
 
 def _reasons(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
-    added = [sensor["path"] for sensor in lab.sensors.values()]
+    added = [sensor.path for sensor in lab.sensors.values()]
     added += [graph.path for graph in lab.graphs.values()]
     blamed: list[str] = []
     for path in dict.fromkeys(_needed(lab)):
@@ -68,25 +68,25 @@ def _reasons(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
 
 def is_root_articulated(lab: Lab, stage: Usd.Stage) -> bool:
     """Whether the robot root carries the articulation, and the handout's prim does not."""
-    robot = lab.scene["robot"]
-    target = robot["articulation"]["target"]
+    robot = lab.scene.robot
+    target = robot.articulation.target
     if not target:
         return False
-    return _is_articulated(lab, stage, robot["path"]) and not _is_articulated(lab, stage, target)
+    return _is_articulated(lab, stage, robot.path) and not _is_articulated(lab, stage, target)
 
 
 def _is_articulated(lab: Lab, stage: Usd.Stage, path: str) -> bool:
-    prim, spec = stage.GetPrimAtPath(path), lab.scene["robot"]["articulation"]
-    if not prim or spec["api"] not in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+    prim, spec = stage.GetPrimAtPath(path), lab.scene.robot.articulation
+    if not prim or spec.api not in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
         return False
-    switch = prim.GetAttribute(spec["switch"])
+    switch = prim.GetAttribute(spec.switch)
     return not switch or switch.Get() is not False
 
 
 def deviations(lab: Lab, stage: Usd.Stage) -> Iterator[tuple[str, str]]:
     """Yield a prim and what is done otherwise than in the handout because of it."""
     if is_root_articulated(lab, stage):
-        root, target = lab.scene["robot"]["path"], lab.scene["robot"]["articulation"]["target"]
+        root, target = lab.scene.robot.path, lab.scene.robot.articulation.target
         message = f"the articulation root is on {root}; Isaac Sim finds no articulation at the"
         yield root, f"{message} handout's target {target}, so the graphs name {root} instead"
 
@@ -100,12 +100,12 @@ def _state(prim: Usd.Prim) -> str:
 
 def _needed(lab: Lab) -> Iterator[str]:
     """Yield the prims that the lab hangs something on, outermost first."""
-    made = {sensor["path"] for sensor in lab.sensors.values()}
-    robot = lab.scene["robot"]
-    yield lab.scene["world"]["graph_parent"]["path"]
-    yield robot["path"]
+    made = {sensor.path for sensor in lab.sensors.values()}
+    robot = lab.scene.robot
+    yield lab.scene.world.graph_parent.path
+    yield robot.path
     for sensor in lab.sensors.values():
-        yield sensor["path"].rpartition("/")[0]
+        yield sensor.path.rpartition("/")[0]
     for graph in lab.graphs.values():
         parent = graph.path.rpartition("/")[0]
         if parent not in made:

@@ -162,7 +162,7 @@ def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
     Example: `/Graph/differential_controller/ArticulationController`, created by Tools > Robotics >
     OmniGraph Controllers > Differential Controller.
     """
-    stage, lab = subject.stage, subject.lab
+    stage, lab, robot = subject.stage, subject.lab, subject.lab.scene.robot
     live = live_nodes(stage, lab)
     for node, own in second_commanders(stage, lab, subject.roles):
         doubtful = (
@@ -175,7 +175,7 @@ def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
             f"{node_title(node)} commands the wheels as well, which only {own} may do",
             expected="one controller",
             actual=node.type_name,
-            handout=lab.scene["robot"]["wheels"]["handout"],
+            handout=robot.wheels.handout or robot.handout,
             related=(own,),
             severity=doubtful,
         )

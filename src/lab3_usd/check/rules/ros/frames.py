@@ -81,7 +81,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
 
 def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
     """Say why the robot, which is one of the targets, does not give all of its links."""
-    robot: str = view.subject.lab.scene["robot"]["path"]
+    robot = view.subject.lab.scene.robot.path
     prim = view.subject.stage.prim(robot)
     if prim is None or robot not in maker.node.targets(maker.port):
         return ""

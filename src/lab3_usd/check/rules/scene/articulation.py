@@ -38,11 +38,11 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `PhysicsArticulationRootAPI` removed from `{robot}/{base}`.
     """
-    spec = subject.lab.scene["robot"]
-    target, handout = spec["articulation"]["target"], spec["articulation"]["handout"]
+    spec = subject.lab.scene.robot
+    target, handout = spec.articulation.target, spec.articulation.handout
     if not target:  # the lab's robot has none
         return
-    root = subject.stage.prim(spec["path"])
+    root = subject.stage.prim(spec.path)
     base = subject.stage.prim(target)
     if root is None or base is None:
         return
@@ -79,11 +79,11 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the joint of `{robot}/{link}` deleted: `{link}` falls down.
     """
-    robot = subject.lab.scene["robot"]
-    wheels = robot["wheels"]["joints"].values()
-    links = [f"{robot['path']}/{name}" for name in robot["links"]]
+    robot = subject.lab.scene.robot
+    wheels = robot.wheels.joints.values()
+    links = list(robot.link_paths)
     present = [path for path in links if subject.stage.prim(path) is not None]
-    base = f"{robot['path']}/{robot['base_frame']}"
+    base = robot.base
     if has_no_joints(subject) or base not in present:
         return
     if could_hide_joints(subject):  # then only what a joint let go of is known to be loose
@@ -91,17 +91,16 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
     groups = _groups(subject, links)
     # A link that is held by the world is S21's.
     told = [groups[base], *(groups[_link_of(each, links)] for each in _held_bodies(subject))]
-    for name in robot["links"]:
-        path = f"{robot['path']}/{name}"
+    for name, link in robot.links.items():
+        path = f"{robot.path}/{name}"
         if path in present and name not in wheels and groups[path] not in told:
             told.append(groups[path])
-            message, hint = f"no joint ties {name} to {robot['base_frame']}", None
+            message, hint = f"no joint ties {name} to {robot.base_frame}", None
             off = _switched_off(subject, path)
             if off:
                 message += f": {off[0]} is switched off"
                 hint = f"select {off[0]} and set Joint Enabled in the Property panel"
-            handout = robot["links"][name]["handout"]
-            yield Problem(path, message, None, base, None, handout, off, hint=hint)
+            yield Problem(path, message, None, base, None, link.handout, off, hint=hint)
 
 
 @rule("S21", "held-by-the-world", scope="stage")
@@ -117,9 +116,9 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
     Example: `{robot}/root_joint`, a fixed joint with `physics:body1` `{base}` and no
     `physics:body0`.
     """
-    robot = subject.lab.scene["robot"]["path"]
-    section = subject.lab.handout.behind("S21", subject.lab.scene["robot"]["handout"])
-    if not subject.lab.scene["robot"]["wheels"]["joints"]:  # an arm may be bolted down
+    robot = subject.lab.scene.robot.path
+    section = subject.lab.handout.behind("S21", subject.lab.scene.robot.handout)
+    if not subject.lab.scene.robot.wheels.joints:  # an arm may be bolted down
         return
     for joint, side in _holds(subject):
         ends = bodies(joint)
@@ -159,7 +158,7 @@ def _is_on_robot(body: str, subject: StageSubject) -> bool:
 
     A root that is no body stands for the world, as whatever has no body above it does.
     """
-    path = subject.lab.scene["robot"]["path"]
+    path = subject.lab.scene.robot.path
     root = subject.stage.prim(path)
     moves = root is not None and BODY_API in root.apis
     return is_at_or_below(body, path) and (body != path or moves)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.axles import AXIS, axle
-from lab3_usd.check.scene.pose_errors import vector, vector_text
+from lab3_usd.check.scene.pose_errors import vector_text
 from lab3_usd.check.scene.wheel_joints import (
     WheelJoint,
     base_side,
@@ -34,7 +34,7 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     Example: `physics:axis` X on `{joint}` and Z on `{other_joint}`.
     """
     scene = subject.lab.scene
-    wanted, limit = vector(scene["robot"]["wheels"]["axle"]), scene["tolerance"]["axle_angle"]
+    wanted, limit = scene.robot.wheels.axle, scene.tolerance.axle_angle
     axles = {joint: found for joint in tied_joints(subject) if (found := axle(joint, subject))}
     wrong = {
         joint: found for joint, found in axles.items() if not angle_between(found, wanted) <= limit
@@ -44,7 +44,7 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
         angle_between(found, back) <= limit for found in wrong.values()
     )
     severity: Severity | None = "warning" if is_all_back else None
-    section = subject.lab.handout.behind("S09", scene["robot"]["wheels"]["handout"])
+    section = subject.lab.handout.behind("S09", scene.robot.wheels.handout)
     for joint, found in wrong.items():
         if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
             continue
@@ -89,7 +89,7 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `drive:angular:physics:damping` 0 on `{joint}`.
     """
-    handout = subject.lab.scene["robot"]["wheels"]["handout"]
+    handout = subject.lab.scene.robot.wheels.handout
     for joint in turning_joints(subject):
         prim = joint.prim
         if prim is None:

@@ -40,7 +40,8 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `{joint_path}` deactivated.
     """
-    handout = subject.lab.scene["robot"]["wheels"]["handout"]
+    robot = subject.lab.scene.robot
+    handout = robot.wheels.handout or robot.handout
     if has_no_joints(subject):
         if not _is_below_missing_link(subject):
             yield _no_joints(subject, handout)
@@ -65,21 +66,20 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
 
 def _is_below_missing_link(subject: StageSubject) -> bool:
     """Whether the joints are gone with a link that holds them, which S01 misses."""
-    robot = subject.lab.scene["robot"]
-    links = (f"{robot['path']}/{name}" for name in robot["links"])
-    home = f"{robot['path']}/{robot['wheels']['joints_below']}"
-    return any(is_at_or_below(home, link) and not subject.stage.prim(link) for link in links)
+    robot = subject.lab.scene.robot
+    home = f"{robot.path}/{robot.wheels.joints_below}"
+    missing = (link for link in robot.link_paths if not subject.stage.prim(link))
+    return any(is_at_or_below(home, link) for link in missing)
 
 
 def _no_joints(subject: StageSubject, handout: str) -> Problem:
     """Say once that the robot has lost all of its joints, and which links fall apart."""
-    robot = subject.lab.scene["robot"]
-    site = f"{robot['path']}/{robot['wheels']['joints_below']}".rstrip("/")
+    robot = subject.lab.scene.robot
+    site = f"{robot.path}/{robot.wheels.joints_below}".rstrip("/")
     message = f"the robot has no joints: {site} {absence_reason(subject.stage, site)}"
     if subject.stage.prim(site) is not None:
         message = "the robot has no joints"
-    links = tuple(f"{robot['path']}/{name}" for name in robot["links"])
-    return Problem(site, message, None, "joints", None, handout, links)
+    return Problem(site, message, None, "joints", None, handout, robot.link_paths)
 
 
 def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
@@ -110,7 +110,7 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
     Example: `physics:body1` of `{joint}` names `{other_wheel}`.
     """
     lab = subject.lab
-    section = lab.handout.behind("S08", lab.scene["robot"]["wheels"]["handout"])
+    section = lab.handout.behind("S08", lab.scene.robot.wheels.handout)
     for joint in turning_joints(subject):
         for name, actual in wrong_ends(joint, subject):
             if not actual and is_unresolved(subject.stage, joint.site):
@@ -136,7 +136,7 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     wheels = wheel_joints(subject)
     own = [wheel.prim for wheel in wheels]
     lab = subject.lab
-    section = lab.handout.behind("S23", lab.scene["robot"]["wheels"]["handout"])
+    section = lab.handout.behind("S23", lab.scene.robot.wheels.handout)
     for joint in joints(subject.stage):
         tied = [] if joint in own else [each for each in wheels if _ties(joint, each)]
         for wheel in [each for each in tied if _may_turn(each, subject)][:1]:
@@ -178,24 +178,24 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     Example: `physics:localPos0` (0, 0.1, 0.023) on `{joint}`.
     """
     scene = subject.lab.scene
-    wheels, limit = scene["robot"]["wheels"], scene["tolerance"]["link_position"]
+    wheels, limit = scene.robot.wheels, scene.tolerance.link_position
     places = {
         joint: found
         for joint in tied_joints(subject)
         if is_stated(joint, subject, f"physics:localPos{base_side(joint)}")
         and (found := anchor(joint, subject))
     }
-    if len(places) != len(wheels["joints"]) or len(places) != _PAIR:
+    if len(places) != len(wheels.joints) or len(places) != _PAIR:
         return
     (first, one), (second, other) = places.items()
     apart = distance(one, other)
     units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
-    if min(abs(apart - wheels["distance"]), abs(apart / units - wheels["distance"])) <= limit:
+    if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
         return
-    half = wheels["distance"] / 2
+    half = wheels.distance / 2
     is_first = abs(abs(one[1]) - half) >= abs(abs(other[1]) - half)
     joint = first if is_first else second
-    expected, actual = f"{wheels['distance']:g} m", f"{apart:g} m"
+    expected, actual = f"{wheels.distance:g} m", f"{apart:g} m"
     message = f"the wheel joints are {actual} apart, expected {expected}"
     name = f"physics:localPos{base_side(joint)}"
-    yield Problem(joint.site, message, name, expected, actual, wheels["handout"], joint.related)
+    yield Problem(joint.site, message, name, expected, actual, wheels.handout, joint.related)

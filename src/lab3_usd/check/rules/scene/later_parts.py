@@ -36,18 +36,18 @@ def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
     """
     if subject.checkpoint.graphs:
         return
-    spec = subject.lab.scene["forbidden"]["starter"]
+    spec = subject.lab.scene.forbidden.starter
     form = subject.lab.catalog.graph
     told = [graph.path for graph in subject.lab.graphs.values()]
     told = [path for path in told if (prim := subject.stage.prim(path)) and prim.type == form.type]
     for path, kind in sorted(_prims_and_nodes(subject)):
-        is_sensor = any(kind == sensor["type"] for sensor in subject.lab.sensors.values())
-        is_wrong = is_named(path.rpartition("/")[2], spec["names"]) or kind == form.type
-        is_wrong = is_wrong or (path in spec["paths"] and not is_sensor)
+        is_sensor = any(kind == sensor.type for sensor in subject.lab.sensors.values())
+        is_wrong = is_named(path.rpartition("/")[2], spec.names) or kind == form.type
+        is_wrong = is_wrong or (path in spec.paths and not is_sensor)
         if is_wrong and not any(is_at_or_below(path, top) for top in told):
             told.append(path)
             message = f"{path} is not part of the supplied scene; was this saved late?"
-            yield Problem(path, message, actual=kind, handout=spec["handout"])
+            yield Problem(path, message, actual=kind, handout=spec.handout)
 
 
 def _prims_and_nodes(subject: StageSubject) -> Iterator[tuple[str, str]]:
@@ -71,7 +71,7 @@ def early_lidar(subject: StageSubject) -> Iterator[Problem]:
     Example: `{lidar}` in a checkpoint before the one that adds it.
     """
     later = later_sensors(subject, LIDAR)
-    paths = [subject.lab.sensors[name]["path"] for name in later]
+    paths = [subject.lab.sensors[name].path for name in later]
     is_first = not sensors_of(subject, LIDAR)
     for prim in lidars(subject) if later else ():
         # Beside a lidar that is asked for, any other place is that of a second lidar.
@@ -83,7 +83,7 @@ def _early(subject: StageSubject, prim: Prim) -> Problem:
     """Return that a sensor is there too early: an error in the starter."""
     severity: Severity | None = None if subject.checkpoint.graphs else "error"
     message = f"{prim.path} belongs to a later checkpoint; was this saved late?"
-    handout = subject.lab.scene["forbidden"]["starter"]["handout"]
+    handout = subject.lab.scene.forbidden.starter.handout
     return Problem(prim.path, message, actual=prim.type, handout=handout, severity=severity)
 
 
@@ -129,5 +129,5 @@ def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
     }
     for prim in found.values():
         # One of the world may have any name.
-        if prim.path not in others and is_at_or_below(prim.path, lab.scene["robot"]["path"]):
+        if prim.path not in others and is_at_or_below(prim.path, lab.scene.robot.path):
             yield _early(subject, prim)

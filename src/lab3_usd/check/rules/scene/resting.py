@@ -15,7 +15,6 @@ from lab3_usd.check.scene.pose_errors import (
     pose_errors,
     pose_property,
     root_tolerance,
-    vector,
     vector_text,
 )
 from lab3_usd.model.absent_prims import is_pose_unresolved
@@ -48,67 +47,67 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the ground plane moved to Z = -0.1.
     """
-    if "ground" not in subject.lab.scene["world"] or not _root_stands_right(subject):
+    if subject.lab.scene.world.ground is None or not _root_stands_right(subject):
         return
     found = highest_ground(subject)
     if found is None:
         return
     height, ground = found
     lows = {body: low - height for body, low in _lows(subject).items()}
-    spec = subject.lab.scene["robot"]
-    wheels = [f"{spec['path']}/{name}" for name in spec["wheels"]["joints"].values()]
+    spec = subject.lab.scene.robot
+    wheels = [f"{spec.path}/{name}" for name in spec.wheels.joints.values()]
     limit = _limit(subject)
     off = {body: low for body, low in lows.items() if low < -limit}
     off |= {body: lows[body] for body in wheels if body in lows and lows[body] > limit}
     standing = [body for body in wheels if body in lows]
     if standing and all(body in off for body in standing):
         # All wheels at once: it is the robot or the ground that is wrong, and one thing to say.
-        off = {spec["path"]: off[standing[0]]}
-    later = subject.lab.is_after(subject.checkpoint.id, spec["pose_is_error_until"])
+        off = {spec.path: off[standing[0]]}
+    later = subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until)
     severity: Severity | None = "warning" if later else None
-    section = subject.lab.handout.behind("S19", spec["handout"])
+    section = subject.lab.handout.behind("S19", spec.handout)
     for body, low in off.items():
         where = "above" if low > 0 else "below"
         part = body.rpartition("/")[2]
         message = f"{part} is {abs(low):.3g} m {where} the ground"
-        related = (ground if body == spec["path"] else spec["path"],)
+        related = (ground if body == spec.path else spec.path,)
         expected, actual = "on the ground", f"{low:.3g} m"
         yield Problem(body, message, None, expected, actual, section, related, severity)
 
 
 def _root_stands_right(subject: StageSubject) -> bool:
-    spec = subject.lab.scene["robot"]
-    root = subject.stage.prim(spec["path"])
+    spec = subject.lab.scene.robot
+    root = subject.stage.prim(spec.path)
     if root is None or root.local is None:
         return False
     tolerance = root_tolerance(subject.lab.scene, subject.stage)
-    return not any(pose_errors(root, root.local or IDENTITY, spec["pose"], tolerance))
+    return not any(pose_errors(root, root.local or IDENTITY, spec.pose, tolerance))
 
 
 def _limit(subject: StageSubject) -> float:
     """Allow the wheels as much as the robot's own height is allowed."""
-    spec = subject.lab.scene["robot"]
-    root = subject.stage.prim(spec["path"])
+    spec = subject.lab.scene.robot
+    root = subject.stage.prim(spec.path)
     height = root.world[14] if root is not None and root.world else 0.0
-    given = abs(height * subject.stage.meters_per_unit - spec["pose"]["translate"][2])
-    allowed: float = min(given, subject.lab.scene["tolerance"]["root_position"])
-    return float(subject.lab.scene["tolerance"]["rest"]) + allowed
+    given = abs(height * subject.stage.meters_per_unit - spec.pose.translate[2])
+    tolerance = subject.lab.scene.tolerance
+    return tolerance.rest + min(given, tolerance.root_position)
 
 
 def _lows(subject: StageSubject) -> dict[str, float]:
     """Return how low each link reaches, in metres: its collision shapes, else its own origin."""
-    spec, stage = subject.lab.scene["robot"], subject.stage
-    size = subject.lab.scene["tolerance"]["scale"]
+    spec, stage = subject.lab.scene.robot, subject.stage
+    size = subject.lab.scene.tolerance.scale
     lows: dict[str, float] = {}
-    for name, link in spec["links"].items():
-        path = f"{spec['path']}/{name}"
+    for name, link in spec.links.items():
+        path = f"{spec.path}/{name}"
         shapes = [box.low[2] for box in stage.colliders.below(path) if _is_on(box, stage)]
         prim = stage.prim(path)
         if prim is not None and (is_pose_unresolved(stage, prim) or is_scaled(prim, size)):
             continue  # what is scaled S24 tells
         if shapes:
             lows[path] = min(shapes)
-        elif "offset" in link and prim is not None and prim.world:
+        elif link.offset is not None and prim is not None and prim.world:
             lows[path] = prim.world[14] * stage.meters_per_unit
     return lows
 
@@ -130,13 +129,13 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `{robot}/{base}` at (-1.4, 1.2, 0) on its root, facing 90 degrees.
     """
-    robot, stage = subject.lab.scene["robot"], subject.stage
-    root = stage.prim(robot["path"])
-    base = stage.prim(f"{robot['path']}/{robot['base_frame']}")
+    robot, stage = subject.lab.scene.robot, subject.stage
+    root = stage.prim(robot.path)
+    base = stage.prim(robot.base)
     if (
         root is None
         or base is None
-        or robot["base_frame"] not in robot["links"]
+        or robot.base_frame not in robot.links
         or is_pose_unresolved(stage, root)
         or is_pose_unresolved(stage, base)
     ):
@@ -152,15 +151,15 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     at, root_at = (_start(pose, stage.meters_per_unit) for pose in (start, expected))
     message = f"the robot starts {at}; its root has it {root_at}"
     where = pose_property(base, "translate")
-    yield Problem(base.path, message, where, root_at, at, robot["pose"]["handout"])
+    yield Problem(base.path, message, where, root_at, at, robot.pose.handout)
 
 
 def _base_pose(subject: StageSubject, root: Matrix) -> Pose:
     """Return the pose of the robot's base where it is at its place on the root."""
-    robot, units = subject.lab.scene["robot"], subject.stage.meters_per_unit or 1.0
+    robot, units = subject.lab.scene.robot, subject.stage.meters_per_unit or 1.0
     pose = decompose(root)
-    offset = robot["links"][robot["base_frame"]].get("offset", (0.0, 0.0, 0.0))
-    return replace(pose, translation=transform_point(scaled(vector(offset), 1.0 / units), root))
+    offset = robot.links[robot.base_frame].offset or (0.0, 0.0, 0.0)
+    return replace(pose, translation=transform_point(scaled(offset, 1.0 / units), root))
 
 
 def _start(pose: Pose, metres: float) -> str:

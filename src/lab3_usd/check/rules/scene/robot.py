@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
@@ -30,16 +29,17 @@ from lab3_usd.model.physics import (
     number,
 )
 from lab3_usd.model.stage import Prim
+from lab3_usd.spec.scene import LinkSpec
 
 
-def _links(subject: StageSubject) -> Iterator[tuple[Prim, Mapping[str, Any]]]:
+def _links(subject: StageSubject) -> Iterator[tuple[Prim, LinkSpec]]:
     """Yield the links that are in the scene; those that are not are S01's.
 
     An over of a link whose asset is missing counts: what it says itself holds.
     """
-    robot, stage = subject.lab.scene["robot"], subject.stage
-    for name, spec in robot["links"].items():
-        prim = stage.prims.get(f"{robot['path']}/{name}")
+    robot, stage = subject.lab.scene.robot, subject.stage
+    for name, spec in robot.links.items():
+        prim = stage.prims.get(f"{robot.path}/{name}")
         if prim is not None and prim.active and (prim.defined or is_unresolved(stage, prim.path)):
             yield prim, spec
 
@@ -56,9 +56,9 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `physics:mass` 1.0 on `{robot}/{link}`.
     """
-    tolerance = subject.lab.scene["tolerance"]["mass"]
+    tolerance = subject.lab.scene.tolerance.mass
     for prim, spec in _links(subject):
-        expected = spec.get("mass")
+        expected = spec.mass
         if expected is None:
             continue
         actual = number(prim.attributes.get(MASS))
@@ -72,7 +72,7 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
         message, asked = f"mass is {is_}, expected {expected:g} kg", f"{expected:g} kg"
         if actual is not None and not has_api:
             message, asked = f"mass counts for nothing: {MASS_API} was removed", MASS_API
-        yield Problem(prim.path, message, MASS, asked, is_, spec["handout"])
+        yield Problem(prim.path, message, MASS, asked, is_, spec.handout)
 
 
 @rule("S05", "rigid-body", scope="stage")
@@ -87,7 +87,7 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `PhysicsRigidBodyAPI` removed from `{robot}/{wheel}`.
     """
-    handout = subject.lab.scene["robot"]["handout"]
+    handout = subject.lab.scene.robot.handout
     for prim, _ in _links(subject):
         if BODY_API not in prim.apis:
             if not is_unresolved(subject.stage, prim.path):
@@ -114,7 +114,7 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
     """
     stage = subject.stage
     for prim, spec in _links(subject):
-        if not spec.get("collision"):
+        if not spec.collision:
             continue
         shapes = stage.with_api(COLLISION_API)
         parts = [part for part in shapes if is_at_or_below(part.path, prim.path)]
@@ -134,7 +134,7 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
             COLLISION_ENABLED,
             "True" if off else COLLISION_API,
             "False" if off else None,
-            spec["handout"],
+            spec.handout,
             related=(prim.path,) if site != prim.path else (),
         )
 
@@ -151,8 +151,8 @@ def link_scale(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `xformOp:scale` (1, 1, 1.5) on `{robot}/{wheel}`.
     """
-    tolerance = subject.lab.scene["tolerance"]["scale"]
-    handout = subject.lab.scene["robot"]["handout"]
+    tolerance = subject.lab.scene.tolerance.scale
+    handout = subject.lab.scene.robot.handout
     for prim, _ in _links(subject):
         if is_scaled(prim, tolerance):
             is_, should = vector_text(scale_of(prim)), vector_text(UNSCALED)

@@ -12,7 +12,6 @@ from lab3_usd.check.scene.pose_errors import (
     pose_property,
     root_tolerance,
     units_of,
-    vector,
     vector_text,
 )
 from lab3_usd.check.scene.robot_location import same_named_prims
@@ -35,12 +34,12 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     Example: `{robot}/{link}` deactivated in the Stage panel.
     """
     scene, stage = subject.lab.scene, subject.stage
-    root = scene["robot"]
+    root = scene.robot
     yield from _robot_elsewhere(subject)
-    wanted = {scene["world"]["graph_parent"]["path"]: scene["world"]["graph_parent"]["handout"]}
-    wanted[root["path"]] = root["handout"]
-    if stage.prim(root["path"]) is not None:
-        wanted |= {f"{root['path']}/{name}": root["handout"] for name in root["links"]}
+    wanted = {scene.world.graph_parent.path: scene.world.graph_parent.handout}
+    wanted[root.path] = root.handout
+    if stage.prim(root.path) is not None:
+        wanted |= dict.fromkeys(root.link_paths, root.handout)
     told: list[str] = []
     for path, handout in wanted.items():
         is_told = any(is_at_or_below(path, above) for above in told)
@@ -58,13 +57,13 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
 
 def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     """Yield that the robot has another name or parent; everything else is judged where it is."""
-    spec = subject.lab.scene["robot"]
+    spec = subject.lab.scene.robot
     for expected, home in subject.relocations.items():
-        if home == spec["path"]:
+        if home == spec.path:
             gone = missing_graphs_text(subject.missing_graphs, home)
             message = f"the robot is at {home}, expected at {expected}{gone}"
             hint = f"rename or drag the robot in the Stage panel, back to {expected}"
-            handout = spec["handout"]
+            handout = spec.handout
             yield Problem(home, message, None, expected, home, handout, (expected,), hint=hint)
 
 
@@ -72,7 +71,7 @@ def _places(subject: StageSubject, path: str) -> tuple[str, ...]:
     """Return where a missing link could be meant to be."""
     if path in subject.relocations:
         return (subject.relocations[path],)
-    root, name = subject.lab.scene["robot"]["path"], path.rpartition("/")[2]
+    root, name = subject.lab.scene.robot.path, path.rpartition("/")[2]
     return same_named_prims(subject.stage, root, name)
 
 
@@ -90,22 +89,22 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     Example: `metersPerUnit = 0.01`, which is USD's default. If the given starter has the same
     units, the finding is a warning.
     """
-    wanted, stage = subject.lab.scene["stage"], subject.stage
+    wanted, stage = subject.lab.scene.stage, subject.stage
     pairs = {
-        "upAxis": (stage.up_axis, wanted["up_axis"]),
-        "metersPerUnit": (stage.meters_per_unit, wanted["meters_per_unit"]),
-        "kilogramsPerUnit": (stage.kilograms_per_unit, wanted["kilograms_per_unit"]),
+        "metersPerUnit": (stage.meters_per_unit, wanted.meters_per_unit),
+        "kilogramsPerUnit": (stage.kilograms_per_unit, wanted.kilograms_per_unit),
     }
-    tolerance = subject.lab.scene["tolerance"]["number"]
-    for name, (actual, expected) in pairs.items():
-        if isinstance(actual, float) and abs(actual - expected) <= tolerance * expected:
-            continue
-        if actual != expected:
-            is_, should = (
-                each if isinstance(each, str) else f"{each:g}" for each in (actual, expected)
-            )
-            message = f"{name} is {is_}, expected {should}"
-            yield Problem("/", message, name, should, is_, wanted["handout"])
+    tolerance = subject.lab.scene.tolerance.number
+    is_turned = stage.up_axis != wanted.up_axis
+    wrong = [("upAxis", stage.up_axis, wanted.up_axis)] if is_turned else []
+    wrong += [
+        (name, f"{actual:g}", f"{expected:g}")
+        for name, (actual, expected) in pairs.items()
+        if not abs(actual - expected) <= tolerance * expected
+    ]
+    for name, is_, should in wrong:
+        message = f"{name} is {is_}, expected {should}"
+        yield Problem("/", message, name, should, is_, wanted.handout)
 
 
 @rule("S03", "robot-pose", scope="stage")
@@ -120,22 +119,22 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `xformOp:translate` (0, 0, 0).
     """
-    spec, stage = subject.lab.scene["robot"], subject.stage
-    root = stage.prim(spec["path"])
+    spec, stage = subject.lab.scene.robot, subject.stage
+    root = stage.prim(spec.path)
     if root is None or (root.local is None and is_unresolved(stage, root.path)):
         return
     severity: Severity | None = None
-    if subject.lab.is_after(subject.checkpoint.id, spec["pose_is_error_until"]):
+    if subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until):
         severity = "warning"
     tolerance = root_tolerance(subject.lab.scene, stage)
-    for wrong in pose_errors(root, root.local or IDENTITY, spec["pose"], tolerance):
+    for wrong in pose_errors(root, root.local or IDENTITY, spec.pose, tolerance):
         yield Problem(
             root.path,
             f"robot root's {wrong.message}",
             wrong.property,
             wrong.expected,
             wrong.actual,
-            spec["pose"]["handout"],
+            spec.pose.handout,
             severity=severity,
             hint=f"select the robot root and {wrong.hint}",
         )
@@ -154,23 +153,23 @@ def scan_offset(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `{robot}/{link}` 3 cm beside its place.
     """
-    spec, stage = subject.lab.scene["robot"], subject.stage
-    root = stage.prim(spec["path"])
+    spec, stage = subject.lab.scene.robot, subject.stage
+    root = stage.prim(spec.path)
     if subject.checkpoint.id != subject.lab.first or root is None or root.world is None:
         return
-    tolerance = subject.lab.scene["tolerance"]["link_position"]
-    for name, link in spec["links"].items():
-        prim = stage.prim(f"{root.path}/{name}") if "offset" in link else None
-        seen = (
-            relative_transform(prim.world, root.world) if prim is not None and prim.world else None
-        )
-        if prim is None or seen is None or (prim.local is None and is_unresolved(stage, prim.path)):
+    tolerance = subject.lab.scene.tolerance.link_position
+    for name, link in spec.links.items():
+        prim, expected = stage.prim(f"{root.path}/{name}"), link.offset
+        if prim is None or prim.world is None or expected is None:
             continue
-        actual, expected = decompose(seen).translation, vector(link["offset"])
+        seen = relative_transform(prim.world, root.world)
+        if seen is None or (prim.local is None and is_unresolved(stage, prim.path)):
+            continue
+        actual = decompose(seen).translation
         units = units_of(subject.lab.scene, stage)
         if not is_near(actual, expected, tolerance, units):
             is_, should = vector_text(actual), vector_text(units.shown(expected))
             message = f"{name} sits at {is_} on the robot, expected {should}"
             where = pose_property(prim, "translate")
             hint = f"in the Property panel of {name}, set Translate to {should}"
-            yield Problem(prim.path, message, where, should, is_, link["handout"], hint=hint)
+            yield Problem(prim.path, message, where, should, is_, link.handout, hint=hint)

@@ -66,8 +66,8 @@ def _severity(moving: AnimatedAttribute, subject: StageSubject) -> Severity | No
 
 def _severity_of_place(path: str, subject: StageSubject) -> Severity | None:
     stage, scene = subject.stage, subject.lab.scene
-    robot = scene["robot"]["path"]
-    sensors = [scene["sensors"][name]["path"] for name in subject.checkpoint.sensors]
+    robot = scene.robot.path
+    sensors = [scene.sensors[name].path for name in subject.checkpoint.sensors]
     parts = [robot, *sensors, *bodies_below(stage, robot)]
     if any(is_at_or_below(part, path) for part in parts):
         return "error"
@@ -81,7 +81,7 @@ def _rates(path: str, subject: StageSubject) -> list[str]:
     return [
         name
         for sensor in found
-        if sensor["path"] == path
-        for name, asked in sensor["attributes"].items()
-        if asked.get("required") and name.startswith(_SENSOR)
+        if sensor.path == path
+        for name in sensor.required
+        if name.startswith(_SENSOR)
     ]

@@ -19,6 +19,7 @@ from lab3_usd.model.physics import (
     SCENE,
 )
 from lab3_usd.model.stage import Prim
+from lab3_usd.spec.scene import WorldPart
 
 
 @rule("S13", "ground", scope="stage")
@@ -32,29 +33,28 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the collision plane below `/Environment` deactivated.
     """
-    if not _is_asked(subject, "ground") or has_ground(subject) or _is_elsewhere(subject):
+    asked = _asked(subject, subject.lab.scene.world.ground)
+    if asked is None or has_ground(subject) or _is_elsewhere(subject):
         return
     falling = falling_ground(subject)
     if falling is not None:
-        yield _falls(subject, *falling)
+        yield _falls(asked, *falling)
         return
     off = _silent_ground(subject)
     if off is not None:
         has_api = COLLISION_API in off.apis
         what = "is switched off" if has_api else "was removed"
         message = f"the ground does not carry the robot: the collision of {off.name} {what}"
-        related = (_usual(subject, "ground"),)
-        handout = subject.lab.scene["world"]["ground"]["handout"]
-        expected = "True" if has_api else COLLISION_API
+        expected, related = "True" if has_api else COLLISION_API, (asked.usual,)
         yield Problem(
-            off.path, message, COLLISION_ENABLED, expected, None, handout, related=related
+            off.path, message, COLLISION_ENABLED, expected, None, asked.handout, related=related
         )
         return
     planes = subject.stage.of_type(PLANE)
-    yield _missing(subject, "ground", "a ground with collision", planes)
+    yield _missing(subject, asked, "a ground with collision", planes)
 
 
-def _falls(subject: StageSubject, ground: Prim, body: Prim) -> Problem:
+def _falls(asked: WorldPart, ground: Prim, body: Prim) -> Problem:
     falls = f"falls with {body.name}, which is" if body != ground else "falls as"
     return Problem(
         body.path,
@@ -62,15 +62,15 @@ def _falls(subject: StageSubject, ground: Prim, body: Prim) -> Problem:
         BODY_ENABLED,
         "no rigid body",
         BODY_API,
-        subject.lab.scene["world"]["ground"]["handout"],
-        related=tuple({_usual(subject, "ground"), ground.path} - {body.path}),
+        asked.handout,
+        related=tuple({asked.usual, ground.path} - {body.path}),
         hint=f"remove Rigid Body from {body.name} in the Property panel",
     )
 
 
 def _silent_ground(subject: StageSubject) -> Prim | None:
     """Return what would be ground if it collided."""
-    robot = subject.lab.scene["robot"]["path"]
+    robot = subject.lab.scene.robot.path
     for prim in subject.stage.of_type(PLANE):
         if prim.present and not is_at_or_below(prim.path, robot):
             return prim
@@ -88,10 +88,11 @@ def light(subject: StageSubject) -> Iterator[Problem]:
     Example: the only DistantLight deactivated.
     """
     found = list(lights(subject.stage))
-    if not _is_asked(subject, "light") or any(prim.present for prim in found):
+    asked = _asked(subject, subject.lab.scene.world.light)
+    if asked is None or any(prim.present for prim in found):
         return
-    if not _is_elsewhere(subject) and not _is_told_by_ground(subject):
-        yield _missing(subject, "light", "a light", found)
+    if not _is_elsewhere(subject) and not _is_told_by_ground(subject, asked):
+        yield _missing(subject, asked, "a light", found)
 
 
 @rule("S15", "physics-scene", scope="stage")
@@ -105,10 +106,11 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
     Example: `/physicsScene` deleted.
     """
     found = list(subject.stage.of_type(SCENE))
-    if not _is_asked(subject, "physics_scene") or any(prim.present for prim in found):
+    asked = _asked(subject, subject.lab.scene.world.physics_scene)
+    if asked is None or any(prim.present for prim in found):
         return
     if not _is_elsewhere(subject):
-        yield _missing(subject, "physics_scene", "a physics scene", found)
+        yield _missing(subject, asked, "a physics scene", found)
 
 
 @rule("S16", "observation-camera", scope="stage", severity="warning")
@@ -122,51 +124,41 @@ def observation_camera(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the world's camera dragged onto `{base}` and renamed.
     """
-    robot = subject.lab.scene["robot"]["path"]
-    # A world that is missing is S01's.
-    world = subject.lab.scene["world"]["graph_parent"]["path"]
-    asked = subject.lab.scene["world"].get("observation_camera")
-    if asked is None or subject.stage.prim(world) is None or _is_elsewhere(subject):
+    robot, world = subject.lab.scene.robot.path, subject.lab.scene.world
+    asked = world.observation_camera
+    is_gone = subject.stage.prim(world.graph_parent.path) is None  # which is S01's
+    if asked is None or is_gone or _is_elsewhere(subject):
         return
-    kind: str = asked["type"]
-    cameras = [prim for prim in subject.stage.of_type(kind) if not is_at_or_below(prim.path, robot)]
+    typed = subject.stage.of_type(asked.type)
+    cameras = [prim for prim in typed if not is_at_or_below(prim.path, robot)]
     if not any(prim.present for prim in cameras):
-        yield _missing(subject, "observation_camera", "an observation camera", cameras)
+        yield _missing(subject, asked, "an observation camera", cameras)
 
 
 def _is_elsewhere(subject: StageSubject) -> bool:
     """Whether an asset of the environment is missing, which could hold it."""
-    return has_unresolved_outside(subject.stage, subject.lab.scene["robot"]["path"])
+    return has_unresolved_outside(subject.stage, subject.lab.scene.robot.path)
 
 
-def _is_asked(subject: StageSubject, part: str) -> bool:
-    """Whether the lab has this part of the world, and not below a prim that S01 misses."""
-    world = subject.lab.scene["world"]
-    above = world["graph_parent"]["path"]
-    is_asked = part in world
+def _asked(subject: StageSubject, part: WorldPart | None) -> WorldPart | None:
+    """Return a part of the world that the lab has, None for one below a prim that S01 misses."""
+    above = subject.lab.scene.world.graph_parent.path
     is_gone = subject.stage.prim(above) is None
-    return is_asked and not (is_gone and is_at_or_below(_usual(subject, part), above))
+    return None if part is None or (is_gone and is_at_or_below(part.usual, above)) else part
 
 
-def _usual(subject: StageSubject, part: str) -> str:
-    return str(subject.lab.scene["world"][part]["usual"])
-
-
-def _is_told_by_ground(subject: StageSubject) -> bool:
+def _is_told_by_ground(subject: StageSubject, light: WorldPart) -> bool:
     """Whether ground and light are gone because one prim that holds both is switched off."""
-    if not _is_asked(subject, "ground"):
+    ground = _asked(subject, subject.lab.scene.world.ground)
+    if ground is None or ground.usual != light.usual:
         return False
-    usual = subject.stage.prims.get(_usual(subject, "ground"))
-    is_off = usual is not None and not usual.present
-    return (
-        is_off and _usual(subject, "light") == _usual(subject, "ground") and not has_ground(subject)
-    )
+    usual = subject.stage.prims.get(ground.usual)
+    return usual is not None and not usual.present and not has_ground(subject)
 
 
-def _missing(subject: StageSubject, part: str, title: str, parts: Iterable[Prim]) -> Problem:
+def _missing(subject: StageSubject, asked: WorldPart, title: str, parts: Iterable[Prim]) -> Problem:
     """Say that a part is missing: at the prim that is switched off, else where it usually is."""
-    usual = _usual(subject, part)
-    handout = subject.lab.scene["world"][part]["handout"]
+    usual = asked.usual
     off = [prim.path for prim in parts if not prim.present]
     top = subject.stage.prims.get(usual)
     if top is not None and not top.present:
@@ -174,6 +166,5 @@ def _missing(subject: StageSubject, part: str, title: str, parts: Iterable[Prim]
     site = min(off, default=usual)
     why = f": {site} {absence_reason(subject.stage, site)}" if off else ""
     related = (usual,) if site != usual else ()
-    return Problem(
-        site, f"the scene has no {title.split(' ', 1)[1]}{why}", None, title, None, handout, related
-    )
+    message = f"the scene has no {title.split(' ', 1)[1]}{why}"
+    return Problem(site, message, None, title, None, asked.handout, related)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from lab3_usd.check.match.conformance import same_value
 from lab3_usd.check.match.subject import StageSubject
@@ -20,11 +20,11 @@ from lab3_usd.check.rules.sensors.placement import (
 )
 from lab3_usd.check.scene.camera_view import View, camera_misfits
 from lab3_usd.check.scene.pose_errors import PoseError
-from lab3_usd.check.scene.sensor_location import CAMERA, SensorLocation
+from lab3_usd.check.scene.sensor_location import CAMERA
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display
-from lab3_usd.model.stage import Prim
+from lab3_usd.spec.scene import Plain, SensorSpec
 
 
 @rule("C01", "missing-camera", scope="stage")
@@ -71,7 +71,7 @@ def camera_type(subject: StageSubject) -> Iterator[Problem]:
 def _wrong(subject: StageSubject) -> Iterator[tuple[PresentSensor, PoseError | View]]:
     for found in present_sensors(subject, CAMERA):
         if not resets_xform_stack(found.prim):
-            for error in camera_misfits(subject, found.name, found.place):
+            for error in camera_misfits(subject, found.spec, found.place):
                 yield found, error
 
 
@@ -91,7 +91,7 @@ def camera_position(subject: StageSubject) -> Iterator[Problem]:
     yield from left_behind_sensors(subject, CAMERA)
     for found, wrong in _wrong(subject):
         if isinstance(wrong, PoseError) and wrong.kind != "rotate":
-            yield pose_problem(subject, found, wrong)
+            yield pose_problem(found, wrong)
 
 
 @rule("C05", "camera-view", scope="stage")
@@ -108,7 +108,7 @@ def camera_view(subject: StageSubject) -> Iterator[Problem]:
     """
     for found, wrong in _wrong(subject):
         if isinstance(wrong, PoseError) and wrong.kind == "rotate":
-            yield pose_problem(subject, found, wrong)
+            yield pose_problem(found, wrong)
         if isinstance(wrong, View):
             yield Problem(
                 found.prim.path,
@@ -116,7 +116,7 @@ def camera_view(subject: StageSubject) -> Iterator[Problem]:
                 wrong.property,
                 wrong.expected,
                 wrong.actual,
-                subject.lab.sensors[found.name]["pose"]["handout"],
+                found.spec.pose.handout,
                 found.place.related,
                 hint=wrong.hint,
             )
@@ -150,22 +150,20 @@ def camera_rate(subject: StageSubject) -> Iterator[Problem]:
     """
     yield from _attributes(subject, lambda required: required is not True)
     for found in present_sensors(subject, CAMERA):
-        yield from _left_alone(subject, *found)
+        yield from _left_alone(subject, found)
 
 
-def _left_alone(
-    subject: StageSubject, sensor: str, place: SensorLocation, prim: Prim
-) -> Iterator[Problem]:
+def _left_alone(subject: StageSubject, found: PresentSensor) -> Iterator[Problem]:
     """Yield rates that the camera has by a schema, and that nobody has set."""
-    spec = subject.lab.sensors[sensor]
-    if spec["rate_api"] not in prim.apis:
+    spec, prim = found.spec, found.prim
+    if spec.rate_api not in prim.apis:
         return
-    for name, entry in spec["attributes"].items():
-        is_rate = entry.get("required") not in (None, True) and name not in prim.attributes
+    for name, entry in spec.required.items():
+        is_rate = entry.required is not True and name not in prim.attributes
         if is_rate and not is_unresolved(subject.stage, prim.path):
-            expected = display(entry["value"])
+            expected = display(entry.value)
             message = (
-                f"{name} is not set, expected {expected}; {spec['rate_api']} takes 0 then, which "
+                f"{name} is not set, expected {expected}; {spec.rate_api} takes 0 then, which "
                 "is an image for every rendered frame"
             )
             yield Problem(
@@ -174,20 +172,16 @@ def _left_alone(
                 name,
                 expected,
                 display(None),
-                entry["handout"],
-                place.related,
+                entry.handout,
+                found.place.related,
                 severity="warning",
             )
 
 
 def _attributes(subject: StageSubject, is_asked: Callable[[bool | str], bool]) -> Iterator[Problem]:
     for found in present_sensors(subject, CAMERA):
-        attributes = subject.lab.sensors[found.name]["attributes"]
-        asked = {
-            name: entry
-            for name, entry in attributes.items()
-            if entry.get("required") and is_asked(entry["required"])
-        }
+        required = found.spec.required.items()
+        asked = {name: entry for name, entry in required if is_asked(entry.required)}
         yield from wrong_attributes(subject, found, asked)
 
 
@@ -201,7 +195,7 @@ def camera_aperture(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `horizontalAperture` 36.
     """
-    yield from _away_from_default(subject, "keep_default")
+    yield from _away_from_default(subject, lambda spec: spec.keep_default)
 
 
 @rule("C10", "camera-image", scope="stage", severity="warning")
@@ -215,18 +209,18 @@ def camera_image(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `projection` orthographic.
     """
-    yield from _away_from_default(subject, "plain_image")
+    yield from _away_from_default(subject, lambda spec: spec.plain_image)
 
 
-def _away_from_default(subject: StageSubject, section: str) -> Iterator[Problem]:
+def _away_from_default(
+    subject: StageSubject, usual: Callable[[SensorSpec], Mapping[str, Plain]]
+) -> Iterator[Problem]:
     """Yield what somebody set to another value than the one a camera has by itself."""
-    for sensor, place, prim in present_sensors(subject, CAMERA):
-        spec = subject.lab.sensors[sensor]
-        handout = spec.get("default_handout", spec["handout"])
-        for name, default in spec[section].items():
+    for _, spec, place, prim in present_sensors(subject, CAMERA):
+        handout = spec.default_handout or spec.handout
+        for name, default in usual(spec).items():
             actual = prim.attributes.get(name)
-            usual = tuple(default) if isinstance(default, list) else default
-            if actual is not None and not same_value(actual, usual):
-                is_, expected = display(actual), display(usual)
+            if actual is not None and not same_value(actual, default):
+                is_, expected = display(actual), display(default)
                 message = f"{name} is {is_}, the default is {expected}"
                 yield Problem(prim.path, message, name, expected, is_, handout, place.related)

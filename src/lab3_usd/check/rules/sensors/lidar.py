@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 from lab3_usd.check.match.conformance import same_value
 from lab3_usd.check.match.subject import StageSubject
@@ -16,11 +15,10 @@ from lab3_usd.check.rules.sensors.placement import (
     present_sensors,
     wrong_type_sensors,
 )
-from lab3_usd.check.scene.sensor_location import LIDAR, SensorLocation, second_lidars
+from lab3_usd.check.scene.sensor_location import LIDAR, second_lidars
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display
-from lab3_usd.model.stage import Prim
 
 
 @rule("L01", "missing-lidar", scope="stage")
@@ -94,29 +92,24 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:tickRate` 20.
     """
-    for name, place, prim in present_sensors(subject, LIDAR):
-        yield from _rates(subject, subject.lab.sensors[name], place, prim)
-
-
-def _rates(
-    subject: StageSubject, spec: Mapping[str, Any], place: SensorLocation, prim: Prim
-) -> Iterator[Problem]:
-    for name, entry in spec["attributes"].items():
-        actual = prim.attributes.get(name)
-        if not entry.get("required") or same_value(actual, entry["value"]):
-            continue
-        unset = entry.get("unset") if actual is None and spec["required_api"] in prim.apis else None
-        if unset != "right" and (actual is not None or not is_unresolved(subject.stage, prim.path)):
-            yield Problem(
-                prim.path,
-                f"{name} is {display(actual)}, expected {display(entry['value'])}",
-                name,
-                display(entry["value"]),
-                display(actual),
-                entry["handout"],
-                place.related,
-                severity="warning" if unset else None,
-            )
+    for _, spec, place, prim in present_sensors(subject, LIDAR):
+        may_be_hidden = is_unresolved(subject.stage, prim.path)
+        for name, entry in spec.required.items():
+            actual = prim.attributes.get(name)
+            unset = entry.unset if actual is None and spec.required_api in prim.apis else ""
+            is_hidden = actual is None and may_be_hidden
+            if not same_value(actual, entry.value) and unset != "right" and not is_hidden:
+                expected, is_ = display(entry.value), display(actual)
+                yield Problem(
+                    prim.path,
+                    f"{name} is {is_}, expected {expected}",
+                    name,
+                    expected,
+                    is_,
+                    entry.handout,
+                    place.related,
+                    severity="warning" if unset else None,
+                )
 
 
 @rule("L06", "lidar-schema", scope="stage")
@@ -131,12 +124,11 @@ def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
 
     Example: a prim typed by hand, `def OmniLidar "{lidar_name}"`, without a reference.
     """
-    for name, place, prim in present_sensors(subject, LIDAR):
-        spec = subject.lab.sensors[name]
-        wanted = str(spec["required_api"])
+    for _, spec, place, prim in present_sensors(subject, LIDAR):
+        wanted = spec.required_api
         if wanted and wanted not in prim.apis and not is_unresolved(subject.stage, prim.path):
             message = f"lidar lacks {wanted}"
-            yield Problem(prim.path, message, None, wanted, None, spec["handout"], place.related)
+            yield Problem(prim.path, message, None, wanted, None, spec.handout, place.related)
 
 
 @rule("L07", "second-lidar", scope="stage")
@@ -151,7 +143,7 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
     Example: `/World/Example_Rotary_2D` beside `{lidar}`.
     """
     found = [*present_sensors(subject, LIDAR)]
-    handout = subject.lab.scene["forbidden"][LIDAR]["handout"]
+    handout = subject.lab.scene.forbidden.lidar.handout
     right = ", ".join(each.prim.path for each in found)
     related = tuple(each.place.path for each in found)
     for prim in second_lidars(subject):

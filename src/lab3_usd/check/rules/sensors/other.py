@@ -90,9 +90,7 @@ def sensor_attribute(subject: StageSubject) -> Iterator[Problem]:
     Example: `sensorPeriod` 0.1 on an IMU that should measure at each physics step.
     """
     for found in present_sensors(subject, OTHER):
-        attributes = subject.lab.sensors[found.name]["attributes"]
-        asked = {name: entry for name, entry in attributes.items() if entry.get("required")}
-        yield from wrong_attributes(subject, found, asked)
+        yield from wrong_attributes(subject, found, found.spec.required)
 
 
 @rule("D06", "sensor-schema", scope="stage")
@@ -107,11 +105,8 @@ def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
 
     Example: a prim typed by hand instead of created by the menu.
     """
-    for sensor, place, prim in present_sensors(subject, OTHER):
-        spec = subject.lab.sensors[sensor]
-        for wanted in spec["required_apis"]:
+    for _, spec, place, prim in present_sensors(subject, OTHER):
+        for wanted in spec.required_apis:
             if wanted not in prim.apis and not is_unresolved(subject.stage, prim.path):
                 message = f"{prim.name} lacks {wanted}"
-                yield Problem(
-                    prim.path, message, None, wanted, None, spec["handout"], place.related
-                )
+                yield Problem(prim.path, message, None, wanted, None, spec.handout, place.related)

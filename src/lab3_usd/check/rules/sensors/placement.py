@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from lab3_usd.check.match.conformance import same_value
 from lab3_usd.check.match.subject import StageSubject
@@ -25,12 +25,14 @@ from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
 from lab3_usd.model.stage import Prim
+from lab3_usd.spec.scene import SensorAttribute, SensorSpec
 
 
 class PresentSensor(NamedTuple):
-    """A sensor that the checkpoint asks for, and that the stage holds: its name, place and prim."""
+    """A sensor that the checkpoint asks for, and that the stage holds, with its place and prim."""
 
     name: str
+    spec: SensorSpec
     place: SensorLocation
     prim: Prim
 
@@ -40,7 +42,7 @@ def present_sensors(subject: StageSubject, kind: str) -> Iterator[PresentSensor]
     for name in sensors_of(subject, kind):
         place = find_sensor(subject.lab, subject.stage, name)
         if place.prim is not None:
-            yield PresentSensor(name, place, place.prim)
+            yield PresentSensor(name, subject.lab.sensors[name], place, place.prim)
 
 
 def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
@@ -52,28 +54,22 @@ def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
             continue
         path, link = found.path, found.path.rpartition("/")[0]
         if stage.prim(link) is not None and not is_unresolved(stage, path):
-            why, handout = absence_reason(stage, path), subject.lab.sensors[sensor]["handout"]
+            why, handout = absence_reason(stage, path), subject.lab.sensors[sensor].handout
             message = f"{path} {why}{missing_graphs_text(subject.missing_graphs, path)}"
             yield Problem(path, message, None, path, why, handout)
 
 
 def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each sensor that has another name or parent."""
-    for found in present_sensors(subject, kind):
-        if found.place.is_misplaced:
-            yield _misplaced(subject, *found)
-
-
-def _misplaced(subject: StageSubject, sensor: str, location: SensorLocation, prim: Prim) -> Problem:
-    parent, _, name = location.path.rpartition("/")
-    what = []
-    if prim.name != name:
-        what.append(f"is named {prim.name}")
-    if prim.parent != parent:
-        what.append(f"hangs below {prim.parent or 'the root'}")
-    message = f"{name} {' and '.join(what)}, expected at {location.path}"
-    handout = subject.lab.sensors[sensor]["handout"]
-    return Problem(prim.path, message, None, location.path, prim.path, handout, location.related)
+    for _, spec, place, prim in present_sensors(subject, kind):
+        parent, _, name = place.path.rpartition("/")
+        what = [f"is named {prim.name}"] if prim.name != name else []
+        if prim.parent != parent:
+            what.append(f"hangs below {prim.parent or 'the root'}")
+        if what:
+            message = f"{name} {' and '.join(what)}, expected at {place.path}"
+            expected, is_, related = place.path, prim.path, place.related
+            yield Problem(prim.path, message, None, expected, is_, spec.handout, related)
 
 
 def wrong_type_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
@@ -83,8 +79,8 @@ def wrong_type_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
         spec = subject.lab.sensors[sensor]
         if found.prim is None and found.wrong_type_prim is not None:
             actual = found.wrong_type_prim.type or "a prim without a type"
-            message = f"{found.path} is {actual}, expected {spec['type']}"
-            yield Problem(found.path, message, None, spec["type"], actual, spec["handout"])
+            message = f"{found.path} is {actual}, expected {spec.type}"
+            yield Problem(found.path, message, None, spec.type, actual, spec.handout)
 
 
 def resets_xform_stack(prim: Prim) -> bool:
@@ -96,24 +92,20 @@ def resets_xform_stack(prim: Prim) -> bool:
 def left_behind_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each sensor that does not move with its link."""
     for found in present_sensors(subject, kind):
-        yield from _left_behind(subject, *found)
+        yield from _left_behind(subject, found)
 
 
-def _left_behind(
-    subject: StageSubject, sensor: str, location: SensorLocation, prim: Prim
-) -> Iterator[Problem]:
-    handout = subject.lab.sensors[sensor]["pose"]["handout"]
+def _left_behind(subject: StageSubject, found: PresentSensor) -> Iterator[Problem]:
+    prim, handout, related = found.prim, found.spec.pose.handout, found.place.related
     if resets_xform_stack(prim):
         message = f"{prim.name} has {RESET} in {ORDER}: "
         message += "it ignores its link and does not move with the robot"
         hint = f"take {RESET} out of {ORDER}, then set the place relative to the link"
-        yield Problem(prim.path, message, ORDER, None, RESET, handout, location.related, hint=hint)
+        yield Problem(prim.path, message, ORDER, None, RESET, handout, related, hint=hint)
     elif _is_own_body(prim, subject):
         message = f"{prim.name} is a rigid body of its own: it does not move with its link"
         hint = "select the sensor and remove Rigid Body in the Property panel under Physics"
-        yield Problem(
-            prim.path, message, BODY_ENABLED, None, BODY_API, handout, location.related, hint=hint
-        )
+        yield Problem(prim.path, message, BODY_ENABLED, None, BODY_API, handout, related, hint=hint)
 
 
 def _is_own_body(prim: Prim, subject: StageSubject) -> bool:
@@ -130,33 +122,31 @@ def misposed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     tolerance = sensor_tolerance(subject.lab.scene, subject.stage)
     for found in present_sensors(subject, kind):
         if not resets_xform_stack(found.prim):
-            pose = subject.lab.sensors[found.name]["pose"]
             transforms = candidate_transforms(subject.stage, found.place)
+            pose = found.spec.pose
             judged = [[*pose_errors(found.prim, each, pose, tolerance)] for each in transforms]
             for error in min(judged, key=len, default=[]):
-                yield pose_problem(subject, found, error)
+                yield pose_problem(found, error)
 
 
-def pose_problem(subject: StageSubject, found: PresentSensor, error: PoseError) -> Problem:
+def pose_problem(found: PresentSensor, error: PoseError) -> Problem:
     """Return one part of a sensor's pose that is wrong."""
-    sensor, location, prim = found
-    spec = subject.lab.sensors[sensor]
-    is_only = sensor == spec["kind"]  # `the lidar`, where the lab calls it so
-    name, the = (sensor, "the ") if is_only else (prim.name, "")
+    is_only = found.name == found.spec.kind  # `the lidar`, where the lab calls it so
+    name, the = (found.name, "the ") if is_only else (found.prim.name, "")
     return Problem(
-        prim.path,
+        found.prim.path,
         f"{name}'s {error.message} relative to its link",
         error.property,
         error.expected,
         error.actual,
-        spec["pose"]["handout"],
-        location.related,
+        found.spec.pose.handout,
+        found.place.related,
         hint=f"select {the}{name} and {error.hint}",
     )
 
 
 def wrong_attributes(
-    subject: StageSubject, found: PresentSensor, asked: Mapping[str, Any]
+    subject: StageSubject, found: PresentSensor, asked: Mapping[str, SensorAttribute]
 ) -> Iterator[Problem]:
     """Yield each attribute of a sensor with another value than the lab asks for.
 
@@ -164,12 +154,11 @@ def wrong_attributes(
     """
     prim, related = found.prim, found.place.related
     for name, entry in asked.items():
-        actual, wanted = prim.attributes.get(name), entry["value"]
-        wanted = tuple(wanted) if isinstance(wanted, list) else wanted
-        may_be_absent = entry["required"] is not True or is_unresolved(subject.stage, prim.path)
+        actual, wanted = prim.attributes.get(name), entry.value
+        may_be_absent = entry.required is not True or is_unresolved(subject.stage, prim.path)
         if same_value(actual, wanted) or (actual is None and may_be_absent):
             continue
         expected, is_ = display(wanted), display(actual)
         why = "" if actual is not None else ", which leaves USD's own default"
         message = f"{name} is {is_}{why}, expected {expected}"
-        yield Problem(prim.path, message, name, expected, is_, entry["handout"], related)
+        yield Problem(prim.path, message, name, expected, is_, entry.handout, related)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 from lab3_usd.check.match.conformance import same_value
 from lab3_usd.check.match.subject import StageSubject
@@ -14,6 +13,7 @@ from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display
 from lab3_usd.model.stage import Prim
 from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.scene import ScanSpec, SensorAttribute
 
 _TURN = 360.0
 _Fault = tuple[str, str, str]  # attribute, message, what is expected
@@ -29,18 +29,17 @@ def _short(name: str) -> str:
     return name.rpartition(":")[2]
 
 
-def _scanning(subject: StageSubject) -> Iterator[tuple[PresentSensor, Mapping[str, Any]]]:
+def _scanning(subject: StageSubject) -> Iterator[tuple[PresentSensor, ScanSpec]]:
     """Yield the lidars of which the lab says when they scan, and what it says of each."""
     for found in present_sensors(subject, LIDAR):
-        spec = subject.lab.sensors[found.name]
-        if spec["scan"]:
-            yield found, spec
+        if found.spec.scan is not None:
+            yield found, found.spec.scan
 
 
-def _problem(found: PresentSensor, spec: Mapping[str, Any], fault: _Fault) -> Problem:
+def _problem(found: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
     name, message, expected = fault
-    handout, actual = str(spec["scan"]["handout"]), display(found.prim.attributes.get(name))
-    return Problem(found.prim.path, message, name, expected, actual, handout, found.place.related)
+    actual, related = display(found.prim.attributes.get(name)), found.place.related
+    return Problem(found.prim.path, message, name, expected, actual, scan.handout, related)
 
 
 @rule("L09", "no-scan", scope="stage")
@@ -55,32 +54,30 @@ def no_scan(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:Core:patternFiringRateHz` 0.
     """
-    for found, spec in _scanning(subject):
-        prim, scan = found.prim, spec["scan"]
-        for fault in (*_zeros(prim, scan), *_empty(prim, scan), *_falling(prim, spec)):
-            yield _problem(found, spec, fault)
+    for found, scan in _scanning(subject):
+        prim, asked = found.prim, found.spec.required
+        for fault in (*_zeros(prim, scan), *_empty(prim, scan), *_falling(prim, scan, asked)):
+            yield _problem(found, scan, fault)
 
 
-def _zeros(prim: Prim, spec: Mapping[str, Any]) -> Iterator[_Fault]:
-    for name in spec["above_zero"]:
+def _zeros(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+    for name in scan.above_zero:
         value = _number(prim, name)
         if value is not None and not value > 0:
             yield name, f"{name} is {display(value)}, which gives no scan", "more than 0"
 
 
-def _empty(prim: Prim, spec: Mapping[str, Any]) -> Iterator[_Fault]:
+def _empty(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
     for name, value in prim.attributes.items():
-        if name.startswith(spec["emitters"]) and value == ():
+        if name.startswith(scan.emitters) and value == ():
             yield name, f"{name} is empty: the lidar has no emitter", "one entry for each emitter"
 
 
-def _falling(prim: Prim, spec: Mapping[str, Any]) -> Iterator[_Fault]:
-    attributes = spec["attributes"]
-    for low, high in spec["scan"]["rising"]:
-        asked = attributes.get(low, {})
+def _falling(prim: Prim, scan: ScanSpec, asked: Mapping[str, SensorAttribute]) -> Iterator[_Fault]:
+    for low, high in scan.rising:
         # A wrong value of what the handout asks for is told by its own rule.
-        is_asked = bool(asked.get("required"))
-        least = float(asked["value"]) if is_asked else _number(prim, low)
+        is_asked = low in asked
+        least = float(asked[low].value) if is_asked else _number(prim, low)
         most = _number(prim, high)
         if least is not None and most is not None and most > 0 and not least < most:
             message = (
@@ -101,34 +98,34 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:Core:validEndAzimuthDeg` 180.
     """
-    for found, spec in _scanning(subject):
-        prim, scan = found.prim, spec["scan"]
+    for found, scan in _scanning(subject):
+        prim = found.prim
         for fault in (*_partial(prim, scan), *_tilted(prim, scan), *_changed(prim, scan)):
-            yield _problem(found, spec, fault)
+            yield _problem(found, scan, fault)
 
 
-def _partial(prim: Prim, spec: Mapping[str, Any]) -> Iterator[_Fault]:
-    limits = [_number(prim, name) for name in spec["circle"]]
+def _partial(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+    limits = [_number(prim, name) for name in scan.circle]
     start, end = (
         usual if limit is None else limit
-        for limit, usual in zip(limits, spec["circle"].values(), strict=True)
+        for limit, usual in zip(limits, scan.circle.values(), strict=True)
     )
     covered = end - start if end >= start else (end - start) % _TURN
-    if not covered >= spec["whole"]:
-        written = [name for name, limit in zip(spec["circle"], limits, strict=True) if limit]
-        name = written[-1] if written else [*spec["circle"]][-1]
+    if not covered >= scan.whole:
+        written = [name for name, limit in zip(scan.circle, limits, strict=True) if limit]
+        name = written[-1] if written else [*scan.circle][-1]
         message = (
             f"the lidar covers {covered:g} degrees of the circle, from azimuth {start:g} to {end:g}"
         )
         yield name, message, f"{_TURN:g} degrees"
 
 
-def _tilted(prim: Prim, spec: Mapping[str, Any]) -> Iterator[_Fault]:
+def _tilted(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
     for name, value in prim.attributes.items():
-        if not (name.startswith(spec["emitters"]) and _short(name) == spec["elevation"]):
+        if not (name.startswith(scan.emitters) and _short(name) == scan.elevation):
             continue
         steepest = max(_degrees(value), key=abs, default=0.0)
-        if not abs(steepest) <= spec["level"]:
+        if not abs(steepest) <= scan.level:
             where = "up" if steepest > 0 else "down"
             message = f"{name} reaches {steepest:g} degrees: the lidar looks {where}"
             yield name, message, "0 degrees"
@@ -139,12 +136,12 @@ def _degrees(value: Value) -> list[float]:
     return [float(item) for item in items if isinstance(item, (int, float))]
 
 
-def _changed(prim: Prim, spec: Mapping[str, Any]) -> Iterator[_Fault]:
-    for name, kept in spec["keep"].items():
+def _changed(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+    for name, kept in scan.keep.items():
         actual = prim.attributes.get(name)
-        if actual is not None and not same_value(actual, kept["value"]):
-            expected = display(kept["value"])
-            message = f"{name} is {display(actual)}, expected {expected}; {kept['otherwise']}"
+        if actual is not None and not same_value(actual, kept.value):
+            expected = display(kept.value)
+            message = f"{name} is {display(actual)}, expected {expected}; {kept.otherwise}"
             yield name, message, expected
 
 
@@ -162,9 +159,8 @@ def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
     Rotary 2D.
     """
     for found in present_sensors(subject, LIDAR):
-        spec = subject.lab.sensors[found.name]
-        expected = _stem(spec["asset_suffix"])
-        others = {*subject.lab.scene["forbidden"][LIDAR]["names"]} - {expected}
+        expected = _stem(found.spec.asset_suffix)
+        others = {*subject.lab.scene.forbidden.lidar.names} - {expected}
         for missing in subject.stage.unresolved:
             made_of = _stem(missing.asset)
             if missing.prim == found.prim.path and made_of in others:
@@ -174,7 +170,7 @@ def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
                     None,
                     expected,
                     made_of,
-                    spec["handout"],
+                    found.spec.handout,
                     found.place.related,
                 )
 
