@@ -86,6 +86,41 @@ def test_python_names_no_node_type() -> None:
     assert naming == []
 
 
+def is_set(node: ast.expr) -> bool:
+    """Whether an expression is written as a set, or as what operators make of one."""
+    if isinstance(node, ast.BinOp):
+        return is_set(node.left) or is_set(node.right)
+    return isinstance(node, ast.Set | ast.SetComp)
+
+
+def ordered_sets(tree: ast.AST) -> list[int]:
+    """Return the lines that take the elements of a set in the order in which they come."""
+    lines = []
+    for node in ast.walk(tree):
+        taken: list[ast.expr] = []
+        if isinstance(node, ast.For):
+            taken = [node.iter]
+        elif isinstance(node, ast.Call):
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            taken = node.args if name in {"tuple", "list", "join", "iter", "next"} else []
+        elif isinstance(node, ast.List | ast.Tuple):
+            taken = [each.value for each in node.elts if isinstance(each, ast.Starred)]
+        lines += [each.lineno for each in taken if is_set(each)]
+    return lines
+
+
+@pytest.mark.parametrize(
+    "code", ["tuple({a, b} - {c})", "for each in {*a}: pass", "', '.join({a for a in b})", "[*{a}]"]
+)
+def test_the_order_of_a_set_is_noticed(code: str) -> None:
+    assert ordered_sets(ast.parse(code)) == [1]
+
+
+def test_nothing_depends_on_the_order_of_a_set() -> None:
+    found = {module_id(path): ordered_sets(ast.parse(path.read_text())) for path in SOURCES}
+    assert {module: lines for module, lines in found.items() if lines} == {}
+
+
 def test_a_module_is_one_idea() -> None:
     lines = {module_id(path): len(path.read_text().splitlines()) for path in SOURCES}
     assert {name: count for name, count in lines.items() if count > MODULE_LINES} == {}

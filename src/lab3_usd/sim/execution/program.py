@@ -112,7 +112,7 @@ def _running(graph: Graph, catalog: Catalog, program: Program) -> Iterator[tuple
 def _connect(node: Running, nodes: dict[str, Running]) -> None:
     """Find what reaches each input: a wire that can be, else the value, else the default."""
     declared = {name: each for name, each in node.node.inputs.items() if node.type.port(name)}
-    for name in {*node.type.ports, *declared}:
+    for name in dict.fromkeys((*node.type.ports, *declared)):
         port = node.type.port(name)
         if port is None or not name.startswith(INPUT) or port.is_target:
             continue

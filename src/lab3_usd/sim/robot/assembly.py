@@ -88,7 +88,7 @@ def assembled(bodies: dict[str, Prim], joints: list[Joint]) -> list[Machine]:
     """Sort bodies into machines; each is placed from its root over its joints."""
     ends: dict[str, list[Joint]] = {each: [] for each in bodies}
     for joint in joints:
-        for body in {*joint.bodies} - {""}:
+        for body in dict.fromkeys(filter(None, joint.bodies)):
             ends[body].append(joint)
     roots = [each for each in bodies if ROOT in bodies[each].apis]
     second = {joint.bodies[1] for joint in joints if joint.bodies[0]}

@@ -63,7 +63,7 @@ def _falls(asked: WorldPart, ground: Prim, body: Prim) -> Problem:
         "no rigid body",
         BODY_API,
         asked.handout,
-        related=tuple({asked.usual, ground.path} - {body.path}),
+        related=tuple(sorted({asked.usual, ground.path} - {body.path})),
         hint=f"remove Rigid Body from {body.name} in the Property panel",
     )
 
