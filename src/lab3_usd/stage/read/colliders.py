@@ -12,6 +12,7 @@ from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.prims import Collider, Colliders, Matrix, Prim, Prims
 from lab3_usd.stage.read.opening import stage_errors
 from lab3_usd.stage.read.prims import RIGID_BODY, PrimReader
+from lab3_usd.stage.read.properties import authored_data
 from lab3_usd.stage.read.transforms import TransformCache
 
 _Corner = tuple[float, float, float]
@@ -121,7 +122,7 @@ def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | 
         return _around(world, _number(prim, "radius"), 0.0, 0, has_balls=True)
     if kind == "Cube":
         return _cube_box(world, _number(prim, "size") / 2)
-    points = prim.GetAttribute("points").Get()
+    points = authored_data(prim, "points")
     if not points or not isinstance(points, Vt.Vec3fArray):
         return None
     matrix = Gf.Matrix4d(*world)
@@ -167,7 +168,7 @@ def _cube_box(matrix: Matrix, half: float) -> _Box:
 
 def _round_sizes(prim: Usd.Prim) -> tuple[float, float, int]:
     """Return radius, half the height, and the index of the axis, Z where the file names none."""
-    axis = prim.GetAttribute("axis").Get()
+    axis = authored_data(prim, "axis")
     along = "XYZ".index(axis) if axis in _AXIS_NAMES else 2
     return _number(prim, "radius"), _number(prim, "height") / 2, along
 

@@ -17,7 +17,7 @@ from lab3_usd.spec.scene import SensorSpec
 from lab3_usd.stage.read.missing_assets import is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.plain_values import plain_value
-from lab3_usd.stage.read.ports import declared_properties
+from lab3_usd.stage.read.properties import authored_names, authored_targets, authored_value
 from lab3_usd.stage.read.transforms import TransformCache
 
 Authored = dict[str, tuple[str, Value]]  # type and value by name
@@ -94,15 +94,16 @@ class PrimReader:
 def _read_values(found: Usd.Prim, prim: Prim, asked: AbstractSet[str]) -> None:
     attributes: dict[str, Value] = {}
     relationships: dict[str, tuple[str, ...]] = {}
-    for name, each in declared_properties(found).items():
+    for name in authored_names(found):
         if _ATTRIBUTES.match(name) is None and name not in asked:
             continue
-        if not isinstance(each, Usd.Attribute):
-            relationships[name] = tuple(map(str, each.GetTargets()))
-            continue
-        value = plain_value(each.Get())
+        value = authored_value(found, name)
         if value is not None:
             attributes[name] = value
+            continue
+        targets = authored_targets(found, name)
+        if targets:
+            relationships[name] = targets
     prim.attributes, prim.relationships = attributes, relationships
     prim.authored = frozenset(attributes)
 
@@ -225,8 +226,8 @@ def authored_attributes(path: Path, prims: Iterable[str]) -> dict[str, Authored]
         for prim_path in prims:
             prim = stage.GetPrimAtPath(prim_path)
             said = found.setdefault(prim_path, {})
-            for name, each in declared_properties(prim).items():
-                value = plain_value(each.Get()) if isinstance(each, Usd.Attribute) else None
+            for each in prim.GetAuthoredAttributes():
+                value = plain_value(each.Get())
                 if value is not None:
-                    said[name] = (str(each.GetTypeName()), value)
+                    said[each.GetName()] = (str(each.GetTypeName()), value)
     return found

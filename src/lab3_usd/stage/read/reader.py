@@ -22,9 +22,9 @@ from lab3_usd.stage.read.colliders import StageColliders
 from lab3_usd.stage.read.layers import find_muted
 from lab3_usd.stage.read.missing_assets import find_unresolved, is_in_scene
 from lab3_usd.stage.read.opening import cached, open_stage, quiet, stage_errors
-from lab3_usd.stage.read.plain_values import plain_value
-from lab3_usd.stage.read.ports import Properties, declared_properties, declared_value, read_ports
+from lab3_usd.stage.read.ports import read_ports
 from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
+from lab3_usd.stage.read.properties import authored_names, authored_value
 from lab3_usd.stage.read.time_samples import changes_after_start, hold_start_values
 
 _POSITION = "ui:nodegraph:node:pos"
@@ -126,8 +126,7 @@ class _Scan:
 
     def _ignored(self, prim: Usd.Prim, apis: Sequence[str]) -> None:
         if prim.IsActive():
-            node_type = str(plain_value(prim.GetAttribute(_NODE_TYPE).Get()) or "")
-            self._note_script(str(prim.GetPath()), node_type, apis)
+            self._note_script(str(prim.GetPath()), _text(prim, _NODE_TYPE), apis)
 
     def _other(self, prim: Usd.Prim, kind: str, apis: Sequence[str], above: list[str]) -> None:
         """Look closer at a prim that is a graph, is in one or carries schemas."""
@@ -158,9 +157,8 @@ class _Scan:
 
     def _note_absent(self, prim: Usd.Prim, graph: str) -> None:
         """Keep a prim that looks like a node and is none: its own graph may miss it."""
-        catalog, properties = self._lab.catalog, declared_properties(prim)
-        type_name = _text(properties, _NODE_TYPE)
-        ports = read_ports(properties, catalog.get(type_name))
+        catalog, type_name = self._lab.catalog, _text(prim, _NODE_TYPE)
+        ports = read_ports(prim, catalog.get(type_name))
         if not (ports or type_name):
             return
         reason = f"of {prim.GetTypeName() or 'no type'}, not {catalog.graph.node_type}"
@@ -177,18 +175,16 @@ class _Scan:
             self.scripts.append(Script(path, carrier))
 
     def _read_node(self, prim: Usd.Prim) -> Node:
-        path, properties = str(prim.GetPath()), declared_properties(prim)
-        type_name, own = _text(properties, _NODE_TYPE), _text(properties, _NAMESPACE)
-        kind = self._lab.catalog.get(type_name)
-        version = declared_value(properties, _VERSION)
+        path, type_name, own = str(prim.GetPath()), _text(prim, _NODE_TYPE), _text(prim, _NAMESPACE)
+        kind, version = self._lab.catalog.get(type_name), authored_value(prim, _VERSION)
         above = self._namespace(prim.GetParent(), path.rpartition("/")[0] or "/")
         return Node(
             path=path,
             type_name=type_name,
             type=kind,
             version=version if isinstance(version, int) else None,
-            ports=read_ports(properties, kind),
-            position=_pair(declared_value(properties, _POSITION)),
+            ports=read_ports(prim, kind),
+            position=_pair(authored_value(prim, _POSITION)),
             namespace="/".join(filter(None, (above, own))),
             own_namespace=own,
         )
@@ -205,7 +201,7 @@ class _Scan:
         joined = self._namespaces[path]
         for place, each in reversed(ahead):
             is_node = each.GetTypeName() == self._lab.catalog.graph.node_type
-            own = None if is_node else plain_value(each.GetAttribute(_NAMESPACE).Get())
+            own = None if is_node else authored_value(each, _NAMESPACE)
             joined = "/".join(filter(None, (joined, own if isinstance(own, str) else "")))
             self._namespaces[place] = joined
         return joined
@@ -214,10 +210,10 @@ class _Scan:
         """Return a graph with what was found in it."""
         prim = self.graphs[path]
         attributes = {}
-        for attribute in prim.GetAuthoredAttributes():
-            value = plain_value(attribute.Get())
+        for name in authored_names(prim):
+            value = authored_value(prim, name)
             if value is not None:
-                attributes[attribute.GetName()] = value
+                attributes[name] = value
         return GraphModel(
             path=path,
             active=self._is_live(prim),
@@ -234,8 +230,8 @@ def _kilograms(stage: Usd.Stage) -> float:
     return 1.0 if value is None else float(value)
 
 
-def _text(properties: Properties, name: str) -> str:
-    return str(declared_value(properties, name) or "")
+def _text(prim: Usd.Prim, name: str) -> str:
+    return str(authored_value(prim, name) or "")
 
 
 def _pair(value: Value | None) -> tuple[float, float] | None:

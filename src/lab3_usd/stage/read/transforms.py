@@ -17,6 +17,7 @@ from pxr import Gf, Usd, Vt
 from lab3_usd.model.stage import Matrix
 from lab3_usd.model.transform_math import IDENTITY, multiply
 from lab3_usd.stage.read.plain_values import elements
+from lab3_usd.stage.read.properties import authored_data
 
 ORDER = "xformOpOrder"
 RESET = "!resetXformStack!"
@@ -56,7 +57,7 @@ class TransformCache:
         return self.of(prim, str(prim.GetPath()))[1]
 
     def _read(self, prim: Usd.Prim, parent: Matrix) -> tuple[Matrix | None, Matrix]:
-        order = prim.GetAttribute(ORDER).Get()
+        order = authored_data(prim, ORDER)
         if order is None:
             return None, parent
         local, is_reset = _composed(prim, order)
@@ -65,7 +66,7 @@ class TransformCache:
 
 def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
     """Return the local matrix, and whether it leaves the parent's transform out."""
-    return _composed(prim, prim.GetAttribute(ORDER).Get())
+    return _composed(prim, authored_data(prim, ORDER))
 
 
 def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:  # noqa: ANN401
@@ -95,7 +96,7 @@ def _names(order: Any) -> list[str]:  # noqa: ANN401 - of any type where a file 
 
 
 def _operation(prim: Usd.Prim, name: str) -> Matrix | None:
-    value = prim.GetAttribute(name).Get()
+    value = authored_data(prim, name)
     make = _MAKERS.get(name.split(":")[1]) if value is not None and ":" in name else None
     try:
         return None if make is None else make(value)
