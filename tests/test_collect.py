@@ -222,7 +222,8 @@ def test_a_recording_is_made_where_it_is_asked_for(tmp_path: Path) -> None:
 
 
 def test_a_recording_ends_as_by_ctrl_c(tmp_path: Path) -> None:
-    ends = "trap 'echo ended >>\"$HOME/asked\"; exit 0' INT; sleep 30 & wait"
+    # `timeout` tells the process and then its group, so that it may be told twice.
+    ends = "trap 'echo ended >\"$HOME/asked\"; exit 0' INT; sleep 30 & wait"
     put_ros2(tmp_path, f'case "$*" in "bag record"*) {ends};; esac')
     assert run_script(tmp_path, "--bag", "1", "--limit", "2").returncode == 0
     assert (tmp_path / "asked").read_text() == "ended\n"
