@@ -7,13 +7,8 @@ from typing import Any
 import pytest
 from pxr import Sdf, Usd
 
-from lab3_usd.stage.read.properties import (
-    authored_custom_data,
-    authored_data,
-    authored_names,
-    authored_targets,
-    authored_type,
-)
+from lab3_usd.stage.read.plain_values import plain_value
+from lab3_usd.stage.read.properties import AuthoredProperties, AuthoredProperty, authored_data
 from lab3_usd.stage.write.builder import build_checkpoint
 
 ODD = """#usda 1.0
@@ -100,9 +95,13 @@ def properties(stages: list[Usd.Stage]) -> list[Usd.Property]:
 
 def test_the_names_are_those_that_layers_hold(properties: list[Usd.Property]) -> None:
     prims = {each.GetPrim().GetPath(): each.GetPrim() for each in properties}.values()
-    assert [authored_names(prim) for prim in prims] == [
+    assert [AuthoredProperties(prim).names() for prim in prims] == [
         sorted(prim.GetAuthoredPropertyNames()) for prim in prims
     ]
+
+
+def authored(found: Usd.Property) -> AuthoredProperty:
+    return AuthoredProperties(found.GetPrim())[found.GetName()]
 
 
 def value_of(found: Usd.Property) -> Any:
@@ -123,13 +122,30 @@ def test_the_values_are_those_of_the_composed_prim(properties: list[Usd.Property
     assert [str(each.GetPath()) for each, value in told if value != value_of(each)] == []
 
 
+def test_plain_values_are_those_of_the_composed_prim(properties: list[Usd.Property]) -> None:
+    told = [(each, authored(each).value()) for each in properties]
+    assert [
+        str(each.GetPath()) for each, value in told if value != plain_value(value_of(each))
+    ] == []
+
+
+def sources_of(found: Usd.Property) -> tuple[str, ...]:
+    is_attribute = isinstance(found, Usd.Attribute)
+    return tuple(map(str, found.GetConnections())) if is_attribute else ()
+
+
+def test_the_sources_are_those_of_the_composed_prim(properties: list[Usd.Property]) -> None:
+    told = [(each, authored(each).sources()) for each in properties]
+    assert [str(each.GetPath()) for each, paths in told if paths != sources_of(each)] == []
+
+
 def test_the_types_are_those_of_the_strongest_layer(properties: list[Usd.Property]) -> None:
-    told = [(each, authored_type(each.GetPrim(), each.GetName())) for each in properties]
+    told = [(each, authored(each).type) for each in properties]
     assert [str(each.GetPath()) for each, kind in told if kind != type_of(each)] == []
 
 
 def test_the_targets_are_those_of_the_composed_prim(properties: list[Usd.Property]) -> None:
-    told = [(each, authored_targets(each.GetPrim(), each.GetName())) for each in properties]
+    told = [(each, authored(each).targets()) for each in properties]
     assert [str(each.GetPath()) for each, paths in told if paths != targets_of(each)] == []
 
 
@@ -144,4 +160,4 @@ def test_custom_data_is_of_the_strongest_layer_that_has_it(
     stages: list[Usd.Stage], key: str, value: int | None
 ) -> None:
     prim = stages[0].GetPrimAtPath("/a")
-    assert authored_custom_data(prim, "shared", "omni", "graph", key) == value
+    assert AuthoredProperties(prim)["shared"].custom_data("omni", "graph", key) == value

@@ -20,6 +20,7 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read import colliders, opening, prims, reader
 from lab3_usd.stage.read.prims import EVERYTHING
+from lab3_usd.stage.read.properties import AuthoredProperties
 from lab3_usd.stage.read.reader import read_model, read_stage
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
@@ -109,13 +110,13 @@ def test_of_a_large_scene_little_is_read(built: Path, monkeypatch: pytest.Monkey
         cube = UsdGeom.Cube.Define(stage, f"/Furniture/box_{number}")
         UsdPhysics.MassAPI.Apply(cube.GetPrim()).CreateMassAttr(1.0)
     read: list[str] = []
-    names = prims.authored_names
+    properties = prims.AuthoredProperties
 
-    def noted(prim: Usd.Prim) -> list[str]:
+    def noted(prim: Usd.Prim) -> AuthoredProperties:
         read.append(str(prim.GetPath()))
-        return names(prim)
+        return properties(prim)
 
-    monkeypatch.setattr(prims, "authored_names", noted)
+    monkeypatch.setattr(prims, "AuthoredProperties", noted)
     judge(LAB, LAB.checkpoints["05"], read_model(stage, LAB, "x"))
     assert len(read) == len(set(read))
     assert not any(path.startswith("/Furniture") for path in read)
@@ -157,12 +158,12 @@ def test_what_is_derived_stays_with_the_model(built: Path) -> None:
 def test_damage_that_shows_while_a_rule_reads_is_told_of_the_file(
     built: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def damaged(prim: Usd.Prim) -> list[str]:
+    def damaged(prim: Usd.Prim) -> AuthoredProperties:
         message = f"{prim.GetPath()} has a property without a name"
         raise Tf.ErrorException(message)
 
     assert check_stage(built).verdict == "pass"
-    monkeypatch.setattr(prims, "authored_names", damaged)
+    monkeypatch.setattr(prims, "AuthoredProperties", damaged)
     result = check_stage(built)
     assert result.verdict == "unreadable"
     assert result.crashes == ()

@@ -17,7 +17,7 @@ from lab3_usd.spec.scene import SensorSpec
 from lab3_usd.stage.read.missing_assets import is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.plain_values import plain_value
-from lab3_usd.stage.read.properties import authored_names, authored_targets, authored_value
+from lab3_usd.stage.read.properties import AuthoredProperties
 from lab3_usd.stage.read.transforms import TransformCache
 
 Authored = dict[str, tuple[str, Value]]  # type and value by name
@@ -94,14 +94,15 @@ class PrimReader:
 def _read_values(found: Usd.Prim, prim: Prim, asked: AbstractSet[str]) -> None:
     attributes: dict[str, Value] = {}
     relationships: dict[str, tuple[str, ...]] = {}
-    for name in authored_names(found):
+    properties = AuthoredProperties(found)
+    for name in properties.names():
         if _ATTRIBUTES.match(name) is None and name not in asked:
             continue
-        value = authored_value(found, name)
+        value = properties[name].value()
         if value is not None:
             attributes[name] = value
             continue
-        targets = authored_targets(found, name)
+        targets = properties[name].targets()
         if targets:
             relationships[name] = targets
     prim.attributes, prim.relationships = attributes, relationships

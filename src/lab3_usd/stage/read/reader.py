@@ -24,7 +24,7 @@ from lab3_usd.stage.read.missing_assets import find_unresolved, is_in_scene
 from lab3_usd.stage.read.opening import cached, open_stage, quiet, stage_errors
 from lab3_usd.stage.read.ports import read_ports
 from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
-from lab3_usd.stage.read.properties import authored_names, authored_value
+from lab3_usd.stage.read.properties import AuthoredProperties, authored_data
 from lab3_usd.stage.read.time_samples import changes_after_start, hold_start_values
 
 _POSITION = "ui:nodegraph:node:pos"
@@ -126,7 +126,7 @@ class _Scan:
 
     def _ignored(self, prim: Usd.Prim, apis: Sequence[str]) -> None:
         if prim.IsActive():
-            self._note_script(str(prim.GetPath()), _text(prim, _NODE_TYPE), apis)
+            self._note_script(str(prim.GetPath()), _text(authored_data(prim, _NODE_TYPE)), apis)
 
     def _other(self, prim: Usd.Prim, kind: str, apis: Sequence[str], above: list[str]) -> None:
         """Look closer at a prim that is a graph, is in one or carries schemas."""
@@ -157,8 +157,9 @@ class _Scan:
 
     def _note_absent(self, prim: Usd.Prim, graph: str) -> None:
         """Keep a prim that looks like a node and is none: its own graph may miss it."""
-        catalog, type_name = self._lab.catalog, _text(prim, _NODE_TYPE)
-        ports = read_ports(prim, catalog.get(type_name))
+        catalog, properties = self._lab.catalog, AuthoredProperties(prim)
+        type_name = _text(properties[_NODE_TYPE].value())
+        ports = read_ports(properties, catalog.get(type_name))
         if not (ports or type_name):
             return
         reason = f"of {prim.GetTypeName() or 'no type'}, not {catalog.graph.node_type}"
@@ -175,16 +176,17 @@ class _Scan:
             self.scripts.append(Script(path, carrier))
 
     def _read_node(self, prim: Usd.Prim) -> Node:
-        path, type_name, own = str(prim.GetPath()), _text(prim, _NODE_TYPE), _text(prim, _NAMESPACE)
-        kind, version = self._lab.catalog.get(type_name), authored_value(prim, _VERSION)
+        path, properties = str(prim.GetPath()), AuthoredProperties(prim)
+        type_name, own = (_text(properties[name].value()) for name in (_NODE_TYPE, _NAMESPACE))
+        kind, version = self._lab.catalog.get(type_name), properties[_VERSION].value()
         above = self._namespace(prim.GetParent(), path.rpartition("/")[0] or "/")
         return Node(
             path=path,
             type_name=type_name,
             type=kind,
             version=version if isinstance(version, int) else None,
-            ports=read_ports(prim, kind),
-            position=_pair(authored_value(prim, _POSITION)),
+            ports=read_ports(properties, kind),
+            position=_pair(properties[_POSITION].value()),
             namespace="/".join(filter(None, (above, own))),
             own_namespace=own,
         )
@@ -201,17 +203,17 @@ class _Scan:
         joined = self._namespaces[path]
         for place, each in reversed(ahead):
             is_node = each.GetTypeName() == self._lab.catalog.graph.node_type
-            own = None if is_node else authored_value(each, _NAMESPACE)
+            own = None if is_node else authored_data(each, _NAMESPACE)
             joined = "/".join(filter(None, (joined, own if isinstance(own, str) else "")))
             self._namespaces[place] = joined
         return joined
 
     def graph(self, path: str) -> GraphModel:
         """Return a graph with what was found in it."""
-        prim = self.graphs[path]
-        attributes = {}
-        for name in authored_names(prim):
-            value = authored_value(prim, name)
+        prim, attributes = self.graphs[path], {}
+        properties = AuthoredProperties(prim)
+        for name in properties.names():
+            value = properties[name].value()
             if value is not None:
                 attributes[name] = value
         return GraphModel(
@@ -230,8 +232,8 @@ def _kilograms(stage: Usd.Stage) -> float:
     return 1.0 if value is None else float(value)
 
 
-def _text(prim: Usd.Prim, name: str) -> str:
-    return str(authored_value(prim, name) or "")
+def _text(value: Value | None) -> str:
+    return str(value or "")
 
 
 def _pair(value: Value | None) -> tuple[float, float] | None:

@@ -96,7 +96,7 @@ def _names(order: Any) -> list[str]:  # noqa: ANN401 - of any type where a file 
 
 
 def _operation(prim: Usd.Prim, name: str) -> Matrix | None:
-    value = authored_data(prim, name)
+    value = prim.GetAttribute(name).Get()
     make = _MAKERS.get(name.split(":")[1]) if value is not None and ":" in name else None
     try:
         return None if make is None else make(value)

@@ -13,7 +13,7 @@ from pxr import Sdf, Usd
 
 from lab3_usd.model.changes import Site
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.read.properties import property_specs
+from lab3_usd.stage.read.properties import AuthoredProperties
 from lab3_usd.stage.text.usda_scan import scan_text
 
 # The fields in which a property's opinion stands; a spec without them only declares it.
@@ -59,7 +59,7 @@ def _spec(stage: Usd.Stage, prim_path: str, name: str | None) -> tuple[Sdf.Layer
     prim = _prim(stage, prim_path)
     specs: Sequence[Any] = ()  # from the strongest to the weakest
     if name and prim and str(prim.GetPath()) == prim_path:
-        specs = list(property_specs(prim, name))
+        specs = AuthoredProperties(prim)[name].specs
     if specs:
         specs = _saved(specs, stage)
         spec = next((each for each in specs if _has_opinion(each)), specs[0])
