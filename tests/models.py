@@ -8,7 +8,8 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.result import Roles
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.model.stage import GraphModel, Node, PortState, Prim, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab

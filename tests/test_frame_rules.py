@@ -13,7 +13,8 @@ from lab3_usd.check.registry import rules_of
 from lab3_usd.check.requirements import frame_requirements
 from lab3_usd.check.tf.lab_frames import tf_view
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.stage import AbsentPrim, Node, PortState, Prim, StageModel, UnresolvedAsset
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import AbsentPrim, Node, PortState, StageModel, UnresolvedAsset
 from lab3_usd.spec.catalog import Value
 
 PLACE = m.lab().graphs[m.ODOM_TF].path

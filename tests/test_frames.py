@@ -14,7 +14,8 @@ from lab3_usd.check.tf.frames import (
     unknown_publishers,
     unresolved_frames,
 )
-from lab3_usd.model.stage import GraphModel, PortState, Prim, StageModel, UnresolvedAsset
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import GraphModel, PortState, StageModel, UnresolvedAsset
 from lab3_usd.stage.read.reader import read_stage
 from lab3_usd.stage.write.builder import build_checkpoint
 

@@ -15,7 +15,8 @@ from lab3_usd.check.checker import judge
 from lab3_usd.check.rules.scene import world
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model import derived
-from lab3_usd.model.stage import Prims, StageModel
+from lab3_usd.model.prims import Prims
+from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read import colliders, opening, prims, reader

@@ -13,7 +13,8 @@ from lab3_usd.check.ros.running import (
     running_nodes,
     severity_if_uncertain,
 )
-from lab3_usd.model.stage import GraphModel, Node, PortState, Prim, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
 from lab3_usd.spec.catalog import Value
 
 TICK = "omni.graph.action.OnPlaybackTick"

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pxr import Gf, Usd, UsdGeom
 
-from lab3_usd.model.stage import Matrix
+from lab3_usd.model.prims import Matrix
 from lab3_usd.model.transform_math import (
     IDENTITY,
     Vector,

@@ -25,8 +25,8 @@ from lab3_usd.model.physics import (
     joints,
     number,
 )
-from lab3_usd.model.prims import Matrix
-from lab3_usd.model.stage import Prim, StageModel
+from lab3_usd.model.prims import Matrix, Prim
+from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transform_math import (
     IDENTITY,
     Vector,

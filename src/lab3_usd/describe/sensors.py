@@ -11,7 +11,7 @@ from msgspec import to_builtins
 from lab3_usd.describe.robot import plain, pose
 from lab3_usd.describe.source import Source
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.stage import Prim
+from lab3_usd.model.prims import Prim
 from lab3_usd.model.transform_math import IDENTITY, camera_axes
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import GraphSpec

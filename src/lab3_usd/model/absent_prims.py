@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.stage import Node, Prim, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node, StageModel
 
 
 def absence_reason(stage: StageModel, path: str) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.stage import Prim, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.catalog import Value
 
 BODY_API = "PhysicsRigidBodyAPI"

@@ -8,10 +8,8 @@ from typing import Any, Literal
 from msgspec import Struct, field
 from msgspec.structs import force_setattr
 
-from lab3_usd.model.prims import Collider, Colliders, Matrix, NameFilter, Prim, Prims
+from lab3_usd.model.prims import Colliders, NameFilter, Prim, Prims
 from lab3_usd.spec.catalog import NodeType, Value
-
-__all__ = ["Collider", "Colliders", "Matrix", "Prim", "Prims"]  # from `prims.py`
 
 
 class PortState(Struct, frozen=True):

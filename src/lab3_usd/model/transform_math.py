@@ -9,7 +9,7 @@ import math
 
 from msgspec import Struct
 
-from lab3_usd.model.stage import Matrix
+from lab3_usd.model.prims import Matrix
 
 Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]  # where X, Y and Z of the prim point in its parent

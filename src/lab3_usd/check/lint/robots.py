@@ -12,7 +12,8 @@ from lab3_usd.check.scene.wheel_commands import joint_names
 from lab3_usd.model.absent_prims import is_subtree_unresolved
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import FIXED, is_articulated, is_joint_type
-from lab3_usd.model.stage import Node, Prim, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.catalog import DrivePorts
 
 

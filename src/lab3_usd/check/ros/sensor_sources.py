@@ -13,7 +13,8 @@ from lab3_usd.check.ros.running import (
     run_states,
     signal_sources,
 )
-from lab3_usd.model.stage import Node, Prim, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.lab import Lab
 
 _PRODUCT = "inputs:renderProductPath"

@@ -14,7 +14,7 @@ from lab3_usd.model.absent_prims import is_pose_unresolved, is_unresolved
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import FIXED, bodies, joints
-from lab3_usd.model.stage import Matrix, Prim
+from lab3_usd.model.prims import Matrix, Prim
 from lab3_usd.model.transform_math import (
     AXES,
     IDENTITY,

@@ -13,7 +13,7 @@ from lab3_usd.check.scene.pose_errors import (
     vector_text,
 )
 from lab3_usd.check.scene.sensor_location import SensorLocation, candidate_transforms
-from lab3_usd.model.stage import Matrix, Prim
+from lab3_usd.model.prims import Matrix, Prim
 from lab3_usd.model.transform_math import angle_between, camera_axes
 from lab3_usd.spec.scene import SensorSpec, ViewSpec
 

@@ -19,7 +19,8 @@ from lab3_usd.model.physics import (
     is_switched_off,
     joints,
 )
-from lab3_usd.model.stage import Collider, Prim, StageModel
+from lab3_usd.model.prims import Collider, Prim
+from lab3_usd.model.stage import StageModel
 
 # A shape as high as a wall is ground and wall in one; how high its ground is, no box says.
 _STEP = 0.15  # metres

@@ -7,7 +7,8 @@ from typing import Literal
 
 from msgspec import Struct
 
-from lab3_usd.model.stage import Matrix, Prim, StageModel
+from lab3_usd.model.prims import Matrix, Prim
+from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transform_math import (
     Vector,
     decompose,

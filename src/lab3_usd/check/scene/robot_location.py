@@ -9,7 +9,8 @@ from lab3_usd.check.scene.sensor_location import is_named
 from lab3_usd.model.absent_prims import is_subtree_unresolved, is_unresolved
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import bodies_below, is_articulated
-from lab3_usd.model.stage import Prim, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
 

@@ -14,7 +14,8 @@ from lab3_usd.model.absent_prims import (
 )
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.stage import Matrix, Prim, StageModel
+from lab3_usd.model.prims import Matrix, Prim
+from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transform_math import IDENTITY, relative_transform
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.scene import ANYWHERE, SensorSpec

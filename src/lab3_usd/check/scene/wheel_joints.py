@@ -11,7 +11,8 @@ from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import BODIES, BODY_API, REVOLUTE, bodies, is_joint, joints
-from lab3_usd.model.stage import Prim, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import StageModel
 
 
 class WheelJoint(Struct, frozen=True, eq=False):

@@ -10,7 +10,8 @@ from collections.abc import Iterable
 
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import ARTICULATION_API, BODIES, bodies_below, is_joint, is_joint_type
-from lab3_usd.model.stage import Prim, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import StageModel
 
 ROBOT_API = "IsaacRobotAPI"
 LINK_API = "IsaacLinkAPI"

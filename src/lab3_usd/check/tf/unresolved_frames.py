@@ -10,7 +10,8 @@ from lab3_usd.check.tf.link_tree import FRAME_APIS
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import BODY_API
-from lab3_usd.model.stage import Prim, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import StageModel
 
 _SAYS_NOTHING = frozenset({"", "Xform", "Scope"})  # types that a robot may have
 

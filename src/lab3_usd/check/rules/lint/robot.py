@@ -10,7 +10,7 @@ from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import number
-from lab3_usd.model.stage import Prim
+from lab3_usd.model.prims import Prim
 
 _VELOCITY = "velocityCommand"
 

@@ -10,7 +10,8 @@ from lab3_usd.check.ros.sensor_sources import sensor_of
 from lab3_usd.model.absent_prims import absence_reason, is_unresolved
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
-from lab3_usd.model.stage import Node, Prim
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node
 from lab3_usd.spec.isaac import SensorOf
 
 _TICK = "omni:sensor:tickRate"

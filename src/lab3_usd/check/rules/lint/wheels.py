@@ -19,7 +19,8 @@ from lab3_usd.check.ros.running import effective_value
 from lab3_usd.check.rules.graphs.limits import stopping_limits
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import number
-from lab3_usd.model.stage import Collider, Matrix, Node, Prim, StageModel
+from lab3_usd.model.prims import Collider, Matrix, Prim
+from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.model.transform_math import Vector, distance, transform_point
 
 _BODIES = ("physics:body0", "physics:body1")

@@ -22,7 +22,7 @@ from lab3_usd.model.physics import (
     is_switched_off,
     joints,
 )
-from lab3_usd.model.stage import Prim
+from lab3_usd.model.prims import Prim
 
 
 @rule("S11", "articulation", scope="stage")

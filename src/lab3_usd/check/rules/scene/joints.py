@@ -22,7 +22,7 @@ from lab3_usd.model.absent_prims import absence_reason, is_unresolved
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import JOINT_ENABLED, REVOLUTE, bodies, is_switched_off, joints
-from lab3_usd.model.stage import Prim
+from lab3_usd.model.prims import Prim
 from lab3_usd.model.transform_math import distance
 
 _PAIR = 2  # wheels that are a distance apart

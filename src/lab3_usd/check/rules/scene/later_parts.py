@@ -19,7 +19,7 @@ from lab3_usd.check.scene.sensor_location import (
 )
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.stage import Prim
+from lab3_usd.model.prims import Prim
 
 
 @rule("S18", "starter-not-empty", scope="stage")

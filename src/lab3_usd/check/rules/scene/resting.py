@@ -20,7 +20,8 @@ from lab3_usd.check.scene.pose_errors import (
 from lab3_usd.model.absent_prims import is_pose_unresolved
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import collides
-from lab3_usd.model.stage import Collider, Matrix, StageModel
+from lab3_usd.model.prims import Collider, Matrix
+from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transform_math import (
     IDENTITY,
     Pose,

@@ -28,7 +28,7 @@ from lab3_usd.model.physics import (
     is_switched_off,
     number,
 )
-from lab3_usd.model.stage import Prim
+from lab3_usd.model.prims import Prim
 from lab3_usd.spec.scene import LinkSpec
 
 

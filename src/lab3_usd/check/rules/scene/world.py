@@ -18,7 +18,7 @@ from lab3_usd.model.physics import (
     PLANE,
     SCENE,
 )
-from lab3_usd.model.stage import Prim
+from lab3_usd.model.prims import Prim
 from lab3_usd.spec.scene import WorldPart
 
 

@@ -24,7 +24,7 @@ from lab3_usd.model.absent_prims import absence_reason, is_unresolved, missing_g
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
-from lab3_usd.model.stage import Prim
+from lab3_usd.model.prims import Prim
 from lab3_usd.spec.scene import SensorAttribute, SensorSpec
 
 

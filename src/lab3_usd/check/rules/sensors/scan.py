@@ -11,7 +11,7 @@ from lab3_usd.check.rules.sensors.placement import PresentSensor, present_sensor
 from lab3_usd.check.scene.sensor_location import LIDAR
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display
-from lab3_usd.model.stage import Prim
+from lab3_usd.model.prims import Prim
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.scene import ScanSpec, SensorAttribute
 
