@@ -24,10 +24,11 @@ from pxr import Sdf
 from lab3_usd import cli
 from lab3_usd.commands.steps import watching
 from lab3_usd.commands.steps.report_changes import changes_between
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import StageError, UsageError
 from lab3_usd.model.finding import Finding, Report, Score, StageResult
 from lab3_usd.report.html.live_page import live_page, version_file, version_script
-from lab3_usd.stage.read.watched_files import may_be_whole
+from lab3_usd.stage.read.opening import open_stage
+from lab3_usd.stage.read.watched_files import may_be_whole, text_in_memory
 from lab3_usd.stage.write.starter import build_starter
 
 NAME = "Lab3_02_ros_drive.usda"
@@ -250,6 +251,15 @@ def test_a_starter_that_stays_broken_is_told_and_the_watch_goes_on(
     result = watch(saves, "--starter", starter, stage)
     assert "starter.usda: is empty" in result.stderr
     assert news(result) == ["0 repaired, 0 new; nothing", "0 repaired, 1 new; 1 error"]
+
+
+def test_a_layer_that_is_about_to_be_written_is_told(tmp_path: Path) -> None:
+    root, part = tmp_path / "root.usda", tmp_path / "part.usda"
+    root.write_text("#usda 1.0\n(\n    subLayers = [@./part.usda@]\n)\n")
+    part.touch()
+    with text_in_memory(), pytest.raises(StageError) as told:
+        open_stage(root)
+    assert f"{part}: is empty; save it again" in str(told.value)
 
 
 def test_lint_watches_too(watch: Callable[..., Result], stage: Path) -> None:
