@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.spec.lab import Lab
 
-_NAME = re.compile(r"\{(\w+)\}")
+_NAME = r"\{(\w+)\}"
 _LAST_STAGE = 4  # as many as examples tell apart
 _MESSAGES = {  # what tells the topics that manuals name
     "scan": "sensor_msgs/msg/LaserScan",
@@ -76,7 +76,7 @@ def in_words_of(lab: Lab | None, manual: str) -> str:
     if "{" not in manual:
         return manual
     words = PLAIN if lab is None else _words(lab)
-    return _NAME.sub(lambda found: words[found[1]], manual)
+    return re.sub(_NAME, lambda found: words[found[1]], manual)
 
 
 @lru_cache(maxsize=4)

@@ -27,7 +27,7 @@ from lab3_usd.model.repair import (
 )
 from lab3_usd.model.stage import DEACTIVATED, OVER
 
-_SCHEMA = re.compile(r"[A-Z]\w+API(:\w+)?")
+_SCHEMA = r"[A-Z]\w+API(:\w+)?"
 _GRAPH_PLACE = "G02"
 _GRAPH_KIND = "G03"
 _NAMESPACE = "P10"
@@ -162,12 +162,12 @@ def _site_edits(site: tuple[str, str], subject: GraphSubject) -> Iterator[Edit]:
 
 
 def _scene_edits(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
-    schema = finding.expected if _SCHEMA.fullmatch(finding.expected or "") else None
+    schema = finding.expected if re.fullmatch(_SCHEMA, finding.expected or "") else None
     if finding.rule == _ARTICULATION:
         yield from _articulation_edits(finding, whole, is_there=schema is None)
     elif schema is not None and finding.rule != _WHEEL_SHAPE:
         yield ApplySchema(finding.prim, schema)
-    elif schema is None and _SCHEMA.fullmatch(finding.actual or ""):
+    elif schema is None and re.fullmatch(_SCHEMA, finding.actual or ""):
         yield RemoveSchema(finding.prim, finding.actual or "")
     elif finding.rule == _WHEEL_SHAPE and len(off := _deactivated(finding, whole)) == 1:
         yield Activate(off[0])

@@ -14,7 +14,7 @@ from lab3_usd.stage.read.opening import quiet
 
 _MUTED = "omni_layer:muteness"  # of the root layer's custom data
 # usd-core takes an address for a path and drops one of its slashes.
-_ONE_SLASH = re.compile(r"^(\w{2,}):/(?=[^/])")
+_ONE_SLASH = r"^(\w{2,}):/(?=[^/])"
 
 
 class LayerFiles(Struct, frozen=True):
@@ -39,7 +39,7 @@ def layer_files(stage: Usd.Stage) -> LayerFiles:
                 seen.add(identifier)
                 found = _open(identifier)
                 if found is None:
-                    missing.add(_ONE_SLASH.sub(r"\1://", identifier))
+                    missing.add(re.sub(_ONE_SLASH, r"\1://", identifier))
                     files.add(_file(identifier))
                 else:
                     waiting.append(found)

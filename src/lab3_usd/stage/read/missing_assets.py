@@ -11,7 +11,7 @@ from pxr import Sdf, Usd
 
 from lab3_usd.model.stage import UnresolvedAsset
 
-_ASSET = re.compile(r"@(.*?)@")
+_ASSET = r"@(.*?)@"
 _SUBLAYER = "ErrorInvalidSublayerPath"
 # A file that was found but lacks the prim asked for hides nothing: what it holds is judged.
 _MISSING = ("ErrorInvalidAssetPath", "ErrorMutedAssetPath", _SUBLAYER)
@@ -32,7 +32,7 @@ def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
     lacking: dict[str, set[str]] = {}
     for error in stage.GetCompositionErrors():
         text, name = str(error), type(error).__name__
-        assets = _ASSET.findall(text)
+        assets = re.findall(_ASSET, text)
         if name not in _MISSING or not assets:
             continue
         layer = assets[1] if len(assets) > 1 else ""
@@ -63,7 +63,7 @@ def _users(stage: Usd.Stage, layers: set[str]) -> Iterator[tuple[str, str]]:
                 yield layer, path
     for error in stage.GetCompositionErrors():
         if type(error).__name__ == _LACKS_PRIM:
-            root = Sdf.Layer.Find(_ASSET.findall(str(error))[0])
+            root = Sdf.Layer.Find(re.findall(_ASSET, str(error))[0])
             for layer in _with_sublayers(root) & layers:
                 yield layer, str(error.rootSite.path.GetPrimPath())
 

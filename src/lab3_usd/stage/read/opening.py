@@ -16,7 +16,7 @@ from lab3_usd.errors import StageError
 from lab3_usd.stage.read.time_samples import hold_start_values
 
 _T = TypeVar("_T")
-_PARSE_ERROR = re.compile(r":(\d+):\d+: parse error")
+_PARSE_ERROR = r":(\d+):\d+: parse error"
 _REASONS = {"UTF-8 BOM": "it starts with a byte order mark; save it as UTF-8 without one"}
 _ARGUMENTS = ":SDF_FORMAT_ARGS:"
 _DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
@@ -204,7 +204,7 @@ def _reason(error: Exception) -> str:
         text = str(error)
     except UnicodeError:
         text = ""
-    place = _PARSE_ERROR.search(text)
+    place = re.search(_PARSE_ERROR, text)
     if place is not None:
         return f"line {place[1]} is not USD text; the file is damaged or cut short, save it again"
     for hint, reason in _REASONS.items():
