@@ -120,6 +120,20 @@ def test_any_mixture_of_statements_and_blanks_is_found(body: str) -> None:
     assert usda_scanner.scan(text) == spots
 
 
+@settings(deadline=None, max_examples=30)
+@given(prims("", "A", 2), prims("", "B", 2))
+def test_what_is_asked_for_alone_is_found_where_it_is_among_all(one: str, other: str) -> None:
+    text, spots = unmarked(f"#usda 1.0\n{one}{other}")
+    whole = scan_text(text)
+    assert {path: scan_text(text, [path]).get(path) for path in spots} == whole
+
+
+def test_a_body_that_holds_nothing_asked_for_is_passed_over() -> None:
+    passed = 'def "A" {\n    int a = 1 # }\n    def "B" {\n    }\n}\n'
+    found = scan_text(f'#usda 1.0\n{passed}def "C" {{\n    int c\n}}\n', ["/C.c"])
+    assert [*found] == ["/A", "/C", "/C.c"]
+
+
 @pytest.mark.parametrize(
     "cut", ['"A" (', '"A" ( doc = "}', '"A"', '"A" { variantSet "v" = { "x" (']
 )
@@ -312,7 +326,7 @@ def test_each_layer_is_scanned_once(
     layered: tuple[Path, dict[str, dict[str, Spot]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scanned: list[str] = []
-    monkeypatch.setattr(source_locations, "scan_text", lambda text: scanned.append(text) or {})
+    monkeypatch.setattr(source_locations, "scan_text", lambda text, _: scanned.append(text) or {})
     sites = [("/World", None), ("/World/Leaf", None), ("/World", "only"), ("/World", "inputs:in")]
     found = locate(Usd.Stage.Open(str(layered[0])), "lab.usda", sites)
     assert list(found) == sites

@@ -41,12 +41,13 @@ def locate(stage: Usd.Stage, given: str, sites: Iterable[Site]) -> dict[Site, So
     root layer, which `given` names, at no line. Every layer is read once at most.
     """
     root = stage.GetRootLayer()
-    texts: dict[str, _Text | None] = {}
+    specs = {site: _spec(stage, *site) for site in sites}
+    asked: dict[str, list[str]] = {}
+    for layer, path in specs.values():
+        asked.setdefault(layer.realPath, []).append(path)
+    texts = {file: _read(file, paths) for file, paths in asked.items()}
     locations: dict[Site, SourceLocation] = {}
-    for site in sites:
-        layer, path = _spec(stage, *site)
-        if layer.realPath not in texts:
-            texts[layer.realPath] = _read(layer.realPath)
+    for site, (layer, path) in specs.items():
         name = given if layer == root else layer_name(layer, root, given)
         locations[site] = _location(name, texts[layer.realPath], path)
     return locations
@@ -101,14 +102,14 @@ def layer_name(layer: Sdf.Layer, root: Sdf.Layer, given: str) -> str:
 
 
 class _Text(Struct, frozen=True):
-    """Where specs and lines begin in a text layer, as offsets."""
+    """Where lines begin in a text layer, and the specs that are asked for, as offsets."""
 
     specs: Mapping[str, int]
     lines: Sequence[int]
 
 
-def _read(path: str) -> _Text | None:
-    """Read a text layer; None for a binary one, one in a package and one in memory."""
+def _read(path: str, asked: Iterable[str]) -> _Text | None:
+    """Find specs in a text layer; None for a binary one, one in a package and one in memory."""
     try:
         data = Path(path).read_bytes() if path else b""
     except (OSError, ValueError):
@@ -119,7 +120,7 @@ def _read(path: str) -> _Text | None:
     lines = [0]
     while end := text.find("\n", lines[-1]) + 1:
         lines.append(end)
-    return _Text(scan_text(text), lines)
+    return _Text(scan_text(text, asked), lines)
 
 
 def _location(name: str, text: _Text | None, path: str) -> SourceLocation:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 STRING = (
     r'"""[^"\\]*(?:(?:\\.|"(?!""))[^"\\]*)*"""'
@@ -42,25 +42,36 @@ PIECE = re.compile(
 )
 
 
-def scan_text(text: str) -> dict[str, int]:
+_BODY = re.compile(r"[/{=}.]")  # around what can stand in the path of something that has a body
+
+
+def scan_text(text: str, asked: Iterable[str] | None = None) -> dict[str, int]:
     """Return the offset of the statement that opens each spec, by the spec's path in the layer.
 
-    The paths are Sdf's: `/A/B.size`, `/A{shape=box}B`. A property's declaration counts before
-    statements that wire it, sample it or edit its list. The fields of the layer's metadata stand
-    as properties of the root (`/.upAxis`).
+    Where paths are asked for, bodies that hold none of them are passed over, and what is in them
+    is left out. The paths are Sdf's: `/A/B.size`, `/A{shape=box}B`. A property's declaration
+    counts before statements that wire it, sample it or edit its list. The fields of the layer's
+    metadata stand as properties of the root (`/.upAxis`).
 
     The text is one that OpenUSD accepts. Of any other the result is what could be made out.
     """
     declared: dict[str, int] = {}
     edited: dict[str, int] = {}
-    for path, offset, is_edit in _statements(text):
+    for path, offset, is_edit in _statements(text, None if asked is None else _bodies(asked)):
         (edited if is_edit else declared).setdefault(path, offset)
     return edited | declared
 
 
-def _statements(text: str) -> Iterator[tuple[str, int, bool]]:
+def _bodies(paths: Iterable[str]) -> set[str]:
+    """Return the paths of the bodies around these specs."""
+    cuts = ((path, each.span()) for path in paths for each in _BODY.finditer(path))
+    return {path[:end] for path, span in cuts for end in span}
+
+
+def _statements(text: str, known: Collection[str] | None) -> Iterator[tuple[str, int, bool]]:
     """Yield path and offset of each statement, and whether it only edits what stands elsewhere.
 
+    Of the bodies only those that are `known` are looked into, all where none are named.
     `bodies` holds the paths of the bodies that are open; that of a variant set ends in `=`.
     """
     bodies = [""]
@@ -76,16 +87,24 @@ def _statements(text: str) -> Iterator[tuple[str, int, bool]]:
         elif opening := (VARIANT if body.endswith("=") else OPENING).match(text, pos):
             path = opened_path(body, opening)
             yield (f"{path}}}" if path.endswith("=") else path), pos, False
-            bodies.append(path)
-            pos = _body_start(text, opening.end())
+            pos = _body(text, opening.end())
+            if known is None or path in known:
+                bodies.append(path)
+                pos += 1
+            else:
+                pos = group_end(text, pos)
         else:
-            head = HEAD.match(text, pos)
-            if head and not (head["first"] == "reorder" and ORDER.match(text, pos)):
-                name = head["name"] or head["first"]
-                is_edit = head["first"] in LIST_EDITS or text.startswith(".", head.end())
-                yield f"{body}.{name}", pos, is_edit
+            yield from _property(text, pos, body)
             pos = statement_end(text, pos)
         pos = after_blank(text, pos)
+
+
+def _property(text: str, pos: int, body: str) -> Iterator[tuple[str, int, bool]]:
+    head = HEAD.match(text, pos)
+    if head and not (head["first"] == "reorder" and ORDER.match(text, pos)):
+        name = head["name"] or head["first"]
+        is_edit = head["first"] in LIST_EDITS or text.startswith(".", head.end())
+        yield f"{body}.{name}", pos, is_edit
 
 
 def opened_path(body: str, opening: re.Match[str]) -> str:
@@ -107,12 +126,12 @@ def after_blank(text: str, pos: int) -> int:
     return blank.end() if blank else pos
 
 
-def _body_start(text: str, pos: int) -> int:
-    """Return the position after the `{` that opens a body, past the metadata before it."""
+def _body(text: str, pos: int) -> int:
+    """Return the position of the `{` that opens a body, past the metadata before it."""
     pos = after_blank(text, pos)
     if text.startswith("(", pos):
         pos = after_blank(text, group_end(text, pos))
-    return pos + 1
+    return pos
 
 
 def group_end(text: str, pos: int) -> int:
