@@ -1,6 +1,7 @@
 """Where the data files live: beside the package in a wheel, at the top level of a checkout."""
 
 import os
+from functools import cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent
@@ -18,6 +19,7 @@ def lab_folder() -> Path:
     return own_lab() or data_folder("graphs")
 
 
+@cache
 def data_folder(name: str) -> Path:
     """Return the folder `name` (`graphs`, `maps`, `schema`) of this installation.
 
