@@ -12,6 +12,11 @@ from lab3_usd.stage.read.properties import AuthoredProperties, AuthoredProperty,
 from lab3_usd.stage.write.builder import build_checkpoint
 
 ODD = """#usda 1.0
+(
+    expressionVariables = {
+        string PLACE = "here"
+    }
+)
 def Xform "weak" {
     int shared = 1 (
         customData = {
@@ -42,6 +47,8 @@ def Sphere "a" (
     )
     string retyped = "b"
     int declared
+    asset file = @`"./${PLACE}/a.usda"`@
+    asset[] files = [@`"./${PLACE}/a.usda"`@]
     int blocked = None
     int wired.connect = </a.shared>
     int both = 4

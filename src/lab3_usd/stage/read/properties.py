@@ -15,6 +15,7 @@ from lab3_usd.spec.catalog import Value
 from lab3_usd.stage.read.plain_values import plain_value
 
 RELATIONSHIP = "rel"
+_WITH_VARIABLES = (Sdf.AssetPath, Sdf.AssetPathArray)  # of which the stage makes a path
 _VALUE, _SOURCES = "default", "connectionPaths"
 
 
@@ -51,7 +52,9 @@ class AuthoredProperty:
     def value(self) -> Value | None:
         """Return the value that a layer gives to an attribute, None where none does."""
         if len(self.specs) == 1 and isinstance(self.specs[0], Sdf.AttributeSpec):
-            return plain_value(self.specs[0].default)  # one layer alone needs no composition
+            alone = self.specs[0].default  # of one layer, which needs no composition
+            if not isinstance(alone, _WITH_VARIABLES):
+                return plain_value(alone)
         if not self._says(_VALUE):
             return None
         return plain_value(self._prim.GetAttribute(self._name).Get())
