@@ -284,6 +284,15 @@ def test_both_wheels_backward_is_a_warning_for_each() -> None:
     assert [(each.rule, each.severity) for each in found] == [("S09", "warning")] * 2
 
 
+def test_an_axis_left_out_is_the_same_as_x() -> None:
+    stage = built("02")
+    left, right = (f"{JOINTS}/{name}" for name in WHEELS)
+    stage.GetPrimAtPath(left).RemoveProperty("physics:axis")
+    put(right, "physics:axis", "X")(stage)
+    found = findings_of(stage, "02")
+    assert {(each.rule, each.property) for each in found} == {("S09", "physics:localRot0")}
+
+
 def test_both_axles_along_the_robot_are_errors() -> None:
     stage = built("02")
     for name in WHEELS:
