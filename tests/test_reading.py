@@ -56,6 +56,17 @@ def test_a_copy_beside_the_applications_own_prims_is_found() -> None:
     assert ("Q01", "/ReplicatorX/ros2_publish_clock") in {(f.rule, f.prim) for f in found}
 
 
+def test_the_type_of_a_node_and_a_namespace_may_be_asset_paths() -> None:
+    stage = read(
+        {"define": ["/Render", "Xform"]},
+        {"define": ["/Render/script", "Xform"]},
+        {"declare": ["/Render/script.node:type", "asset", "omni.graph.scriptnode.ScriptNode"]},
+        {"declare": ["/World.isaac:namespace", "asset", "world"]},
+    )
+    assert [each.prim for each in stage.scripts] == ["/Render/script"]
+    assert "/world/clock" in topics(stage)
+
+
 @pytest.mark.parametrize("instanced", [False, True])
 def test_a_graph_of_an_instance_may_run(instanced: bool) -> None:  # noqa: FBT001 - pytest passes it so
     steps: list[dict[str, object]] = [

@@ -37,6 +37,9 @@ class AuthoredProperty:
         self.specs = specs
 
     def _says(self, field: str) -> bool:
+        """Whether a layer gives this to an attribute; a stronger relationship hides it."""
+        if self.type == RELATIONSHIP:
+            return False
         for spec in self.specs:  # noqa: SIM110 - a generator takes three times as long
             if spec.HasInfo(field):
                 return True

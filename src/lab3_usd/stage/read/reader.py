@@ -22,6 +22,7 @@ from lab3_usd.stage.read.colliders import StageColliders
 from lab3_usd.stage.read.layers import find_muted
 from lab3_usd.stage.read.missing_assets import find_unresolved, is_in_scene
 from lab3_usd.stage.read.opening import cached, open_stage, quiet, stage_errors
+from lab3_usd.stage.read.plain_values import plain_value
 from lab3_usd.stage.read.ports import read_ports
 from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
 from lab3_usd.stage.read.properties import AuthoredProperties, authored_data
@@ -126,7 +127,8 @@ class _Scan:
 
     def _ignored(self, prim: Usd.Prim, apis: Sequence[str]) -> None:
         if prim.IsActive():
-            self._note_script(str(prim.GetPath()), _text(authored_data(prim, _NODE_TYPE)), apis)
+            node_type = _text(plain_value(authored_data(prim, _NODE_TYPE)))
+            self._note_script(str(prim.GetPath()), node_type, apis)
 
     def _other(self, prim: Usd.Prim, kind: str, apis: Sequence[str], above: list[str]) -> None:
         """Look closer at a prim that is a graph, is in one or carries schemas."""
@@ -203,7 +205,7 @@ class _Scan:
         joined = self._namespaces[path]
         for place, each in reversed(ahead):
             is_node = each.GetTypeName() == self._lab.catalog.graph.node_type
-            own = None if is_node else authored_data(each, _NAMESPACE)
+            own = None if is_node else plain_value(authored_data(each, _NAMESPACE))
             joined = "/".join(filter(None, (joined, own if isinstance(own, str) else "")))
             self._namespaces[place] = joined
         return joined
