@@ -11,7 +11,7 @@ from lab3_usd.check.hints import with_named_nodes
 from lab3_usd.check.match.diagnosis import diagnose
 from lab3_usd.check.match.merging import match_all
 from lab3_usd.check.match.subject import GraphSubject, Outcome, StageSubject
-from lab3_usd.check.registry import Rule, rules_of
+from lab3_usd.check.registry import Rule, import_rules, rules_of
 from lab3_usd.check.relocation import relocated_lab, relocated_spec
 from lab3_usd.check.repairs.findings import with_repairs
 from lab3_usd.check.requirements import (
@@ -48,6 +48,8 @@ STAGE_FAMILIES = (
 EXTRA_NODE = "N02"
 # Which rule says more of a prim, or of its property, than each of these does.
 SAYS_MORE = {"R03": "T01"}
+
+import_rules("F", *GRAPH_FAMILIES, *STAGE_FAMILIES)
 
 
 class Judgement(Struct, frozen=True):

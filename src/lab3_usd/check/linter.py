@@ -5,9 +5,11 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from lab3_usd.check.lint.subject import LintSubject
-from lab3_usd.check.registry import rules_of
+from lab3_usd.check.registry import import_rules, rules_of
 from lab3_usd.check.repairs.lint import with_lint_repairs
 from lab3_usd.check.rule_runs import RuleResults, merge_results, run_rule
+
+import_rules("F", "K")
 
 
 def lint(subject: LintSubject) -> RuleResults:

@@ -168,7 +168,7 @@ def rule(
 
 def all_rules() -> dict[str, Rule]:
     """Return every rule by id, in order of id; imports the families on the first call."""
-    _import(tuple(FAMILIES))
+    import_rules(*FAMILIES)
     return dict(sorted(_RULES.items()))
 
 
@@ -192,12 +192,13 @@ def rules_of(scope: Scope, *families: str) -> list[Rule]:
 
     Only those families are imported.
     """
-    _import(families)
+    import_rules(*families)
     return list(_in_order(scope, families))
 
 
 @cache
-def _import(families: tuple[str, ...]) -> None:
+def import_rules(*families: str) -> None:
+    """Import the rules of families before `rules_of` is asked for them."""
     for family in families:
         for module in MODULES[family]:
             importlib.import_module(f"lab3_usd.check.rules.{module}")

@@ -18,7 +18,7 @@ from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_requirements import SCENE, scene_items
 from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.check.tf.lab_frames import tf_view, waived_frames
-from lab3_usd.model.finding import Finding, Requirement, Score
+from lab3_usd.model.finding import Finding, Requirement
 from lab3_usd.model.formatting import display, role_title
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node
@@ -176,9 +176,3 @@ def _group_of(finding: Finding, graphs: Mapping[str, GraphModel | None]) -> str:
             if graph is not None and is_at_or_below(prim, graph.path):
                 return name
     return SCENE
-
-
-def score(requirements: Iterable[Requirement]) -> Score:
-    """Count the requirements met and asked."""
-    asked = list(requirements)
-    return Score(float(sum(each.met for each in asked)), float(len(asked)))

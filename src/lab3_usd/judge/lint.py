@@ -12,9 +12,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.lint.subject import LintSubject
-from lab3_usd.check.linter import lint
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
+from lab3_usd.judge.opening import open_while_importing
 from lab3_usd.judge.results import (
     STAGE_ENDINGS,
     Entry,
@@ -29,6 +29,8 @@ from lab3_usd.spec.isaac import NEWEST
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.isaac_types import load_isaac_types
 from lab3_usd.spec.load.loader import load_lab
+
+_LINTER = "lab3_usd.check.linter"
 
 
 class LintSettings(Struct, frozen=True):
@@ -83,12 +85,14 @@ def _ignoring(result: StageResult, settings: LintSettings) -> StageResult:
 
 def _linted(path: str | Path, release: str) -> StageResult:
     lab = lint_lab(release)
-    from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.opening import quiet  # noqa: PLC0415 - pxr, only when needed
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
     try:
         with quiet():
-            stage = open_stage(Path(path))
+            stage = open_while_importing(_LINTER, Path(path))
+            from lab3_usd.check.linter import lint  # noqa: PLC0415 - imported in the meantime
+
             model = read_model(stage, lab, str(path))
             found = lint(LintSubject(lab, load_isaac_types(), model, release))
     except StageError as error:
@@ -104,6 +108,7 @@ def lint_open_stage(stage: Any) -> RuleResults:  # noqa: ANN401 - pxr has no typ
     Raises:
         StageError: a file of the stage is damaged.
     """
+    from lab3_usd.check.linter import lint  # noqa: PLC0415 - after opening, see `_linted`
     from lab3_usd.stage.read.opening import reopened  # noqa: PLC0415 - pxr, only when needed
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 

@@ -9,7 +9,16 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.model.finding import Crash, Finding, Score, StageResult, Submission, Verdict, ordered
+from lab3_usd.model.finding import (
+    Crash,
+    Finding,
+    Requirement,
+    Score,
+    StageResult,
+    Submission,
+    Verdict,
+    ordered,
+)
 
 UNREADABLE = "F01"
 STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
@@ -44,6 +53,11 @@ def verdict_of(findings: Iterable[Finding], crashes: Collection[Crash]) -> Verdi
     """Return the verdict on a stage that could be read."""
     has_errors = any(each.severity == "error" for each in findings)
     return "fail" if has_errors or crashes else "pass"
+
+
+def score_of(requirements: Collection[Requirement]) -> Score:
+    """Count the requirements met and asked."""
+    return Score(float(sum(each.met for each in requirements)), float(len(requirements)))
 
 
 def with_findings(result: StageResult, findings: Iterable[Finding]) -> StageResult:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lab3_usd.check.checker import Judgement, judge
-from lab3_usd.check.requirements import score
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.judge.results import located, unreadable, verdict_of
+from lab3_usd.judge.opening import open_while_importing
+from lab3_usd.judge.results import located, score_of, unreadable, verdict_of
 from lab3_usd.model.finding import StageResult, ordered
 from lab3_usd.spec.file_names import named_checkpoint
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
+
+if TYPE_CHECKING:
+    from lab3_usd.check.checker import Judgement
+
+_CHECKER = "lab3_usd.check.checker"
 
 
 def checkpoint_of(name: str, lab: Lab) -> str | None:
@@ -43,12 +47,14 @@ def check_stage(
     if found not in lab.checkpoints:
         message = f"there is no checkpoint '{found}'; known are {', '.join(lab.checkpoints)}"
         raise UsageError(message)
-    from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.opening import quiet  # noqa: PLC0415 - pxr, only when needed
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
     try:
         with quiet():
-            stage = open_stage(Path(path))
+            stage = open_while_importing(_CHECKER, Path(path))
+            from lab3_usd.check.checker import judge  # noqa: PLC0415 - imported in the meantime
+
             judged = judge(lab, lab.checkpoints[found], read_model(stage, lab, str(path)))
     except StageError as error:
         return unreadable(str(path), found, str(error))
@@ -67,6 +73,7 @@ def check_open_stage(stage: Any, lab: Lab) -> RuleResults:  # noqa: ANN401 - pxr
     found = checkpoint_of(file.name, lab)
     if found is None:
         return RuleResults()
+    from lab3_usd.check.checker import judge  # noqa: PLC0415 - after opening, see `check_stage`
     from lab3_usd.stage.read.opening import reopened  # noqa: PLC0415 - pxr, only when needed
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
@@ -84,7 +91,7 @@ def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageR
         path=path,
         checkpoint=checkpoint,
         verdict=verdict_of(findings, judged.crashes),
-        score=score(judged.requirements),
+        score=score_of(judged.requirements),
         findings=findings,
         requirements=judged.requirements,
         crashes=judged.crashes,

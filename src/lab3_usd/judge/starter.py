@@ -10,14 +10,14 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.checker import judge
 from lab3_usd.check.repairs.starter import with_starter_repairs
-from lab3_usd.check.requirements import score, with_other_faults
+from lab3_usd.check.requirements import with_other_faults
 from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_requirements import scene_items
 from lab3_usd.errors import StageError
-from lab3_usd.judge.results import located, unreadable
+from lab3_usd.judge.opening import open_while_importing
+from lab3_usd.judge.results import located, score_of, unreadable
 from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import Finding, Requirement, StageResult, ordered
 from lab3_usd.model.physics import JOINT_ENABLED
@@ -54,10 +54,11 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
     Raises:
         StageError: the file cannot be opened.
     """
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
-    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415 - pxr, only when it is needed
 
-    stage = open_stage(path)
+    stage = open_while_importing("lab3_usd.check.checker", path)
+    from lab3_usd.check.checker import judge  # noqa: PLC0415 - imported in the meantime
+
     if not trusted:
         return Starter(path, stage)
     first = next(iter(lab.checkpoints.values()))
@@ -113,7 +114,7 @@ def open_against_starter(
     return replace(
         result,
         verdict="fail" if is_bad else "pass",
-        score=score(requirements),
+        score=score_of(requirements),
         findings=findings,
         requirements=requirements,
         crashes=crashes,
