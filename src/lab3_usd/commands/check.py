@@ -72,4 +72,10 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
         return entries.judge_entries(found, opened, jobs)
 
     renew = entries.with_kept_starter.cache_clear
-    return Judge(lambda path: entries.find_entries(path, settings), judge, shared, renew)
+    return Judge(
+        lambda path: entries.find_entries(path, settings),
+        judge,
+        "lab3_usd.check.checker",
+        shared,
+        renew,
+    )

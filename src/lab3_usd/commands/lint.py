@@ -58,4 +58,8 @@ def _judge(options: Mapping[str, Any]) -> Judge:
         options["release"] or NEWEST, heeds_ignores=True, native=wants_native(options)
     )
     lint_lab(settings.release)
-    return Judge(find_stages, lambda found, jobs: lint_stages(found, settings, jobs))
+    return Judge(
+        find_stages,
+        lambda found, jobs: lint_stages(found, settings, jobs),
+        "lab3_usd.check.linter",
+    )

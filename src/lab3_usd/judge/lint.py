@@ -14,7 +14,6 @@ from msgspec.structs import replace
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.judge.opening import open_while_importing
 from lab3_usd.judge.results import (
     STAGE_ENDINGS,
     Entry,
@@ -29,8 +28,6 @@ from lab3_usd.spec.isaac import NEWEST
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.isaac_types import load_isaac_types
 from lab3_usd.spec.load.loader import load_lab
-
-_LINTER = "lab3_usd.check.linter"
 
 
 class LintSettings(Struct, frozen=True):
@@ -85,13 +82,13 @@ def _ignoring(result: StageResult, settings: LintSettings) -> StageResult:
 
 def _linted(path: str | Path, release: str) -> StageResult:
     lab = lint_lab(release)
-    from lab3_usd.stage.read.opening import quiet  # noqa: PLC0415 - pxr, only when needed
-    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+    from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
 
     try:
         with quiet():
-            stage = open_while_importing(_LINTER, Path(path))
-            from lab3_usd.check.linter import lint  # noqa: PLC0415 - imported in the meantime
+            stage = open_stage(Path(path))
+            from lab3_usd.check.linter import lint  # noqa: PLC0415 - see `imported_while_opening`
+            from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
             model = read_model(stage, lab, str(path))
             found = lint(LintSubject(lab, load_isaac_types(), model, release))

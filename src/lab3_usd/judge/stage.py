@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.judge.opening import open_while_importing
 from lab3_usd.judge.results import located, score_of, unreadable, verdict_of
 from lab3_usd.model.finding import StageResult, ordered
 from lab3_usd.spec.file_names import named_checkpoint
@@ -16,8 +15,6 @@ from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:
     from lab3_usd.check.checker import Judgement
-
-_CHECKER = "lab3_usd.check.checker"
 
 
 def checkpoint_of(name: str, lab: Lab) -> str | None:
@@ -47,13 +44,13 @@ def check_stage(
     if found not in lab.checkpoints:
         message = f"there is no checkpoint '{found}'; known are {', '.join(lab.checkpoints)}"
         raise UsageError(message)
-    from lab3_usd.stage.read.opening import quiet  # noqa: PLC0415 - pxr, only when needed
-    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+    from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
 
     try:
         with quiet():
-            stage = open_while_importing(_CHECKER, Path(path))
-            from lab3_usd.check.checker import judge  # noqa: PLC0415 - imported in the meantime
+            stage = open_stage(Path(path))
+            from lab3_usd.check.checker import judge  # noqa: PLC0415 - see `imported_while_opening`
+            from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
             judged = judge(lab, lab.checkpoints[found], read_model(stage, lab, str(path)))
     except StageError as error:

@@ -16,7 +16,6 @@ from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.check.scene_item import is_met
 from lab3_usd.check.scene_requirements import scene_items
 from lab3_usd.errors import StageError
-from lab3_usd.judge.opening import open_while_importing
 from lab3_usd.judge.results import located, score_of, unreadable
 from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import Finding, Requirement, StageResult, ordered
@@ -54,10 +53,11 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
     Raises:
         StageError: the file cannot be opened.
     """
-    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
 
-    stage = open_while_importing("lab3_usd.check.checker", path)
-    from lab3_usd.check.checker import judge  # noqa: PLC0415 - imported in the meantime
+    stage = open_stage(path)
+    from lab3_usd.check.checker import judge  # noqa: PLC0415 - see `imported_while_opening`
+    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
     if not trusted:
         return Starter(path, stage)

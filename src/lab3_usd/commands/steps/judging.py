@@ -11,6 +11,7 @@ import click
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.commands.steps.importing import imported_while_opening
 from lab3_usd.commands.steps.reporting import (
     exit_code,
     rendered,
@@ -20,17 +21,25 @@ from lab3_usd.commands.steps.reporting import (
 )
 from lab3_usd.judge.results import Entry, Results, with_findings
 from lab3_usd.model.finding import Report, StageResult, Submission
+from lab3_usd.report.formats.registry import module_of
+
+AFTER_OPENING = (
+    "lab3_usd.stage.read.reader",
+    "lab3_usd.judge.ignoring",
+    "lab3_usd.stage.text.ignore_notes",
+)
 
 
 class Judge(Struct, frozen=True):
     """What a command does in its own way: find what a path names, judge it in N processes.
 
-    `shared` are the files and folders that everything is judged with; `renew` is called when one
-    of these was saved.
+    `module` is what judges a stage once it is open. `shared` are the files and folders that
+    everything is judged with; `renew` is called when one of these was saved.
     """
 
     find: Callable[[str], Iterable[Entry]]
     judge: Callable[[list[Entry], int], Generator[Results]]
+    module: str
     shared: tuple[str, ...] = ()
     renew: Callable[[], object] = tuple
 
@@ -47,8 +56,9 @@ def run(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
     entries = [entry for path in paths for entry in judge.find(path)]
     from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, only when it is needed
 
+    needed = (judge.module, *AFTER_OPENING, module_of(options["form"]))
     # The comparison with the starter, and some formats, look at the stage again.
-    with kept_open():
+    with imported_while_opening(*needed), kept_open():
         report = _judged(entries, judge, options)
         write_report(rendered(report, options), options["output"])
     return exit_code(report, options)
