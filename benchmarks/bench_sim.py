@@ -20,7 +20,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from lab3_usd import build_checkpoint
-from lab3_usd.model.scene import Scene
+from lab3_usd.model.dry_run.scene import Scene
 from lab3_usd.sim.behaviour.ros_interface import interface
 from lab3_usd.sim.execution.drive import Session, fixed_drive
 from lab3_usd.sim.outcome import outcome

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pxr import Usd
 
-from lab3_usd.model.behaviour import Check
+from lab3_usd.model.dry_run.behaviour import Check
 from lab3_usd.sim.behaviour.evidence import Evidence, Interface
 from lab3_usd.sim.behaviour.judge import judge
 from lab3_usd.sim.execution.drive import fixed_drive

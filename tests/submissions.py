@@ -23,7 +23,7 @@ from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.lab.nav2.files import nav2_files
 from lab3_usd.lab.nav2.parameters import read_params
 from lab3_usd.model.finding import StageResult
-from lab3_usd.model.lab_files import Agreement, NavigationSubject
+from lab3_usd.model.folder.lab_files import Agreement, NavigationSubject
 from lab3_usd.spec.lab import FrameSpec, Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.load.ros import load_ros

@@ -41,7 +41,7 @@ from lab3_usd.lab.evidence.output_parsers import (
     parse_tree,
 )
 from lab3_usd.lab.evidence.reader import read_listed
-from lab3_usd.model.lab_files import Evidence, GoalRun, Lookup
+from lab3_usd.model.folder.lab_files import Evidence, GoalRun, Lookup
 from lab3_usd.spec.load.ros import load_ros
 
 ROS = load_ros()

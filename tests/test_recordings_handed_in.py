@@ -32,9 +32,9 @@ from lab3_usd.judge import recordings as module
 from lab3_usd.judge.folder import FolderSettings, check_folder
 from lab3_usd.judge.recordings import opens_all, read_recordings
 from lab3_usd.lab.submission.listing import entries_below
-from lab3_usd.model.behaviour import Check
+from lab3_usd.model.dry_run.behaviour import Check
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.lab_files import (
+from lab3_usd.model.folder.lab_files import (
     GOAL,
     Evidence,
     EvidenceSubject,

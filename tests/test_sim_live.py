@@ -24,7 +24,7 @@ from pxr import Usd
 from lab3_usd.commands.sim import command
 from lab3_usd.commands.steps import live_run
 from lab3_usd.commands.steps.live_run import said_of
-from lab3_usd.model.scene import Scene
+from lab3_usd.model.dry_run.scene import Scene
 from lab3_usd.sim.bag.messages import serialized
 from lab3_usd.sim.execution.record import Message, Profile, Transform
 from lab3_usd.sim.execution.ros import STATIC

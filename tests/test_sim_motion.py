@@ -9,8 +9,8 @@ from breaking import correct_stage
 from pxr import Gf, Usd, UsdGeom
 from scene_changes import FLOOR, JOINTS, ROBOT, Change, deactivate, put, remove, several, weld
 
-from lab3_usd.model.affine import AXES, Affine, about, rotation
-from lab3_usd.model.scene import Prim
+from lab3_usd.model.dry_run.affine import AXES, Affine, about, rotation
+from lab3_usd.model.dry_run.scene import Prim
 from lab3_usd.sim.geometry.cuts import cut, distance, height_at, joined
 from lab3_usd.sim.geometry.shapes import triangles
 from lab3_usd.sim.lidar.rays import Beam, sweep

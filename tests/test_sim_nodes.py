@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from breaking import correct_stage, the_lab
 
-from lab3_usd.model.scene import Graph, Input, Node, Scene
+from lab3_usd.model.dry_run.scene import Graph, Input, Node, Scene
 from lab3_usd.sim.execution.program import compile_graphs, type_of
 from lab3_usd.sim.execution.record import Odometry, Profile, Scan, Transform, View
 from lab3_usd.sim.execution.registry import function_of, functions

@@ -13,7 +13,7 @@ from lab3_usd.commands.steps.options import text_or_json
 from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
-    from lab3_usd.model.behaviour import Behaviour
+    from lab3_usd.model.dry_run.behaviour import Behaviour
     from lab3_usd.spec.lab import Lab
 
 EXITS = {"ok": 0, "bad": 1, "unreadable": 2}

@@ -24,8 +24,8 @@ from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.lab.submission.listing import folder_named, list_submission
 from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
+from lab3_usd.model.folder.submission import Listing, StarterFile, SubmissionSubject
 from lab3_usd.model.stage import StageModel
-from lab3_usd.model.submission import Listing, StarterFile, SubmissionSubject
 from lab3_usd.spec.file_names import named_checkpoint
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab

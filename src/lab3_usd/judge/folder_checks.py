@@ -18,8 +18,8 @@ from lab3_usd.lab.nav2.parameters import read_params
 from lab3_usd.lab.submission.deliverables import find_parameter_files
 from lab3_usd.lab.submission.listing import folder_named
 from lab3_usd.model.finding import Finding
-from lab3_usd.model.lab_files import Agreement, Evidence, EvidenceSubject, MapSubject
-from lab3_usd.model.submission import Listing
+from lab3_usd.model.folder.lab_files import Agreement, Evidence, EvidenceSubject, MapSubject
+from lab3_usd.model.folder.submission import Listing
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import MapFacts, RosSpec
 from lab3_usd.spec.submission import SubmissionSpec

@@ -7,8 +7,8 @@ from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 
 from lab3_usd.errors import RecordingError
-from lab3_usd.model.lab_files import RecordingShown
-from lab3_usd.model.submission import Entry
+from lab3_usd.model.folder.lab_files import RecordingShown
+from lab3_usd.model.folder.submission import Entry
 from lab3_usd.spec.file_names import named_checkpoint
 from lab3_usd.spec.lab import Lab
 

@@ -1,1 +1,1 @@
-"""Plain data that all rooms share: a stage, findings, changes, the files of a folder."""
+"""Plain data that all rooms share: a stage, findings, changes."""

@@ -9,9 +9,9 @@ from pathlib import Path
 from msgspec import Struct
 
 from lab3_usd.errors import StageError
-from lab3_usd.model.affine import Affine, heading, rotation
-from lab3_usd.model.behaviour import Behaviour, Moment, Place, Replay, Unknown
-from lab3_usd.model.scene import Scene
+from lab3_usd.model.dry_run.affine import Affine, heading, rotation
+from lab3_usd.model.dry_run.behaviour import Behaviour, Moment, Place, Replay, Unknown
+from lab3_usd.model.dry_run.scene import Scene
 from lab3_usd.sim.behaviour.evidence import Evidence
 from lab3_usd.sim.behaviour.ros_interface import interface
 from lab3_usd.sim.behaviour.tf_lookup import in_root

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lab3_usd.model.behaviour import Behaviour, Check, Frame, Leg, Topic, Unknown
+from lab3_usd.model.dry_run.behaviour import Behaviour, Check, Frame, Leg, Topic, Unknown
 from lab3_usd.sim.behaviour.evidence import Evidence, displacement
 from lab3_usd.sim.behaviour.judge import judge
 from lab3_usd.sim.behaviour.sensors import rate_of

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lab3_usd.model.affine import AXES, HERE, Affine, about, heading
-from lab3_usd.model.behaviour import Segment
-from lab3_usd.model.scene import Scene
+from lab3_usd.model.dry_run.affine import AXES, HERE, Affine, about, heading
+from lab3_usd.model.dry_run.behaviour import Segment
+from lab3_usd.model.dry_run.scene import Scene
 from lab3_usd.sim.behaviour.evidence import Evidence, Interface
 from lab3_usd.sim.causes import RunCauses
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lab3_usd.model.affine import Affine
+from lab3_usd.model.dry_run.affine import Affine
 from lab3_usd.sim.execution.record import Message, Scan, View
 from lab3_usd.sim.execution.ros import send
 from lab3_usd.sim.execution.world import World, Writer

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lab3_usd.check.registry import all_rules
 from lab3_usd.judge.results import unreadable, with_findings
-from lab3_usd.model.behaviour import Behaviour
+from lab3_usd.model.dry_run.behaviour import Behaviour
 from lab3_usd.model.finding import Finding, StageResult
 from lab3_usd.report.behaviour.summary import DryRunSummary, dry_run_summary
 from lab3_usd.sim.dry_run import dry_run

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from lab3_usd.lab.plain_yaml import load_plain
-from lab3_usd.model.lab_files import Message, Scalar
+from lab3_usd.model.folder.lab_files import Message, Scalar
 
 _SCALARS = (str, int, float, bool, type(None))
 # What rclcpp and ros2cli print between messages: log lines, and the notice of a lost message.

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from itertools import dropwhile, takewhile
 
 from lab3_usd.lab.evidence.message import parse_messages
-from lab3_usd.model.lab_files import Edge, Endpoint, Lookup, Message, Run
+from lab3_usd.model.folder.lab_files import Edge, Endpoint, Lookup, Message, Run
 
 # A shell or `ros2 run` that could not start the command: the output shows nothing.
 _NOT_RUN = re.compile(

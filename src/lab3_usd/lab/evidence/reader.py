@@ -10,7 +10,7 @@ from typing import Any
 from lab3_usd.lab.evidence import output_parsers
 from lab3_usd.lab.evidence.command_outputs import CommandOutput, split_outputs
 from lab3_usd.lab.evidence.message import parse_messages
-from lab3_usd.model.lab_files import Evidence, GoalRun, Lookup, Observation
+from lab3_usd.model.folder.lab_files import Evidence, GoalRun, Lookup, Observation
 from lab3_usd.spec.ros import GoalSpec, RosSpec
 
 MANIFEST = "manifest.tsv"

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from lab3_usd.lab.maps.grid import GAP, MapError, read_pgm
 from lab3_usd.lab.plain_yaml import load_plain
-from lab3_usd.model.lab_files import MapSubject
+from lab3_usd.model.folder.lab_files import MapSubject
 from lab3_usd.spec.ros import MapFacts
 
 _PNG = b"\x89PNG\r\n\x1a\n"

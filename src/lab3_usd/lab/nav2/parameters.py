@@ -11,7 +11,7 @@ import yaml
 
 from lab3_usd.errors import SpecError
 from lab3_usd.lab.plain_yaml import PlainLoader
-from lab3_usd.model.lab_files import NavigationSubject, Parameter, Refusal, kind_of
+from lab3_usd.model.folder.lab_files import NavigationSubject, Parameter, Refusal, kind_of
 from lab3_usd.spec.lab import FrameSpec
 from lab3_usd.spec.ros import RosSpec
 

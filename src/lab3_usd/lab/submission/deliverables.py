@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
-from lab3_usd.model.submission import Entry
+from lab3_usd.model.folder.submission import Entry
 from lab3_usd.spec.submission import Deliverable, FolderNames, SubmissionSpec
 
 _ADDRESS = re.compile(r"https?://[^\s<>\"')\]]+", re.IGNORECASE)

@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from lab3_usd.lab.submission.deliverables import find_deliverables
 from lab3_usd.lab.submission.stage_names import find_stages
-from lab3_usd.model.submission import Entry, Listing
+from lab3_usd.model.folder.submission import Entry, Listing
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.submission import SubmissionSpec
 

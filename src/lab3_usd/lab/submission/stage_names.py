@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 
 from msgspec.structs import replace
 
-from lab3_usd.model.submission import Entry, StageFile
+from lab3_usd.model.folder.submission import Entry, StageFile
 from lab3_usd.spec.file_names import nearly_named
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.submission import StageFiles

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from itertools import groupby
 
-from lab3_usd.model.behaviour import Moment, Place
+from lab3_usd.model.dry_run.behaviour import Moment, Place
 
 WIDTH, ROW, LEFT, RIGHT, TOP = 720.0, 96.0, 92.0, 16.0, 26.0
 _NAMES = (("x", "m"), ("y", "m"), ("heading", "degrees"))

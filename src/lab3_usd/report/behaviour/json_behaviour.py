@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec.structs import asdict
 
-from lab3_usd.model.behaviour import Behaviour, Check, Topic
+from lab3_usd.model.dry_run.behaviour import Behaviour, Check, Topic
 from lab3_usd.report.safe_text import truncated_values
 from lab3_usd.report.tool import NAME, tool_version
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from lab3_usd.model.behaviour import Moment, Place, Replay, Segment
+from lab3_usd.model.dry_run.behaviour import Moment, Place, Replay, Segment
 
 _SCALE = 100.0  # units of the drawing in a metre
 _DOT = "h0"  # a line without length, which a round cap makes a dot

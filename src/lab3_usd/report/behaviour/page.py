@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 
 from lab3_usd.errors import Lab3Error
-from lab3_usd.model.behaviour import Behaviour, Frame, Replay
+from lab3_usd.model.dry_run.behaviour import Behaviour, Frame, Replay
 from lab3_usd.report.behaviour.chart import chart_svg
 from lab3_usd.report.behaviour.maps import furthest, near_svg, room_svg
 from lab3_usd.report.behaviour.words import LOOKS, WHAT_IT_IS, leg_text, rate, sum_text

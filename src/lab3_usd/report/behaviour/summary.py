@@ -5,7 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 from msgspec import Struct
 
-from lab3_usd.model.behaviour import Behaviour, Check, Replay
+from lab3_usd.model.dry_run.behaviour import Behaviour, Check, Replay
 from lab3_usd.report.behaviour.maps import near_svg, room_svg
 from lab3_usd.report.behaviour.words import leg_text, sum_text
 

@@ -6,7 +6,7 @@ import textwrap
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
-from lab3_usd.model.behaviour import Behaviour, Check, Topic
+from lab3_usd.model.dry_run.behaviour import Behaviour, Check, Topic
 from lab3_usd.report.behaviour.words import (
     LOOKS,
     LOOKS_OF_A_RECORDING,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lab3_usd.model.behaviour import Behaviour, Leg
+from lab3_usd.model.dry_run.behaviour import Behaviour, Leg
 
 WHAT_IT_IS = "a dry run from published node source, not Isaac Sim"
 WHAT_A_RECORDING_IS = "a recording of the running system"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.model.behaviour import Behaviour, Difference, Topic
+from lab3_usd.model.dry_run.behaviour import Behaviour, Difference, Topic
 
 RATES = 0.2  # part by which rates may differ
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from msgspec import Struct, field
 
 from lab3_usd.errors import RecordingError
-from lab3_usd.model.affine import Affine, heading, rotation
-from lab3_usd.model.behaviour import Frame, Place
+from lab3_usd.model.dry_run.affine import Affine, heading, rotation
+from lab3_usd.model.dry_run.behaviour import Frame, Place
 from lab3_usd.sim.bag.decoding import Decoded, Goal, decode, has_header, header
 from lab3_usd.sim.bag.files import Offered, Raw
 from lab3_usd.sim.bag.timeline import Timeline

@@ -12,8 +12,8 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from lab3_usd.errors import RecordingError
-from lab3_usd.model.affine import HERE
-from lab3_usd.model.behaviour import Behaviour, Check, Place, Topic, Unknown
+from lab3_usd.model.dry_run.affine import HERE
+from lab3_usd.model.dry_run.behaviour import Behaviour, Check, Place, Topic, Unknown
 from lab3_usd.sim.bag.checks import CHECKS, Recorded
 from lab3_usd.sim.bag.files import Layout, layout_at, opened
 from lab3_usd.sim.bag.gathering import Gathered, Topics, gather

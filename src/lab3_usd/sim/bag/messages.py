@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from lab3_usd.model.affine import Quaternion
+from lab3_usd.model.dry_run.affine import Quaternion
 from lab3_usd.model.transform_math import Vector
 from lab3_usd.sim.execution.drive import Leg
 from lab3_usd.sim.execution.record import Message, Odometry, Scan, Transform, View

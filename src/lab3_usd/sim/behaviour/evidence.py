@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, Protocol
 
 from msgspec import Struct
 
-from lab3_usd.model.affine import HERE, Affine
-from lab3_usd.model.behaviour import Segment
+from lab3_usd.model.dry_run.affine import HERE, Affine
+from lab3_usd.model.dry_run.behaviour import Segment
 from lab3_usd.sim.execution.drive import RATE, Leg, Session
 from lab3_usd.sim.execution.record import Message, Pose, Recording, Scan
 

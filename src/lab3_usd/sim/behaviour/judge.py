@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from lab3_usd.model.behaviour import Check, Verdict
+from lab3_usd.model.dry_run.behaviour import Check, Verdict
 from lab3_usd.sim.behaviour.evidence import Evidence, Fault
 from lab3_usd.sim.behaviour.motion import again, follows, limits, rest
 from lab3_usd.sim.behaviour.odometry import moving_frames, odometry

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lab3_usd.model.affine import Affine, rotation
+from lab3_usd.model.dry_run.affine import Affine, rotation
 from lab3_usd.sim.behaviour.evidence import Evidence, Fault, angle, displacement
 from lab3_usd.sim.behaviour.tf_lookup import agree, in_root
 from lab3_usd.sim.execution.drive import RATE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from lab3_usd.model.affine import HERE, Affine, rotation
+from lab3_usd.model.dry_run.affine import HERE, Affine, rotation
 from lab3_usd.model.transform_math import length, minus
 from lab3_usd.sim.behaviour.evidence import Evidence
 from lab3_usd.sim.execution.record import Message, Transform

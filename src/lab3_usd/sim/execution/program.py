@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.model.scene import Graph, Input, Node, Scene
+from lab3_usd.model.dry_run.scene import Graph, Input, Node, Scene
 from lab3_usd.sim.execution.registry import CONSTANT, FRAME, STEP, event_of, function_of
 from lab3_usd.sim.execution.running import Running, initial, push
 from lab3_usd.sim.execution.world import World

@@ -6,7 +6,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from lab3_usd.model.affine import Affine, Quaternion
+from lab3_usd.model.dry_run.affine import Affine, Quaternion
 from lab3_usd.model.transform_math import Vector
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct, field
 
-from lab3_usd.model.scene import Node
+from lab3_usd.model.dry_run.scene import Node
 from lab3_usd.model.transform_math import Vector
 from lab3_usd.sim.execution.registry import Function
 from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType

@@ -9,7 +9,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from lab3_usd.model.scene import Scene
+from lab3_usd.model.dry_run.scene import Scene
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.ros import Endpoint, Network
 from lab3_usd.sim.execution.running import Running

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lab3_usd.model.behaviour import Segment
+from lab3_usd.model.dry_run.behaviour import Segment
 from lab3_usd.sim.geometry.shapes import Triangle
 
 BOTH = 2  # segments that meet at a point

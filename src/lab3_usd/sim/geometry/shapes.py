@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from lab3_usd.model.affine import Affine
-from lab3_usd.model.scene import Prim
+from lab3_usd.model.dry_run.affine import Affine
+from lab3_usd.model.dry_run.scene import Prim
 from lab3_usd.model.transform_math import Vector
 
 Triangle = tuple[Vector, Vector, Vector]

@@ -8,7 +8,7 @@ from functools import cache
 
 from msgspec import Struct
 
-from lab3_usd.model.behaviour import Segment
+from lab3_usd.model.dry_run.behaviour import Segment
 
 NOTHING = -1.0  # what Isaac Sim writes for a ray without return
 EDGE_ON = 1e-12

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from msgspec import Struct, field
 
-from lab3_usd.model.affine import Affine
-from lab3_usd.model.behaviour import Segment
-from lab3_usd.model.scene import Scene
+from lab3_usd.model.dry_run.affine import Affine
+from lab3_usd.model.dry_run.behaviour import Segment
+from lab3_usd.model.dry_run.scene import Scene
 from lab3_usd.sim.geometry.cuts import cut, joined
 from lab3_usd.sim.geometry.shapes import Triangle, placed
 from lab3_usd.sim.robot.machines import Machines

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-from lab3_usd.model.affine import Affine, Quaternion
-from lab3_usd.model.scene import Prim, Scene
+from lab3_usd.model.dry_run.affine import Affine, Quaternion
+from lab3_usd.model.dry_run.scene import Prim, Scene
 
 if TYPE_CHECKING:
     from lab3_usd.sim.execution.world import World

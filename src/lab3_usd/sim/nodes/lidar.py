@@ -6,7 +6,7 @@ import math
 
 from msgspec.structs import replace
 
-from lab3_usd.model.scene import Prim
+from lab3_usd.model.dry_run.scene import Prim
 from lab3_usd.sim.execution.registry import computes
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.execution.world import Product, World

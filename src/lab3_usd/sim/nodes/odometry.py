@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lab3_usd.model.affine import Affine
+from lab3_usd.model.dry_run.affine import Affine
 from lab3_usd.model.transform_math import Vector, cross, dot, length
 from lab3_usd.sim.execution.record import Message, Odometry
 from lab3_usd.sim.execution.registry import computes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lab3_usd.model.affine import Affine, Quaternion
+from lab3_usd.model.dry_run.affine import Affine, Quaternion
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.execution.world import World
 from lab3_usd.spec.catalog import INPUT

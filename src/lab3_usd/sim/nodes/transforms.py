@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lab3_usd.model.affine import HERE, Affine
+from lab3_usd.model.dry_run.affine import HERE, Affine
 from lab3_usd.model.transform_math import Vector
 from lab3_usd.sim.execution.record import Message, Transform
 from lab3_usd.sim.execution.registry import computes

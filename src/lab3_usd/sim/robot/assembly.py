@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from lab3_usd.model.affine import AXES, HERE, Affine, rotation
-from lab3_usd.model.scene import Prim, Scene
+from lab3_usd.model.dry_run.affine import AXES, HERE, Affine, rotation
+from lab3_usd.model.dry_run.scene import Prim, Scene
 from lab3_usd.sim.robot.joints import DRIVE, FIXED, HINGE, JOINTS, Joint
 from lab3_usd.sim.robot.machine import Machine
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from lab3_usd.model.affine import Affine
+from lab3_usd.model.dry_run.affine import Affine
 from lab3_usd.model.transform_math import Vector
 
 HINGE, SLIDER = "PhysicsRevoluteJoint", "PhysicsPrismaticJoint"

@@ -10,8 +10,8 @@ import math
 
 from msgspec import Struct, field
 
-from lab3_usd.model.affine import AXES, Affine, about
-from lab3_usd.model.behaviour import Segment
+from lab3_usd.model.dry_run.affine import AXES, Affine, about
+from lab3_usd.model.dry_run.behaviour import Segment
 from lab3_usd.sim.geometry.cuts import distance
 from lab3_usd.sim.robot.joints import Joint, Wheel
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from lab3_usd.model.affine import HERE, Affine
-from lab3_usd.model.scene import Scene
+from lab3_usd.model.dry_run.affine import HERE, Affine
+from lab3_usd.model.dry_run.scene import Scene
 from lab3_usd.model.transform_math import Vector, cross, minus
 from lab3_usd.sim.geometry.cuts import cut, height_at
 from lab3_usd.sim.geometry.shapes import placed

@@ -6,8 +6,8 @@ from typing import Any
 
 from pxr import Usd, UsdGeom
 
-from lab3_usd.model.affine import HERE, Affine
-from lab3_usd.model.scene import Graph, Input, Node, Prim, Scene
+from lab3_usd.model.dry_run.affine import HERE, Affine
+from lab3_usd.model.dry_run.scene import Graph, Input, Node, Prim, Scene
 from lab3_usd.stage.read.missing_assets import find_unresolved
 
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"

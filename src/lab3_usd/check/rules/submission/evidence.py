@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.submission.file_values import shortened
 from lab3_usd.model.finding import Problem, Severity
-from lab3_usd.model.lab_files import GOAL, EvidenceSubject, Observation, judge_best
+from lab3_usd.model.folder.lab_files import GOAL, EvidenceSubject, Observation, judge_best
 from lab3_usd.spec.ros import Command
 
 

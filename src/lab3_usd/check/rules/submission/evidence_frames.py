@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.registry import rule
 from lab3_usd.model.finding import Problem, Severity
-from lab3_usd.model.lab_files import Edge, EvidenceSubject, Lookup, Observation, judge_best
+from lab3_usd.model.folder.lab_files import Edge, EvidenceSubject, Lookup, Observation, judge_best
 from lab3_usd.spec.ros import Command
 
 

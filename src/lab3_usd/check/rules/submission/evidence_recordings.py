@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.submission.file_values import shortened
-from lab3_usd.model.behaviour import Check
+from lab3_usd.model.dry_run.behaviour import Check
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.lab_files import GOAL, EvidenceSubject, RecordingShown
+from lab3_usd.model.folder.lab_files import GOAL, EvidenceSubject, RecordingShown
 
 _OF_EVIDENCE = "E"
 

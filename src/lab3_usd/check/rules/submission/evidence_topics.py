@@ -8,7 +8,7 @@ from functools import partial
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.submission.file_values import same, shortened
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.lab_files import (
+from lab3_usd.model.folder.lab_files import (
     Endpoint,
     EvidenceSubject,
     Fact,

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from lab3_usd.check.registry import rule
 from lab3_usd.model.finding import Problem, StageResult
-from lab3_usd.model.submission import SubmissionSubject
+from lab3_usd.model.folder.submission import SubmissionSubject
 
 _SHOWN = 3  # titles that a message names
 

@@ -10,7 +10,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.submission.file_values import same, shortened
 from lab3_usd.check.rules.submission.map_values import READ, REFUSED, number
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.lab_files import MapSubject
+from lab3_usd.model.folder.lab_files import MapSubject
 
 _DEFAULTS = {"mode": "trinary"}  # what map_server takes where the file says nothing
 

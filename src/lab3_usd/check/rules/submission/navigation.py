@@ -9,7 +9,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.submission.file_values import shortened
 from lab3_usd.check.rules.submission.parameter_values import parameter_problem
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.lab_files import NavigationSubject, Parameter
+from lab3_usd.model.folder.lab_files import NavigationSubject, Parameter
 
 
 @rule("V01", "parameters-unreadable", scope="navigation")

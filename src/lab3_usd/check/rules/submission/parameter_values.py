@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.submission.file_values import shortened
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.lab_files import NavigationSubject, Parameter
+from lab3_usd.model.folder.lab_files import NavigationSubject, Parameter
 
 
 def parameter_problem(

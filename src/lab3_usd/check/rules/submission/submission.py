@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.submission import StageFile, SubmissionSubject
+from lab3_usd.model.folder.submission import StageFile, SubmissionSubject
 
 
 @rule("X01", "missing-stage", scope="submission")

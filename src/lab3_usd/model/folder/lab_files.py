@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 
 from msgspec import Struct, field
 
-from lab3_usd.model.behaviour import Check
+from lab3_usd.model.dry_run.behaviour import Check
 from lab3_usd.model.finding import Problem
 from lab3_usd.spec.lab import FrameSpec
 from lab3_usd.spec.ros import FROM_THE_FIRST, MapFacts, NavigationSpec, RosSpec

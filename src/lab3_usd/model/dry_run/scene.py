@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.model.affine import Affine
+from lab3_usd.model.dry_run.affine import Affine
 
 
 class Input(Struct, frozen=True):

@@ -1,0 +1,1 @@
+"""What a dry run reads and shows, as plain data."""

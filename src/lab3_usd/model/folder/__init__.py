@@ -1,0 +1,1 @@
+"""What the rules about a folder look at, as plain data."""
