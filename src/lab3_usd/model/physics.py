@@ -42,8 +42,8 @@ def collides(prim: Prim) -> bool:
 
 def is_articulated(prim: Prim) -> bool:
     """Whether the prim is a live root of an articulation."""
-    is_on = not is_switched_off(prim, ARTICULATION_ENABLED)
-    return prim.present and ARTICULATION_API in prim.apis and is_on
+    is_root = prim.present and ARTICULATION_API in prim.apis
+    return is_root and not is_switched_off(prim, ARTICULATION_ENABLED)
 
 
 def is_joint(prim: Prim) -> bool:
