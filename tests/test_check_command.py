@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,9 +15,10 @@ from in_process import lab3
 from pxr import Usd
 from report_schema import assert_valid
 
-from lab3_usd import build_checkpoint
+from lab3_usd import build_checkpoint, files
 from lab3_usd.check import checker
 from lab3_usd.check.registry import Rule
+from lab3_usd.files import write_whole
 from lab3_usd.judge.stage import check_stage
 
 CLOCK = "Lab3_01_ros_clock.usda"
@@ -159,6 +162,32 @@ def test_the_report_is_written_to_a_file(wrong: Path, tmp_path: Path) -> None:
     done = check(wrong, "--format", "json", "--output", output)
     assert (done.returncode, done.stdout) == (1, "")
     assert_valid(json.loads(output.read_text()))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such files")
+def test_the_report_goes_into_a_pipe_which_stays_one(wrong: Path, tmp_path: Path) -> None:
+    pipe = tmp_path / "report"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor(1) as reader:
+        told = reader.submit(pipe.read_text)
+        assert check(wrong, "--format", "json", "--output", pipe).returncode == 1
+        assert_valid(json.loads(told.result(timeout=60)))
+    assert pipe.is_fifo()
+
+
+def test_what_lies_among_devices_is_written_to_and_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Root could put a file in the place of /dev/stdout, for everybody."""
+    output = tmp_path / "stdout"
+    output.write_text("before")
+    number = output.stat().st_ino
+    write_whole(output, b"replaced", force=True)
+    assert output.stat().st_ino != number
+    monkeypatch.setattr(files, "_DEVICES", tmp_path.parts[:2])
+    number = output.stat().st_ino
+    write_whole(output, b"written", force=True)
+    assert (output.stat().st_ino, output.read_bytes()) == (number, b"written")
 
 
 def test_the_report_never_replaces_what_is_checked(clock: Path, tmp_path: Path) -> None:

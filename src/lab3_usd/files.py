@@ -10,6 +10,7 @@ from pathlib import Path
 
 from lab3_usd.errors import UsageError
 
+_DEVICES = ("/", "dev")
 _RANDOM = re.compile("[a-z0-9_]{8}")  # what tempfile puts behind a prefix
 
 
@@ -25,11 +26,17 @@ def write_whole(target: Path, data: bytes, *, force: bool) -> None:
 def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
     """Write one part after the other to a new file beside `target`, then rename it to `target`.
 
+    A device, a pipe, and what lies below /dev (as /dev/stdout does) is written to, and stays there.
+
     Raises:
         UsageError: `target` exists and `force` is not set, or it cannot be written.
     """
     refuse_existing(target, force=force)
     try:
+        if target.exists() and not (target.is_file() and target.parts[:2] != _DEVICES):
+            with target.open("wb") as file:
+                file.writelines(parts)
+            return
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary = temporary_beside(target)
         try:
