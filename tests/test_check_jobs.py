@@ -185,7 +185,7 @@ def test_the_first_error_in_order_is_the_one_that_is_told(
 
 
 def test_progress_is_shown_on_a_terminal(
-    stages: list[Path], monkeypatch: pytest.MonkeyPatch
+    stages: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Terminal(io.StringIO):
         def isatty(self) -> bool:
@@ -193,7 +193,7 @@ def test_progress_is_shown_on_a_terminal(
 
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    asked = ["check", "--jobs", "2", "--output", os.devnull, *map(str, stages)]
+    asked = ["check", "--jobs", "2", "--output", str(tmp_path / "report"), *map(str, stages)]
     with pytest.raises(SystemExit, match="1"):
         lab3(asked)
     assert "100%" in terminal.getvalue()
@@ -202,6 +202,21 @@ def test_progress_is_shown_on_a_terminal(
 def run_all(works: Sequence[str], jobs: int = 2) -> list[Any]:
     """Evaluate expressions in processes; one that ends its process is how it ended."""
     return list(in_processes(eval, lambda work, how: (work, how), works, jobs))
+
+
+def test_a_process_imports_no_rule_anew(stages: list[Path]) -> None:
+    """All that judges is imported once, before the processes are forked."""
+    script = """
+import sys
+import lab3_usd.judge.preloaded
+from lab3_usd.judge.entries import Entry, JudgeSettings, judge_entry
+before = {*sys.modules}
+judge_entry(JudgeSettings(checkpoint="05"), Entry(sys.argv[1]))
+print(sorted(name for name in {*sys.modules} - before if name.startswith("lab3_usd.check")))
+"""
+    command = [sys.executable, "-c", script, str(stages[0])]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_answers_come_in_the_order_of_the_work() -> None:

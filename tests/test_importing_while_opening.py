@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -79,11 +80,38 @@ def test_a_second_stage_starts_no_second_thread(stage: Path, imported: list[str]
     assert imported == [UNKNOWN]
 
 
-def test_no_thread_is_left(stage: Path) -> None:
+def test_a_stage_that_is_open_waits_for_what_is_imported(
+    monkeypatch: pytest.MonkeyPatch, stage: Path
+) -> None:
+    monkeypatch.setattr(importing.importlib, "import_module", lambda _module: time.sleep(0.2))
     before = threading.active_count()
     with importing.imported_while_opening(UNKNOWN):
         open_stage(stage)
-    assert threading.active_count() == before
+        assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("command", ["check", "lint"])
+def test_a_command_has_its_rules_imported_by_another_thread(command: str, stage: Path) -> None:
+    done = run(
+        """
+import sys, threading
+from click.testing import CliRunner
+from lab3_usd.cli import lab3
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        threads[name] = threading.current_thread()
+
+threads = {}
+sys.meta_path.insert(0, Finder())
+assert CliRunner().invoke(lab3, sys.argv[2:]).exit_code in {0, 1}
+print(threads[sys.argv[1]] is threading.main_thread())
+""",
+        RULES,
+        command,
+        stage,
+    )
+    assert done.stdout.strip() == "False", done.stderr
 
 
 @pytest.mark.parametrize("command", ["check", "lint"])

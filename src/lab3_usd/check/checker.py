@@ -49,7 +49,7 @@ EXTRA_NODE = "N02"
 # Which rule says more of a prim, or of its property, than each of these does.
 SAYS_MORE = {"R03": "T01"}
 
-import_rules("F", *GRAPH_FAMILIES, *STAGE_FAMILIES)
+import_rules(*GRAPH_FAMILIES, *STAGE_FAMILIES)
 
 
 class Judgement(Struct, frozen=True):

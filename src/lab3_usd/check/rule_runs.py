@@ -21,9 +21,6 @@ class RuleResults(Struct, frozen=True):
     crashes: tuple[Crash, ...] = ()
 
 
-_NOTHING = RuleResults()
-
-
 def run_family(
     scope: Scope,
     family: str,
@@ -45,13 +42,12 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:  # noqa:
     findings: list[Finding] = []
     crashes: list[Crash] = []
     try:
-        for problem in rule.check(subject):
-            findings.append(finding_of(rule, problem, lab))  # noqa: PERF401 - keeps those before a crash
+        findings.extend(finding_of(rule, problem, lab) for problem in rule.check(subject))
     except StageError:
         raise
     except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
         crashes.append(Crash(rule.id, f"{type(error).__name__}: {error}"))
-    return RuleResults(tuple(findings), tuple(crashes)) if findings or crashes else _NOTHING
+    return RuleResults(tuple(findings), tuple(crashes))
 
 
 def merge_results(results: Iterable[RuleResults]) -> RuleResults:

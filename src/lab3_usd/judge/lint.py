@@ -85,11 +85,12 @@ def _linted(path: str | Path, release: str) -> StageResult:
     from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
 
     try:
-        with quiet():
-            stage = open_stage(Path(path))
-            from lab3_usd.check.linter import lint  # noqa: PLC0415 - see `imported_while_opening`
-            from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+        stage = open_stage(Path(path))
+        # Imported only now: a command has another thread do it while the stage opens.
+        from lab3_usd.check.linter import lint  # noqa: PLC0415
+        from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
+        with quiet():
             model = read_model(stage, lab, str(path))
             found = lint(LintSubject(lab, load_isaac_types(), model, release))
     except StageError as error:

@@ -47,11 +47,12 @@ def check_stage(
     from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
 
     try:
-        with quiet():
-            stage = open_stage(Path(path))
-            from lab3_usd.check.checker import judge  # noqa: PLC0415 - see `imported_while_opening`
-            from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+        stage = open_stage(Path(path))
+        # Imported only now: a command has another thread do it while the stage opens.
+        from lab3_usd.check.checker import judge  # noqa: PLC0415
+        from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
+        with quiet():
             judged = judge(lab, lab.checkpoints[found], read_model(stage, lab, str(path)))
     except StageError as error:
         return unreadable(str(path), found, str(error))

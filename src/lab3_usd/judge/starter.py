@@ -56,7 +56,8 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
     from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
 
     stage = open_stage(path)
-    from lab3_usd.check.checker import judge  # noqa: PLC0415 - see `imported_while_opening`
+    # Imported only now: a command has another thread do it while the stage opens.
+    from lab3_usd.check.checker import judge  # noqa: PLC0415
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
     if not trusted:

@@ -19,7 +19,8 @@ def imported_while_opening(*modules: str) -> Iterator[None]:
     """Import modules while the first stage of the body opens.
 
     They may import no more of usd-core than opening does, which imports some of it itself. One that
-    cannot be imported fails where it is needed.
+    cannot be imported fails where it is needed. What they write to standard error is lost, as
+    usd-core's own warnings are.
     """
     from lab3_usd.stage.read.opening import opener  # noqa: PLC0415 - pxr, only when it is needed
 
@@ -27,17 +28,19 @@ def imported_while_opening(*modules: str) -> Iterator[None]:
     open_only = opener.get()
 
     def open_and_import(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
-        if importing.ident is None:
-            importing.start()
-        return open_only(path)
+        if importing.ident is not None:
+            return open_only(path)
+        importing.start()
+        try:
+            return open_only(path)
+        finally:
+            importing.join()
 
     before = opener.set(open_and_import)
     try:
         yield
     finally:
         opener.reset(before)
-        if importing.ident is not None:
-            importing.join()
 
 
 def _import(*modules: str) -> None:
