@@ -26,14 +26,14 @@ def write_whole(target: Path, data: bytes, *, force: bool) -> None:
 def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
     """Write one part after the other to a new file beside `target`, then rename it to `target`.
 
-    A device, a pipe, and what lies below /dev (as /dev/stdout does) is written to, and stays there.
+    Devices, pipes and what lies below /dev, as /dev/stdout does, are written to and stay.
 
     Raises:
         UsageError: `target` exists and `force` is not set, or it cannot be written.
     """
     refuse_existing(target, force=force)
     try:
-        if target.exists() and not (target.is_file() and target.parts[:2] != _DEVICES):
+        if target.exists() and (not target.is_file() or target.parts[:2] == _DEVICES):
             with target.open("wb") as file:
                 file.writelines(parts)
             return

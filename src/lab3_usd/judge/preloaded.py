@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 
-import lab3_usd.check.checker
 import lab3_usd.judge.entries
 import lab3_usd.judge.folder
 import lab3_usd.judge.starter

@@ -10,6 +10,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.check.checker import judge
 from lab3_usd.check.repairs.starter import with_starter_repairs
 from lab3_usd.check.requirements import with_other_faults
 from lab3_usd.check.rule_runs import RuleResults, run_family
@@ -54,12 +55,9 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
         StageError: the file cannot be opened.
     """
     from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
-
-    stage = open_stage(path)
-    # Imported only now: a command has another thread do it while the stage opens.
-    from lab3_usd.check.checker import judge  # noqa: PLC0415
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
+    stage = open_stage(path)
     if not trusted:
         return Starter(path, stage)
     first = next(iter(lab.checkpoints.values()))
