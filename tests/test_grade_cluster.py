@@ -7,8 +7,10 @@ import importlib
 import os
 import signal
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,9 +21,10 @@ from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.intake.limits import Limits, TooLargeError
 from lab3_usd.grade.intake.remote import entries_at, fetched, is_address
 from lab3_usd.grade.intake.staging import Source
-from lab3_usd.grade.workers.cluster import cluster_runner, judge_here
+from lab3_usd.grade.workers.cluster import _Workers, cluster_runner, judge_here
 from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
 from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.grade.workers.shipment import Shipment
 from lab3_usd.grade.workers.worker_process import WorkerError
 
 STUDENTS = 4
@@ -99,9 +102,11 @@ def cluster_of(workers: int, temporary: Path, monkeypatch: pytest.MonkeyPatch) -
         yield running
 
 
-def kill_workers(cluster: Any) -> None:
+def dismiss_workers(cluster: Any) -> None:
+    """Have all workers stand still with the tasks that they have, and start none in their place."""
     for each in cluster.workers.values():
-        os.kill(each.pid, signal.SIGKILL)
+        os.kill(each.pid, signal.SIGSTOP)
+    cluster.scale(0)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -117,9 +122,34 @@ def test_a_cluster_without_workers_is_an_error_that_says_what_to_start(
 
 
 @pytest.mark.filterwarnings("ignore")
+def test_a_machine_that_joins_later_goes_on_for_the_first(
+    place: Path, alone: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed: list[int] = []
+    with cluster_of(1, tmp_path / "temporary", monkeypatch) as lone:
+
+        def exchange(done: int, total: int) -> None:
+            del total
+            if done == 1:
+                (first,) = lone.workers.values()
+                os.kill(first.pid, signal.SIGSTOP)  # with the tasks that it has
+                lone.scale(2)
+                with distributed.Client(lone) as watching:
+                    watching.wait_for_workers(2, timeout=60)
+                os.kill(first.pid, signal.SIGKILL)
+                killed.append(first.pid)
+
+        distributed = importlib.import_module("distributed")
+        found = graded_on(lone, place, tmp_path / "book", progress=exchange)
+    assert len(killed) == 1
+    assert found == alone
+
+
+@pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_RETURN", 0.5)
     with (
         cluster_of(1, tmp_path / "temporary", monkeypatch) as lone,
         pytest.raises(WorkerError, match=r"have gone; start others .* --resume"),
@@ -128,9 +158,35 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
             lone,
             place,
             tmp_path / "book",
-            progress=lambda done, _total: kill_workers(lone) if done == 1 else None,
+            progress=lambda done, _total: dismiss_workers(lone) if done == 1 else None,
         )
     assert len(list((tmp_path / "book" / "students").iterdir())) == 1
+
+
+def test_workers_are_waited_for_anew_each_time_that_they_go(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now, known = 0.0, dict[str, Any]()
+    client = SimpleNamespace(scheduler_info=lambda: {"workers": known})
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster.time.monotonic", lambda: now)
+    workers = _Workers(client)
+    workers.look()
+    now = 19.0
+    workers.look()
+    known["one"] = {}  # it is back, and goes again
+    workers.look()
+    known.clear()
+    now = 100.0
+    workers.look()
+    now = 119.0
+    workers.are_there()  # it was back, has answered, and has gone again
+    now = 200.0
+    workers.look()
+    now = 219.0
+    workers.look()
+    now = 221.0
+    with pytest.raises(CancelledError):
+        workers.look()
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -267,8 +323,6 @@ def test_what_is_too_much_to_fetch_is_recorded(tmp_path: Path) -> None:
 
 
 def test_a_machine_with_another_version_refuses_to_judge() -> None:
-    from lab3_usd.grade.workers.cluster import Shipment  # noqa: PLC0415 - only here
-
     settings = PoolSettings(None, None, Limits())
     shipment = Shipment("0.0.0", (), "starter.usda", None, (), settings)
     with pytest.raises(UsageError, match=r"not 0\.0\.0"):
@@ -276,11 +330,9 @@ def test_a_machine_with_another_version_refuses_to_judge() -> None:
 
 
 def test_a_machine_that_cannot_reach_a_submission_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    from lab3_usd.grade.workers import cluster  # noqa: PLC0415 - only here
-
-    monkeypatch.setattr(cluster, "tool_version", lambda: "1")
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster.tool_version", lambda: "1")
     settings = PoolSettings(None, None, Limits())
-    shipment = cluster.Shipment("1", (), "starter.usda", None, (), settings)
+    shipment = Shipment("1", (), "starter.usda", None, (), settings)
     task = Task("jane", "jane", (Source(Path("/no/such/folder")),))
     with pytest.raises(UsageError, match="/no/such/folder"):
         judge_here(shipment, encode(task))

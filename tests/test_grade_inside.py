@@ -30,6 +30,7 @@ from lab3_usd.grade.workers.messages import (
     encode,
     status_of,
 )
+from lab3_usd.grade.workers.shipment import packed, unpacked
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.grade.workers.worker_pipes import Worker
 from lab3_usd.report.tool import tool_version
@@ -407,7 +408,7 @@ def test_a_machine_keeps_its_worker_for_a_shipment_and_changes_it_for_another(
 ) -> None:
     submission(tmp_path / "jane", "00")
     settings = PoolSettings(starter(), None, Limits(), (tmp_path,))
-    first, second = cluster._shipment(settings), cluster._shipment(settings)
+    first, second = packed(settings), packed(settings)
     assert first.version == tool_version()
     task = Task("jane", "jane", (Source(tmp_path / "jane"),))
     try:
@@ -427,8 +428,8 @@ def test_a_machine_keeps_its_worker_for_a_shipment_and_changes_it_for_another(
 def test_a_rubric_and_a_starter_are_shipped_as_bytes(tmp_path: Path) -> None:
     rubric = tmp_path / "mine.yaml"
     rubric.write_text('title: T\nitems:\n  a: {title: A, checkpoint: "00", points: 1}\n')
-    shipment = cluster._shipment(PoolSettings(starter(), rubric, Limits(), (tmp_path,)))
-    here = cluster._unpacked(shipment, tmp_path / "there")
+    shipment = packed(PoolSettings(starter(), rubric, Limits(), (tmp_path,)))
+    here = unpacked(shipment, tmp_path / "there")
     assert here.rubric is not None
     assert here.starter is not None
     assert here.rubric.read_bytes() == rubric.read_bytes()
@@ -452,9 +453,9 @@ def starter_with_asset(folder: Path, reference: str) -> Path:
 
 def test_a_starter_reaches_other_machines_with_assets_outside_its_folder(tmp_path: Path) -> None:
     path = starter_with_asset(tmp_path, "../assets/room.usda")
-    shipment = cluster._shipment(PoolSettings(path, None, Limits()))
+    shipment = packed(PoolSettings(path, None, Limits()))
     assert [name for name, _ in shipment.files] == ["assets/room.usda", "mine/starter.usda"]
-    there = cluster._unpacked(shipment, tmp_path / "there").starter
+    there = unpacked(shipment, tmp_path / "there").starter
     assert there is not None
     assert there.read_bytes() == path.read_bytes()
     assert len(files_of(there)) == 2
@@ -463,12 +464,12 @@ def test_a_starter_reaches_other_machines_with_assets_outside_its_folder(tmp_pat
 def test_a_starter_that_cannot_reach_them_whole_is_refused(tmp_path: Path) -> None:
     path = starter_with_asset(tmp_path, str(tmp_path / "assets" / "room.usda"))
     with pytest.raises(UsageError, match="other machines cannot follow"):
-        cluster._shipment(PoolSettings(path, None, Limits()))
+        packed(PoolSettings(path, None, Limits()))
 
 
 def test_a_cluster_without_a_starter_is_an_error() -> None:
     with pytest.raises(Exception, match="needs a starter"):
-        cluster._shipment(PoolSettings(None, None, Limits()))
+        packed(PoolSettings(None, None, Limits()))
 
 
 def test_a_platform_without_limits_sets_none(monkeypatch: pytest.MonkeyPatch) -> None:

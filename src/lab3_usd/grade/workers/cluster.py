@@ -5,21 +5,19 @@ from __future__ import annotations
 import asyncio
 import atexit
 import importlib
-import os
 import threading
-from collections.abc import Generator, Iterable, Iterator
+import time
+from collections.abc import Generator, Iterable
 from concurrent.futures import CancelledError
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from msgspec import Struct
-from msgspec.structs import replace
-
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch, scratch_folder
+from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch
 from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task, decode, encode
 from lab3_usd.grade.workers.pool import Runner, run_in
+from lab3_usd.grade.workers.shipment import Shipment, packed, unpacked
 from lab3_usd.grade.workers.worker_process import WorkerError
 from lab3_usd.grade.workers.worker_slot import WorkerSlot, judge_in
 from lab3_usd.report.tool import tool_version
@@ -27,23 +25,10 @@ from lab3_usd.report.tool import tool_version
 _PER_THREAD = 3  # tasks on their way for each thread of the cluster
 _RETRIES = 5
 _SECONDS_TO_CONNECT = 20
+_SECONDS_TO_RETURN = 20  # for one worker, after all have gone
+_WARNING_SIZE = "distributed.admin.large-graph-warning-threshold"
 _KILLED = "KilledWorker"  # what Dask raises of a task whose workers died one after the other
 _local = threading.local()
-
-
-class Shipment(Struct, frozen=True):
-    """What a machine of the cluster needs to judge: the files themselves, not where they lie.
-
-    `files` are the starter and its assets, wherever they lie, by their paths below one folder,
-    `lab` those that describe the lab, where it is not the bundled one.
-    """
-
-    version: str
-    files: tuple[tuple[str, bytes], ...]
-    starter: str
-    rubric: bytes | None
-    lab: tuple[tuple[str, bytes], ...]
-    settings: PoolSettings
 
 
 def cluster_runner(address: str) -> Runner:
@@ -63,12 +48,18 @@ def run_on_cluster(
     client = _connect(address)
     try:
         _await_worker(client, address)
-        shipment = client.scatter(_shipment(settings), broadcast=True)
+        shipment = _sent(client, packed(settings))
         executor = client.get_executor(pure=False, retries=_RETRIES)
         at_once = _PER_THREAD * max(1, sum(client.nthreads().values()))
-        yield from run_in(
-            lambda task: executor.submit(judge_here, shipment, encode(task)), tasks, at_once
-        )
+        workers = _Workers(client)
+        for answer in run_in(
+            lambda task: executor.submit(judge_here, shipment, encode(task)),
+            tasks,
+            at_once,
+            look=workers.look,
+        ):
+            workers.are_there()
+            yield answer
     except Exception as error:
         if not isinstance(error, CancelledError) and type(error).__name__ != _KILLED:
             raise
@@ -79,6 +70,47 @@ def run_on_cluster(
         raise WorkerError(message) from error
     finally:
         client.close()
+
+
+class _Workers:
+    """The workers of a cluster, which may all be away for a while."""
+
+    def __init__(self, client: Any) -> None:  # noqa: ANN401
+        self._client = client
+        self._away_since: float | None = None
+
+    def are_there(self) -> None:
+        """Note that one of them has answered."""
+        self._away_since = None
+
+    def look(self) -> None:
+        """End the waiting when all have been away for long.
+
+        Raises:
+            CancelledError: they have.
+        """
+        now = time.monotonic()
+        if self._client.scheduler_info()["workers"]:
+            self._away_since = None
+        elif self._away_since is None:
+            self._away_since = now
+        elif now - self._away_since > _SECONDS_TO_RETURN:
+            raise CancelledError
+
+
+def _sent(client: Any, shipment: Shipment) -> Any:  # noqa: ANN401
+    """Send what every machine needs to the cluster, once.
+
+    As the result of a task it can be made again: the scheduler keeps what that task is given. What
+    is scattered instead is lost with the machines that have it.
+    """
+    dask = importlib.import_module("dask")
+    with dask.config.set({_WARNING_SIZE: "1 TB"}):  # the assets of a starter may be large
+        return client.submit(_unchanged, shipment, pure=False, retries=_RETRIES)
+
+
+def _unchanged(shipment: Shipment) -> Shipment:
+    return shipment
 
 
 def _await_worker(client: Any, address: str) -> None:  # noqa: ANN401
@@ -100,51 +132,6 @@ def _connect(address: str) -> Any:  # noqa: ANN401
     except (OSError, ValueError) as error:
         message = f"{address}: there is no Dask scheduler ({error})"
         raise UsageError(message) from error
-
-
-def _shipment(settings: PoolSettings) -> Shipment:
-    from lab3_usd.stage.fence.stages import files_of  # noqa: PLC0415 - pxr
-
-    if settings.starter is None:
-        message = "--cluster needs a starter"
-        raise UsageError(message)
-    starter = settings.starter.resolve()
-    paths = sorted({Path(path.partition("[")[0]) for path in files_of(starter)})
-    root = Path(os.path.commonpath([starter.parent, *(path.parent for path in paths)]))
-    shipment = Shipment(
-        version=tool_version(),
-        files=tuple((path.relative_to(root).as_posix(), path.read_bytes()) for path in paths),
-        starter=starter.relative_to(root).as_posix(),
-        rubric=None if settings.rubric is None else settings.rubric.read_bytes(),
-        lab=tuple(_lab_files(settings)),
-        settings=replace(settings, readable=tuple(path.absolute() for path in settings.readable)),
-    )
-    with scratch_folder("lab3-starter-") as folder:
-        there = _unpacked(shipment, folder).starter
-        found = len(files_of(there)) if there is not None else 0
-        if found < len(files_of(starter)) or not _all_below(folder, there):
-            message = (
-                f"{settings.starter}: refers to files in a way that other machines cannot follow; "
-                "use paths relative to the starter, and no links"
-            )
-            raise UsageError(message)
-    return shipment
-
-
-def _lab_files(settings: PoolSettings) -> Iterator[tuple[str, bytes]]:
-    if settings.lab is not None:
-        for path in sorted(settings.lab.glob("*.yaml")):
-            yield path.name, path.read_bytes()
-
-
-def _all_below(folder: Path, starter: Path | None) -> bool:
-    """Whether a starter in a folder consists of files of that folder alone."""
-    from lab3_usd.stage.fence.stages import files_of  # noqa: PLC0415 - pxr
-
-    real = folder.resolve()
-    return starter is not None and all(
-        Path(each).is_relative_to(real) for each in files_of(starter)
-    )
 
 
 def judge_here(shipment: Shipment, message: bytes) -> Answer:
@@ -172,7 +159,7 @@ def _slot(shipment: Shipment) -> WorkerSlot:
     if known is not None:
         _remove(known[1], known[2])
     folder = make_scratch("lab3-starter-")
-    slot = WorkerSlot(_unpacked(shipment, folder))
+    slot = WorkerSlot(unpacked(shipment, folder))
     _local.slot = (shipment, slot, folder)
     atexit.register(_remove, slot, folder)
     return slot
@@ -181,21 +168,3 @@ def _slot(shipment: Shipment) -> WorkerSlot:
 def _remove(slot: WorkerSlot, folder: Path) -> None:
     slot.stop()
     remove_scratch(folder)
-
-
-def _unpacked(shipment: Shipment, folder: Path) -> PoolSettings:
-    for name, data in shipment.files:
-        path = folder / "starter" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
-    lab = folder / "lab" if shipment.lab else None
-    for name, data in shipment.lab:
-        path = folder / "lab" / name
-        path.parent.mkdir(exist_ok=True)
-        path.write_bytes(data)
-    rubric = None
-    if shipment.rubric is not None:
-        rubric = folder / "rubric.yaml"
-        rubric.write_bytes(shipment.rubric)
-    starter = folder / "starter" / shipment.starter
-    return replace(shipment.settings, starter=starter, rubric=rubric, lab=lab)

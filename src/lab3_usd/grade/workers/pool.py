@@ -73,10 +73,12 @@ def run_in(
     tasks: Iterable[Task],
     at_once: int,
     stop: Callable[[], None] = lambda: None,
+    look: Callable[[], None] = lambda: None,
 ) -> Generator[Answer]:
     """Submit tasks to an executor, `at_once` at a time, and yield answers as they come.
 
-    `stop` is called by the signals that interrupt the run.
+    `stop` is called by the signals that interrupt the run, `look` while no answer comes; what it
+    raises ends the run.
     """
     waiting = iter(tasks)
     with interrupted_by_signals(stop) as interrupt:
@@ -86,6 +88,8 @@ def run_in(
             with interrupt.put_off():
                 done, pending = wait(pending, _BETWEEN_LOOKS, FIRST_COMPLETED)
                 pending.update(submit(task) for task in islice(waiting, len(done)))
+            if not done:
+                look()
             for future in done:
                 yield future.result()
 
