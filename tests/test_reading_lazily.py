@@ -93,7 +93,10 @@ def test_every_question_gets_the_answer_of_looking_at_each_prim(
 
 
 def test_prims_are_there_by_their_own_paths_only(built: Path) -> None:
-    model = read_model(odd(built), LAB, "x")
+    stage = odd(built)
+    model = read_model(stage, LAB, "x")
+    (prototype,) = stage.GetPrototypes()
+    assert f"{prototype.GetPath()}/part" not in model.prims
     for path in (*LEFT_OUT, "/Render/Camera_1", "/World/stray", "/World/off/below"):
         assert path not in model.prims
     prototypes = [each for each in model.prims if "Prototype" in each]

@@ -19,6 +19,8 @@ _LACKS_PRIM = "ErrorUnresolvedPrimPath"
 # A device has no children, so that nothing below it can be looked up, let alone opened. The asset
 # is one name below it, whatever slashes and dots are in it.
 _BLOCKED = "/dev/null/blocked/"
+# Active, defined and not abstract: most prims are, and one question tells.
+IS_PRESENT = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
 _EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 

@@ -9,14 +9,15 @@ from pxr import Gf, Sdf
 from lab3_usd.spec.catalog import Value
 
 LONGEST = 4096  # elements; longer arrays (points, faces) are nothing a rule asks about
-_PLAIN = (bool, int, float, str)
-_VECTORS = (
+# Sets of types, as to ask whether a value is an instance of one takes many times as long.
+_PLAIN = {type(None), bool, int, float, str}
+_VECTORS = {
     *(Gf.Vec2d, Gf.Vec2f, Gf.Vec2h, Gf.Vec2i),
     *(Gf.Vec3d, Gf.Vec3f, Gf.Vec3h, Gf.Vec3i),
     *(Gf.Vec4d, Gf.Vec4f, Gf.Vec4h, Gf.Vec4i),
-)
+}
 _HALF = "e"
-_QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
+_QUATERNIONS = {Gf.Quatd, Gf.Quatf, Gf.Quath}
 
 
 def plain_value(value: Any) -> Value | None:  # noqa: ANN401 - whatever usd-core returns
@@ -24,15 +25,16 @@ def plain_value(value: Any) -> Value | None:  # noqa: ANN401 - whatever usd-core
 
     Quaternions come in OGN's order x, y, z, w.
     """
-    if value is None or isinstance(value, _PLAIN):
+    kind = type(value)
+    if kind in _PLAIN:
         result: Value | None = value
         return result
-    if isinstance(value, _QUATERNIONS):
+    if kind in _QUATERNIONS:
         x, y, z = elements(value.imaginary)
         return (x, y, z, float(value.real))
-    if isinstance(value, Sdf.AssetPath):
+    if kind is Sdf.AssetPath:
         return str(value.path)
-    return tuple(elements(value)) if isinstance(value, _VECTORS) else _items(value)
+    return tuple(elements(value)) if kind in _VECTORS else _items(value)
 
 
 def _items(value: Any) -> Value | None:  # noqa: ANN401

@@ -14,7 +14,7 @@ from lab3_usd.model.prims import NameFilter, Prim, Prims
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph_form import GraphForm
 from lab3_usd.spec.scene import SensorSpec
-from lab3_usd.stage.read.missing_assets import is_in_scene
+from lab3_usd.stage.read.missing_assets import IS_PRESENT, is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.plain_values import plain_value
 from lab3_usd.stage.read.properties import AuthoredProperties
@@ -32,6 +32,9 @@ _ATTRIBUTES = re.compile(
 # Prims whose place matters even if they are no rigid bodies, beside the lab's sensors.
 _PLACED = ("Xform", "Camera", "Plane", "")
 _PLACE = ("local", "world")
+_PROTOTYPE = "/__Prototype_"
+# Paths that need no look by usd-core to be known as those of prims.
+_PLAIN_PATH = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 RIGID_BODY = "PhysicsRigidBodyAPI"
 
 
@@ -64,13 +67,14 @@ class PrimReader:
     def prim(self, prim: Usd.Prim, path: str) -> Prim:
         """Return the prim at a path, whose values and place are still to be read."""
         with stage_errors(self.name):
+            is_present = IS_PRESENT(prim)
             return Prim.unread(
                 path,
                 prim.GetTypeName(),
                 schemas(prim),
                 self._read,
-                active=prim.IsActive(),
-                defined=is_in_scene(prim, self.hidden),
+                active=is_present or prim.IsActive(),
+                defined=is_present or is_in_scene(prim, self.hidden),
             )
 
     def _read(self, prim: Prim, name: str) -> None:
@@ -91,18 +95,19 @@ class PrimReader:
                 _read_values(found, prim, self.asked)
 
 
-def _read_values(found: Usd.Prim, prim: Prim, asked: AbstractSet[str]) -> None:
+def _read_values(source: Usd.Prim, prim: Prim, asked: AbstractSet[str]) -> None:
     attributes: dict[str, Value] = {}
     relationships: dict[str, tuple[str, ...]] = {}
-    properties = AuthoredProperties(found)
+    properties = AuthoredProperties(source)
     for name in properties.names():
         if _ATTRIBUTES.match(name) is None and name not in asked:
             continue
-        value = properties[name].value()
+        found = properties[name]
+        value = found.value()
         if value is not None:
             attributes[name] = value
             continue
-        targets = properties[name].targets()
+        targets = found.targets()
         if targets:
             relationships[name] = targets
     prim.attributes, prim.relationships = attributes, relationships
@@ -139,12 +144,19 @@ class StagePrims(Prims):
 
     def __getitem__(self, path: str) -> Prim:
         """Return the prim at a path, in the scene or not."""
+        found = self.get(path)
+        if found is None:
+            raise KeyError(path)
+        return found
+
+    def get(self, path: str, default: Prim | None = None) -> Prim | None:  # type: ignore[override]
+        """Return the prim at a path, in the scene or not, else the default."""
         known = self._known.get(path)
         if known is not None:
             return known
         found = self._find(path)
         if not found or found.IsPseudoRoot() or not self._counts(found, path):
-            raise KeyError(path)
+            return default
         return self._prim(found, path)
 
     def __iter__(self) -> Iterator[str]:
@@ -182,11 +194,12 @@ class StagePrims(Prims):
 
     def _find(self, path: str) -> Usd.Prim | None:
         """Return the prim at a path as the stage itself writes it; a file may say any text."""
-        if path[:1] != "/" or not Sdf.Path.IsValidPathString(path)[0]:
+        is_plain = _PLAIN_PATH.fullmatch(path) is not None
+        if not is_plain and (path[:1] != "/" or not Sdf.Path.IsValidPathString(path)[0]):
             return None
         found = self._reader.stage.GetPrimAtPath(path)
-        is_it = found and str(found.GetPath()) == path and not found.IsInPrototype()
-        return found if is_it else None
+        is_it = found and (is_plain or str(found.GetPath()) == path)
+        return found if is_it and not path.startswith(_PROTOTYPE) else None
 
     def _counts(self, prim: Usd.Prim, path: str) -> bool:
         return prim.GetTypeName() != self._form.node_type and not self._form.ignores(path)
@@ -201,17 +214,19 @@ class StagePrims(Prims):
         """Return the prims of every key that is asked for, each once and as they are traversed."""
         if not isinstance(asked, str):
             numbers = {number for key in index if asked(key) for number in index[key]}
-            return [self._numbered(number) for number in sorted(numbers)]
+            return self._numbered(sorted(numbers))
         known = self._answers.get((id(index), asked))
         if known is None:
-            known = [self._numbered(number) for number in index.get(asked, ())]
-            self._answers[id(index), asked] = known
+            known = self._answers[id(index), asked] = self._numbered(index.get(asked, ()))
         return known
 
-    def _numbered(self, number: int) -> Prim:
-        prim = self._index.prims[number]
+    def _numbered(self, numbers: Iterable[int]) -> list[Prim]:
+        """Return the prims with these numbers."""
+        prims = self._index.prims
         with stage_errors(self._reader.name):
-            return self._prim(prim, str(prim.GetPath()))
+            return [
+                self._prim(prim, str(prim.GetPath())) for prim in map(prims.__getitem__, numbers)
+            ]
 
 
 @quiet()

@@ -15,7 +15,7 @@ from lab3_usd.spec.catalog import Value
 from lab3_usd.stage.read.plain_values import plain_value
 
 RELATIONSHIP = "rel"
-_WITH_VARIABLES = (Sdf.AssetPath, Sdf.AssetPathArray)  # of which the stage makes a path
+_WITH_VARIABLES = {Sdf.AssetPath, Sdf.AssetPathArray}  # of which the stage makes a path
 _VALUE, _SOURCES = "default", "connectionPaths"
 
 
@@ -36,9 +36,13 @@ class AuthoredProperty:
         self._name = name
         self.specs = specs
 
+    @property
+    def _is_relationship(self) -> bool:
+        return bool(self.specs) and type(self.specs[0]) is Sdf.RelationshipSpec
+
     def _says(self, field: str) -> bool:
         """Whether a layer gives this to an attribute; a stronger relationship hides it."""
-        if self.type == RELATIONSHIP:
+        if self._is_relationship:
             return False
         for spec in self.specs:  # noqa: SIM110 - a generator takes three times as long
             if spec.HasInfo(field):
@@ -48,15 +52,15 @@ class AuthoredProperty:
     @property
     def type(self) -> str:
         """The declared type of an attribute, `rel` for a relationship, '' for neither."""
-        for spec in self.specs:
-            return RELATIONSHIP if isinstance(spec, Sdf.RelationshipSpec) else str(spec.typeName)
-        return ""
+        if self._is_relationship:
+            return RELATIONSHIP
+        return str(self.specs[0].typeName) if self.specs else ""
 
     def value(self) -> Value | None:
         """Return the value that a layer gives to an attribute, None where none does."""
-        if len(self.specs) == 1 and isinstance(self.specs[0], Sdf.AttributeSpec):
+        if len(self.specs) == 1 and type(self.specs[0]) is Sdf.AttributeSpec:
             alone = self.specs[0].default  # of one layer, which needs no composition
-            if not isinstance(alone, _WITH_VARIABLES):
+            if type(alone) not in _WITH_VARIABLES:
                 return plain_value(alone)
         if not self._says(_VALUE):
             return None
@@ -70,7 +74,7 @@ class AuthoredProperty:
 
     def targets(self) -> tuple[str, ...]:
         """Return the prims that a relationship leads to."""
-        if self.type != RELATIONSHIP:
+        if not self._is_relationship:
             return ()
         return tuple(map(str, self._prim.GetRelationship(self._name).GetTargets()))
 
@@ -107,7 +111,7 @@ class AuthoredProperties:
         return names
 
     def __getitem__(self, name: str) -> AuthoredProperty:
-        """Return the property of this name."""
+        """Return the property of this name, also one that a damaged file does not list."""
         specs = []
         for layer, path in self._sites:
             spec = layer.GetPropertyAtPath(path.AppendProperty(name))

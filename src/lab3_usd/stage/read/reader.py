@@ -20,7 +20,7 @@ from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.read.colliders import StageColliders
 from lab3_usd.stage.read.layers import find_muted
-from lab3_usd.stage.read.missing_assets import find_unresolved, is_in_scene
+from lab3_usd.stage.read.missing_assets import IS_PRESENT, find_unresolved, is_in_scene
 from lab3_usd.stage.read.opening import cached, open_stage, quiet, stage_errors
 from lab3_usd.stage.read.plain_values import plain_value
 from lab3_usd.stage.read.ports import read_ports
@@ -110,19 +110,22 @@ class _Scan:
 
         Nothing else is done for each prim of a stage, so this must be quick.
         """
-        form, known, scripts = self._lab.catalog.graph, self.others, self._lab.catalog.scripts
+        form, known = self._lab.catalog.graph, self.others
+        scripts = frozenset(self._lab.catalog.scripts.apis)
         above: list[str] = []  # the graphs around the prim, innermost last
         for prim in Usd.PrimRange(top, EVERYTHING):
             kind, apis = prim.GetTypeName(), prim.GetPrimTypeInfo().GetAppliedAPISchemas()
-            while above and not f"{prim.GetPath()}/".startswith(f"{above[-1]}/"):
+            is_node = kind == form.node_type
+            path = str(prim.GetPath()) if above or is_node else ""
+            while above and not f"{path}/".startswith(f"{above[-1]}/"):
                 above.pop()
             if is_ignored:
                 self._ignored(prim, apis)
-            elif kind == form.node_type:
-                self._node(prim, apis, above[-1] if above else "")
+            elif is_node:
+                self._node(prim, path, apis, above[-1] if above else "")
             else:
                 known.add(prim, kind, apis)
-                if above or kind == form.type or (apis and scripts.among(apis)):
+                if above or kind == form.type or not scripts.isdisjoint(apis):
                     self._other(prim, kind, apis, above)
 
     def _ignored(self, prim: Usd.Prim, apis: Sequence[str]) -> None:
@@ -143,13 +146,13 @@ class _Scan:
             self._note_script(path, "", apis)
 
     def _is_live(self, prim: Usd.Prim) -> bool:
-        return bool(prim.IsActive() and is_in_scene(prim, self._hidden))
+        return bool(IS_PRESENT(prim) or (prim.IsActive() and is_in_scene(prim, self._hidden)))
 
-    def _node(self, prim: Usd.Prim, apis: Sequence[str], graph: str) -> None:
+    def _node(self, prim: Usd.Prim, path: str, apis: Sequence[str], graph: str) -> None:
         if not self._is_live(prim):
             self._note_absent(prim, graph)
             return
-        node = self._read_node(prim)
+        node = self._read_node(prim, path)
         if not node.type_name and not node.ports:
             return  # a leftover, which is no node
         if node.own_namespace:
@@ -177,11 +180,11 @@ class _Scan:
         if carrier is not None:
             self.scripts.append(Script(path, carrier))
 
-    def _read_node(self, prim: Usd.Prim) -> Node:
-        path, properties = str(prim.GetPath()), AuthoredProperties(prim)
+    def _read_node(self, prim: Usd.Prim, path: str) -> Node:
+        properties = AuthoredProperties(prim)
         type_name, own = (_text(properties[name].value()) for name in (_NODE_TYPE, _NAMESPACE))
         kind, version = self._lab.catalog.get(type_name), properties[_VERSION].value()
-        above = self._namespace(prim.GetParent(), path.rpartition("/")[0] or "/")
+        above = self._namespace_above(prim, path)
         return Node(
             path=path,
             type_name=type_name,
@@ -193,15 +196,15 @@ class _Scan:
             own_namespace=own,
         )
 
-    def _namespace(self, prim: Usd.Prim, path: str) -> str:
-        """Join the namespaces of the prim at a path and of those above it, outermost first.
+    def _namespace_above(self, prim: Usd.Prim, path: str) -> str:
+        """Join the namespaces of the prims above the one at a path, outermost first.
 
         A node that is none says nothing.
         """
         ahead = []
-        while path not in self._namespaces:
+        while (path := path.rpartition("/")[0] or "/") not in self._namespaces:
+            prim = prim.GetParent()
             ahead.append((path, prim))
-            prim, path = prim.GetParent(), path.rpartition("/")[0] or "/"
         joined = self._namespaces[path]
         for place, each in reversed(ahead):
             is_node = each.GetTypeName() == self._lab.catalog.graph.node_type

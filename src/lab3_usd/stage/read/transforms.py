@@ -110,11 +110,15 @@ def _inverse(matrix: Matrix) -> Matrix:
 
 def _translation(value: Any) -> Matrix:  # noqa: ANN401 - of any precision
     x, y, z = _vector(value)
+    if not (x or y or z):
+        return IDENTITY
     return (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, y, z, 1.0)
 
 
 def _scaling(value: Any) -> Matrix:  # noqa: ANN401
     x, y, z = _vector(value)
+    if x == y == z == 1.0:
+        return IDENTITY
     return (x, 0.0, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 0.0, z, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
