@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from msgspec import Struct, field
@@ -20,7 +21,7 @@ _Cost = tuple[int, int, int]
 
 
 class _Search(Struct):
-    """A branch-and-bound search over the roles in `order`.
+    """A branch-and-bound search over the roles in `order`; the others have no choice.
 
     `nodes` holds the nodes of each role's type, `spare` how many roles of a type must stay
     without one, `wires` the wires between a role and those before it, `least` what the roles
@@ -58,23 +59,26 @@ def _search(spec: GraphSpec, graph: GraphModel) -> _Search:
         if node.type is not None:
             by_type.setdefault(node.type.type, []).append(node)
     nodes = {role: by_type.get(each.type.type, []) for role, each in spec.nodes.items()}
-    # Roles with one candidate come first: they say most about the others.
-    order = sorted(spec.nodes, key=lambda role: len(nodes[role]))
-    spare: dict[str, int] = {}
-    for each in spec.nodes.values():
-        spare.setdefault(each.type.type, -len(by_type.get(each.type.type, [])))
-        spare[each.type.type] += 1
-    own = {
-        (role, node.path): _own(each, node)
+    asked = Counter(each.type.type for each in spec.nodes.values())
+    spare = {kind: count - len(by_type.get(kind, ())) for kind, count in asked.items()}
+    pairs = {
+        role: next(iter(nodes[role]), None)
         for role, each in spec.nodes.items()
-        for node in nodes[role]
+        if asked[each.type.type] == 1 and len(nodes[role]) <= 1
+    }
+    # Roles with few candidates come first: they say most about the others.
+    order = sorted(
+        (role for role in spec.nodes if role not in pairs), key=lambda role: len(nodes[role])
+    )
+    own = {
+        (role, node.path): _own(spec.nodes[role], node) for role in order for node in nodes[role]
     }
     least = [(0, 0, 0)]
     for role in reversed(order):
         stays = spare[spec.nodes[role].type.type] > 0
         offers = [] if stays else [own[role, node.path] for node in nodes[role]]
         least.append(_sum(least[-1], _floor(offers)))
-    return _Search(spec, order, nodes, spare, _wires(spec, order), own, least[::-1])
+    return _Search(spec, order, nodes, spare, _wires(spec, order), own, least[::-1], pairs)
 
 
 def _floor(offers: list[_Cost]) -> _Cost:
@@ -86,12 +90,13 @@ def _floor(offers: list[_Cost]) -> _Cost:
 
 
 def _wires(spec: GraphSpec, order: list[str]) -> dict[str, list[Wire]]:
-    """File each wire under the later one of its two roles."""
+    """File each wire under the later one of its two roles, unless neither is in the order."""
     depth = {role: number for number, role in enumerate(order)}
     wires: dict[str, list[Wire]] = {role: [] for role in order}
-    for wire in spec.wires:
-        later = max(wire.source.role, wire.target.role, key=depth.__getitem__)
-        wires[later].append(wire)
+    for wire in spec.wires if order else ():
+        ends = [role for role in (wire.source.role, wire.target.role) if role in depth]
+        if ends:
+            wires[max(ends, key=depth.__getitem__)].append(wire)
     return wires
 
 
