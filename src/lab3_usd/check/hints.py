@@ -20,6 +20,10 @@ def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> 
     `nodes` are those of the stage by path. Of two alike in one graph the name of the prim stands
     in brackets behind the title.
     """
+    findings = tuple(findings)
+    if not any(each.hint for each in findings):
+        yield from findings
+        return
     alike = Counter((_graph(path), node_title(node)) for path, node in nodes.items())
     graphs = {_graph(path) for path in nodes}
     for finding in findings:

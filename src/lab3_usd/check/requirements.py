@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.conformance import (
@@ -22,61 +24,78 @@ from lab3_usd.model.finding import Finding, Requirement
 from lab3_usd.model.formatting import display, role_title
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node
-from lab3_usd.spec.graph import NodeSpec, Setting, Target, Wire
+from lab3_usd.spec.graph import GraphSpec, NodeSpec, Setting, Target, Wire
 from lab3_usd.spec.lab import Lab
+
+_Asked = Setting | Target | Wire
+
+
+class _GraphItem(Struct, frozen=True):
+    """One thing asked of a graph, and the requirement that it is when it is met and when not.
+
+    `asked` is what is asked of the node with this role, None where the node is only to be there.
+    """
+
+    role: str
+    asked: _Asked | None
+    met: Requirement
+    unmet: Requirement
 
 
 def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     """Yield every node, setting, target and wire of one graph, met or not."""
-    for role, spec in subject.spec.nodes.items():
-        node = subject.roles.node_of[role]
-        yield _item(subject, "node", role, role_title(spec), node is not None, spec.handout)
-        for setting in spec.settings:
-            yield _setting(subject, spec, setting, node)
-        for target in spec.targets:
-            if target.port not in spec.frames_from:
-                yield _target(subject, spec, target, node)
-    for wire in subject.spec.wires:
-        yield _wire(subject, wire)
+    spec, lab = subject.spec, subject.lab
+    is_of_lab = lab.graphs.get(spec.name) is spec  # else it reads as one that stands elsewhere
+    for item in _lab_items(lab, spec.name) if is_of_lab else _graph_items(spec):
+        node = subject.roles.node_of[item.role]
+        yield item.met if node is not None and _meets(subject, node, item.asked) else item.unmet
 
 
-def _item(  # noqa: PLR0913, PLR0917 - one field of the requirement each
-    subject: GraphSubject,
-    kind: str,
-    name: str,
-    title: str,
-    met: bool,  # noqa: FBT001
-    handout: str,
-) -> Requirement:
-    group = subject.spec.name
-    return Requirement(f"{group}/{kind}/{name}", group, kind, title, met, handout)
+@lru_cache(maxsize=64)
+def _lab_items(lab: Lab, graph: str) -> list[_GraphItem]:
+    """Return what a lab asks of a graph, which is the same for every stage."""
+    return _graph_items(lab.graphs[graph])
 
 
-def _setting(
-    subject: GraphSubject, spec: NodeSpec, setting: Setting, node: Node | None
-) -> Requirement:
-    short = setting.port.partition(":")[2]
-    met = node is not None and setting_matches(
-        node, setting, setting_value(subject.live_nodes, node, setting.port)
-    )
-    title = f"{role_title(spec)}: {short} = {display(setting.value)}"
-    return _item(subject, "setting", f"{spec.role}.{short}", title, met, setting.handout)
+def _graph_items(graph: GraphSpec) -> list[_GraphItem]:
+    items = [item for spec in graph.nodes.values() for item in _node_items(graph.name, spec)]
+    for wire in graph.wires:
+        name, title = f"wire/{wire.target.short}", str(wire)
+        items.append(_item(graph.name, name, title, wire.handout, wire.target.role, wire))
+    return items
 
 
-def _target(
-    subject: GraphSubject, spec: NodeSpec, target: Target, node: Node | None
-) -> Requirement:
-    short = target.port.partition(":")[2]
-    met = node is not None and target_matches(node, target)
-    title = f"{role_title(spec)}: {short} = {', '.join(target.prims)}"
-    return _item(subject, "target", f"{spec.role}.{short}", title, met, target.handout)
+def _node_items(graph: str, spec: NodeSpec) -> Iterator[_GraphItem]:
+    role, node = spec.role, role_title(spec)
+    yield _item(graph, f"node/{role}", node, spec.handout, role)
+    for setting in spec.settings:
+        short = setting.port.partition(":")[2]
+        title = f"{node}: {short} = {display(setting.value)}"
+        yield _item(graph, f"setting/{role}.{short}", title, setting.handout, role, setting)
+    for target in spec.targets:
+        if target.port not in spec.frames_from:
+            short = target.port.partition(":")[2]
+            title = f"{node}: {short} = {', '.join(target.prims)}"
+            yield _item(graph, f"target/{role}.{short}", title, target.handout, role, target)
 
 
-def _wire(subject: GraphSubject, wire: Wire) -> Requirement:
-    source = subject.roles.node_of[wire.source.role]
-    target = subject.roles.node_of[wire.target.role]
-    met = source is not None and target is not None and _fed(subject, wire, source, target)
-    return _item(subject, "wire", wire.target.short, str(wire), met, wire.handout)
+def _item(  # noqa: PLR0913, PLR0917 - what the item and its requirement say
+    graph: str, name: str, title: str, handout: str, role: str, asked: _Asked | None = None
+) -> _GraphItem:
+    kind = name.partition("/")[0]
+    met = Requirement(f"{graph}/{name}", graph, kind, title, met=True, handout=handout)
+    return _GraphItem(role, asked, met, replace(met, met=False))
+
+
+def _meets(subject: GraphSubject, node: Node, asked: _Asked | None) -> bool:
+    if asked is None:
+        return True
+    if isinstance(asked, Setting):
+        return setting_matches(node, asked, setting_value(subject.live_nodes, node, asked.port))
+    if isinstance(asked, Target):
+        return target_matches(node, asked)
+    source = subject.roles.node_of[asked.source.role]
+    return source is not None and _fed(subject, asked, source, node)
 
 
 def _fed(subject: GraphSubject, wire: Wire, source: Node, target: Node) -> bool:
@@ -98,9 +117,8 @@ def scene_requirements(
     errors = [each for each in findings if each.severity == "error"]
     robot = lab.scene.robot.path
     for item in scene_items(lab, subject.checkpoint):
-        met = is_met(
-            replace(item, prim=_actual_path(item.prim, robot, subject.relocations)), errors
-        )
+        path = _actual_path(item.prim, robot, subject.relocations)
+        met = is_met(item if path == item.prim else replace(item, prim=path), errors)
         yield Requirement(item.id, item.group, "scene", item.title, met, item.handout)
 
 

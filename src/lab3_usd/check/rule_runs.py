@@ -21,6 +21,9 @@ class RuleResults(Struct, frozen=True):
     crashes: tuple[Crash, ...] = ()
 
 
+_NOTHING = RuleResults()
+
+
 def run_family(
     scope: Scope,
     family: str,
@@ -40,14 +43,16 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:  # noqa:
         StageError: a file turns out to be damaged, which is no fault of the rule.
     """
     findings: list[Finding] = []
-    crashes: list[Crash] = []
+    crashes: tuple[Crash, ...] = ()
     try:
-        findings.extend(finding_of(rule, problem, lab) for problem in rule.check(subject))
+        for problem in rule.check(subject):
+            findings.append(finding_of(rule, problem, lab))  # noqa: PERF401 - kept if it fails later
     except StageError:
         raise
     except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
-        crashes.append(Crash(rule.id, f"{type(error).__name__}: {error}"))
-    return RuleResults(tuple(findings), tuple(crashes))
+        crashes = (Crash(rule.id, f"{type(error).__name__}: {error}"),)
+    # Most rules find nothing in most stages.
+    return RuleResults(tuple(findings), crashes) if findings or crashes else _NOTHING
 
 
 def merge_results(results: Iterable[RuleResults]) -> RuleResults:

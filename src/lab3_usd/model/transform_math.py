@@ -136,10 +136,12 @@ def relative_transform(matrix: Matrix, base: Matrix) -> Matrix | None:
 
 def transform_point(point: Vector, matrix: Matrix) -> Vector:
     """Return where a point goes."""
-    x, y, z = (
-        sum(point[k] * matrix[4 * k + at] for k in range(3)) + matrix[12 + at] for at in range(3)
+    x, y, z = point
+    return (
+        x * matrix[0] + y * matrix[4] + z * matrix[8] + matrix[12],
+        x * matrix[1] + y * matrix[5] + z * matrix[9] + matrix[13],
+        x * matrix[2] + y * matrix[6] + z * matrix[10] + matrix[14],
     )
-    return (x, y, z)
 
 
 def rotate_vector(vector: Vector, rotation: Rotation) -> Vector:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
+from functools import cached_property
 from typing import Literal
 
 from msgspec import Struct, field
@@ -127,7 +128,7 @@ class DrivePorts(Struct, frozen=True):
     commands: tuple[str, ...]
 
 
-class NodeType(Struct, frozen=True):
+class NodeType(Struct, frozen=True, dict=True):
     """One node type of Isaac Sim 6.0.1.
 
     `message` maps the value of the port `type` to a message type; the key '' holds where the
@@ -158,41 +159,41 @@ class NodeType(Struct, frozen=True):
     same_in_metres: tuple[str, ...] = ()
     grows_by_message: bool = False
 
+    @cached_property
+    def execution_inputs(self) -> tuple[str, ...]:
+        """The names of the inputs that take signals."""
+        signals = (each.name for each in self.ports.values() if each.is_execution)
+        return tuple(name for name in signals if name.startswith(INPUT))
+
     def input(self, short: str) -> Port | None:
         """Return the input `short`; a dynamic input that this type can grow counts."""
-        port = self.ports.get(INPUT + short)
-        return port if port is not None else self._grown(short)
+        return self.ports.get(INPUT + short) or self._grown(short)
 
     def source(self, short: str) -> Port | None:
         """Return the port a wire named `short` leaves from: an output, or an output-only input."""
-        port = self.ports.get(OUTPUT + short)
-        if port is not None:
-            return port
-        port = self.ports.get(INPUT + short)
-        return port if port is not None and port.output_only else None
+        port = self.ports.get(OUTPUT + short) or self.ports.get(INPUT + short)
+        return port if port is not None and port.is_source else None
 
     def port(self, name: str) -> Port | None:
         """Return the port with this full name (`inputs:execIn`), dynamic ones included."""
         found = self.ports.get(name)
         if found is None and self.grows_by_message and ":" in name:
             return Port(name, "any", "token")
-        is_grown = found is None and name.startswith(INPUT)
-        return self._grown(name[len(INPUT) :]) if is_grown else found
+        return found or (self._grown(name[len(INPUT) :]) if name.startswith(INPUT) else None)
 
     def default(self, name: str, version: int | None) -> Value | None:
         """Return what a port without a value means in a file with this version of the type."""
-        port = self.port(name)
-        is_old = version is not None and version < self.version
+        port = self.ports.get(name) or self.port(name)
         if port is None:
             return None
+        is_old = version is not None and version < self.version
         return port.former if is_old and port.former is not None else port.default
 
     def _grown(self, short: str) -> Port | None:
         if self.dynamic is None or not short.startswith(self.dynamic.prefix):
             return None
         first = self.ports.get(f"{INPUT}{self.dynamic.prefix}0")
-        number = short[len(self.dynamic.prefix) :]
-        if first is None or not number.isdecimal():
+        if first is None or not short.removeprefix(self.dynamic.prefix).isdecimal():
             return None
         return Port(INPUT + short, first.ogn_type, first.usd_type, accepts=first.accepts)
 

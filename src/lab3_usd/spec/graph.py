@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 
 from msgspec import Struct
 
-from lab3_usd.spec.catalog import NodeType, Value
+from lab3_usd.spec.catalog import NodeType, Port, Value
 
 
 class Setting(Struct, frozen=True):
@@ -72,7 +73,7 @@ class Wire(Struct, frozen=True):
         return f"{self.source.short} -> {self.target.short}"
 
 
-class GraphSpec(Struct, frozen=True):
+class GraphSpec(Struct, frozen=True, dict=True):
     """One Action Graph: its path, its nodes by role, its wires in the order of the handout."""
 
     name: str
@@ -82,6 +83,38 @@ class GraphSpec(Struct, frozen=True):
     wires: tuple[Wire, ...]
     optional_wires: tuple[Wire, ...] = ()
     forbidden_wires: tuple[Wire, ...] = ()
+
+    @cached_property
+    def telling_types(self) -> frozenset[str]:
+        """The node types that have a part in ROS, and wires on both sides."""
+        fed = {wire.target.role for wire in self.wires}
+        nodes = (node for role, node in self.nodes.items() if role in fed)
+        return frozenset(node.type.type for node in nodes if node.type.role)
+
+    @cached_property
+    def free_inputs(self) -> Mapping[str, tuple[Port, ...]]:
+        """By role the inputs for values, without those that a setting or a wire is asked of."""
+        return {role: tuple(self._free_inputs(spec)) for role, spec in self.nodes.items()}
+
+    @cached_property
+    def free_targets(self) -> Mapping[str, tuple[Port, ...]]:
+        """By role the relationships, without those that a target is asked of."""
+        return {
+            role: tuple(
+                port
+                for port in spec.type.ports.values()
+                if port.is_target and port.name not in {target.port for target in spec.targets}
+            )
+            for role, spec in self.nodes.items()
+        }
+
+    def _free_inputs(self, spec: NodeSpec) -> Iterator[Port]:
+        asked = {setting.port for setting in spec.settings}
+        asked |= {wire.target.port for wire in self.wires_into(spec.role)}
+        for port in spec.type.ports.values():
+            takes_value = not (port.is_source or port.is_execution or port.is_target)
+            if takes_value and not port.is_union and port.name not in asked:
+                yield port
 
     def wires_into(self, role: str) -> Iterator[Wire]:
         """Yield the wires that end at `role`."""

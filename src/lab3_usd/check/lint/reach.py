@@ -46,7 +46,7 @@ def stops(graph: GraphModel, subject: LintSubject) -> Iterator[Stop]:
         if any(not subject.runs(source.path) for source in ahead):
             continue
         waiting = tuple(_behind(node, idle, subject))
-        port = next(signal_inputs(node))
+        port = signal_inputs(node)[0]
         written = any(node.sources(each) for each in signal_inputs(node))
         if not ahead:
             reason = "broken" if written else "unwired"
@@ -60,7 +60,7 @@ def _is_idle(node: Node, subject: LintSubject) -> bool:
     """Whether a node of a known type waits for a signal that never comes."""
     if node.type is None or subject.runs(node.path) or event_of(node, subject.lab) is not None:
         return False
-    return any(True for _ in signal_inputs(node))
+    return bool(signal_inputs(node))
 
 
 def _held_by(node: Node, subject: LintSubject) -> tuple[str, str]:

@@ -49,9 +49,8 @@ def _is_another(name: str, graph: GraphModel | None, specs: Mapping[str, GraphSp
 
 def _speaks_of(spec: GraphSpec, graph: GraphModel) -> bool:
     """Whether the graph holds a node that only this spec asks for."""
-    held = {node.type.type for node in graph.nodes if node.type is not None}
-    asked = {node.type.type for node in spec.nodes.values()}
-    return any(says_something(spec, kind) for kind in asked & held)
+    telling = spec.telling_types
+    return any(node.type is not None and node.type.type in telling for node in graph.nodes)
 
 
 def _likeness(spec: GraphSpec, graph: GraphModel) -> float:
@@ -64,15 +63,6 @@ def _likeness(spec: GraphSpec, graph: GraphModel) -> float:
     asked = Counter(node.type.type for node in spec.nodes.values())
     held = Counter(node.type.type for node in graph.nodes if node.type is not None)
     shared = sum((asked & held).values())
-    typical = {kind for kind in asked if says_something(spec, kind)}
-    if not typical & set(held) or shared < LEAST_SHARE * len(spec.nodes):
+    if not spec.telling_types & set(held) or shared < LEAST_SHARE * len(spec.nodes):
         return 0.0
     return 2 * shared / (len(spec.nodes) + len(graph.nodes))
-
-
-def says_something(spec: GraphSpec, kind: str) -> bool:
-    """Whether nodes of this type have a part in ROS or wires on both sides."""
-    roles = {role for role, node in spec.nodes.items() if node.type.type == kind}
-    has_input = any(wire.target.role in roles for wire in spec.wires)
-    has_role = any(spec.nodes[role].type.role for role in roles)
-    return has_input and has_role

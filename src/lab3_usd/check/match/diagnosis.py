@@ -70,9 +70,9 @@ def _accepted(work: _Work, wire: Wire) -> list[str]:
 
 
 def _fed(work: _Work, wire: Wire) -> bool:
-    _, target = _ends(work, wire)
+    source, target = _ends(work, wire)
     actual = target.sources(wire.target.port)
-    return any(path in actual for path in _accepted(work, wire))
+    return source_path(source, wire) in actual or not set(actual).isdisjoint(_accepted(work, wire))
 
 
 def _live_sources(work: _Work, node: Node, port: str) -> list[str]:

@@ -8,7 +8,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.assignment import Pairs, assign
-from lab3_usd.check.match.candidates import LEAST_SHARE, find_graphs, says_something
+from lab3_usd.check.match.candidates import LEAST_SHARE, find_graphs
 from lab3_usd.check.match.matcher import NO_SCRIPTS, complete_roles, match
 from lab3_usd.check.match.result import Roles
 from lab3_usd.model.stage import GraphModel, Node, StageModel
@@ -72,7 +72,7 @@ def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
     """
     users = _users(host, specs)
     free = [node for node in host.graph.nodes if node.path not in users]
-    if not any(node.type is not None and says_something(spec, node.type.type) for node in free):
+    if not any(node.type is not None and node.type.type in spec.telling_types for node in free):
         return None
     usable = [node for node in host.graph.nodes if _is_free_for(spec, node, users)]
     pairs = assign(spec, replace(host.graph, nodes=tuple(usable)))

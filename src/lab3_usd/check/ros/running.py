@@ -131,8 +131,9 @@ def _may_start(node: Node, nodes: Nodes) -> bool:
     """Whether a node that is no known event may be one: it sends signals and waits for none."""
     if node.type is None:
         return not any(True for _ in signal_sources(node, nodes))
-    signals = [port for port in node.type.ports.values() if port.is_execution]
-    return bool(signals) and all(port.name.startswith(OUTPUT) for port in signals)
+    if node.type.execution_inputs:
+        return False
+    return any(port.is_execution for port in node.type.ports.values())
 
 
 def _spread(state: State, states: dict[str, State], followers: _Followers, live: Nodes) -> None:
@@ -172,14 +173,11 @@ def is_opened_first(node: Node) -> bool:
     return node.type is not None and node.type.role in _OPENED_FIRST
 
 
-def signal_inputs(node: Node) -> Iterator[str]:
-    """Yield the execution inputs; every input where the type is unknown."""
+def signal_inputs(node: Node) -> tuple[str, ...]:
+    """Return the execution inputs; every input where the type is unknown."""
     if node.type is None:
-        yield from (name for name in node.ports if name.startswith(INPUT))
-        return
-    for name, port in node.type.ports.items():
-        if port.is_execution and name.startswith(INPUT):
-            yield name
+        return tuple(name for name in node.ports if name.startswith(INPUT))
+    return node.type.execution_inputs
 
 
 def signal_sources(node: Node, nodes: Nodes) -> Iterator[Node]:
@@ -216,7 +214,7 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
     A wire from an input of another node, as every constant has it, brings the value there. `depth`
     ends the search where inputs feed each other in a ring.
     """
-    wired = list(live_sources(node, port, live))
+    wired = list(live_sources(node, port, live)) if node.sources(port) else ()
     if not wired:
         return node.value(port)
     source, source_port = wired[0]

@@ -167,7 +167,8 @@ def moving_prims(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> list[t
         return []
     sensor = sensor_of(node, live)
     is_tf = node.type is not None and node.type.tf is not None
-    found = namespaces_above(node.path if is_tf or sensor is None else sensor, stage, lab)
+    graph = node.path.rpartition("/")[0]
+    found = namespaces_above(graph if is_tf or sensor is None else sensor, stage, lab)
     if node.own_namespace and (is_tf or sensor is None):
         found.append((node.path, node.own_namespace))
     return found[:1] if is_tf else found

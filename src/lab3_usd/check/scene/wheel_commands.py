@@ -38,6 +38,8 @@ def second_commanders(
         if path in live and _drives(live[path]) is not None
     }
     for path, node in running_nodes(stage, lab).items() if own else ():
+        if _drives(node) is None:
+            continue
         same = any(path in found.equivalents for found in roles.values())
         if path in own or same or not _commands_wheels(node, stage, lab, live):
             continue

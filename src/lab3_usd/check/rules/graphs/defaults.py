@@ -18,7 +18,7 @@ from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import display, format_paths, role_title, short_source
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.catalog import Port, Value
+from lab3_usd.spec.catalog import INPUT, Port, Value
 from lab3_usd.spec.graph import NodeSpec
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.topic_names import resolved_topic
@@ -77,12 +77,7 @@ def _changed(subject: GraphSubject) -> tuple[_Changed, ...]:
 def _find_changed(subject: GraphSubject) -> Iterator[_Changed]:
     """Yield the inputs that the handout does not set and that are away from their default."""
     for node, spec in subject.matched():
-        asked = {setting.port for setting in spec.settings}
-        asked |= {wire.target.port for wire in subject.spec.wires_into(spec.role)}
-        for port in spec.type.ports.values():
-            free = not (port.is_source or port.is_execution or port.is_target or port.is_union)
-            if not free or port.name in asked:
-                continue
+        for port in subject.spec.free_inputs[spec.role]:
             value = node.value(port.name)
             if not node.sources(port.name) and not same_value(value, port.default):
                 yield node, spec, port, value
@@ -124,16 +119,16 @@ def _aimed(
     """
     own = subject.lab.catalog.graph.ignored_below
     for node, spec in subject.matched():
-        wires = subject.spec.wires_into(spec.role)
-        if None in (subject.roles.node_of[wire.source.role] for wire in wires):
-            continue
-        asked = {target.port for target in spec.targets}
-        for port in spec.type.ports.values():
-            if not port.is_target or port.name in asked:
-                continue
+        for port in subject.spec.free_targets[spec.role]:
             prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
-            if prims:
+            if prims and not _lacks_source(subject, spec):
                 yield node, spec, port.name, prims
+
+
+def _lacks_source(subject: GraphSubject, spec: NodeSpec) -> bool:
+    """Whether a node is missing that a wire should come from."""
+    wires = subject.spec.wires_into(spec.role)
+    return None in (subject.roles.node_of[wire.source.role] for wire in wires)
 
 
 @rule("P06", "namespace", scope="graph")
@@ -202,9 +197,11 @@ def _with_value(
 ) -> Iterator[tuple[str, str]]:
     """Yield node and input of the lab's graphs where one of some inputs has a value."""
     for node in (each for roles in subject.roles.values() for each in roles.node_of.values()):
-        for port in node.type.ports.values() if node is not None and node.type is not None else ():
-            if node is not None and port.short in ports and node.value(port.name) is value:
-                yield node.path, port.name
+        if node is None or node.type is None:
+            continue
+        for name in (f"{INPUT}{short}" for short in ports):
+            if name in node.type.ports and node.value(name) is value:
+                yield node.path, name
 
 
 @rule("P10", "namespace-attribute", scope="stage")
