@@ -23,7 +23,7 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
         about: Any = given[0]
         stage: StageModel = about if isinstance(about, StageModel) else about.stage
         # Without the stage itself, which would keep itself alive.
-        key = (function, *[each for each in given if each is not stage])
+        key = (function, *(given[1:] if about is stage else given))
         if key not in stage.derived:
             stage.derived[key] = function(*given)  # type: ignore[call-arg]  # all are positional
         found: _T = stage.derived[key]

@@ -66,16 +66,15 @@ class PrimReader:
 
     def prim(self, prim: Usd.Prim, path: str) -> Prim:
         """Return the prim at a path, whose values and place are still to be read."""
-        with stage_errors(self.name):
-            is_present = IS_PRESENT(prim)
-            return Prim.unread(
-                path,
-                prim.GetTypeName(),
-                schemas(prim),
-                self._read,
-                active=is_present or prim.IsActive(),
-                defined=is_present or is_in_scene(prim, self.hidden),
-            )
+        is_present = IS_PRESENT(prim)
+        return Prim.unread(
+            path,
+            prim.GetTypeName(),
+            schemas(prim),
+            self._read,
+            active=is_present or prim.IsActive(),
+            defined=is_present or is_in_scene(prim, self.hidden),
+        )
 
     def _read(self, prim: Prim, name: str) -> None:
         """Set the field of a prim, and those that are read with it.
@@ -154,10 +153,11 @@ class StagePrims(Prims):
         known = self._known.get(path)
         if known is not None:
             return known
-        found = self._find(path)
-        if not found or found.IsPseudoRoot() or not self._counts(found, path):
-            return default
-        return self._prim(found, path)
+        with stage_errors(self._reader.name):
+            found = self._find(path)
+            if not found or found.IsPseudoRoot() or not self._counts(found, path):
+                return default
+            return self._prim(found, path)
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the paths."""
