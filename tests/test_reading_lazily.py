@@ -243,13 +243,12 @@ def test_points_of_no_shape_have_no_box() -> None:
     assert [each.path for each in boxes] == ["/group_0"]
 
 
-def test_a_shape_knows_the_body_that_moves_it() -> None:
+def test_shapes_are_below_a_prim_or_beside_it() -> None:
     stage = rocks(2)
-    stage.GetPrimAtPath("/group_0/group_1").ApplyAPI(UsdPhysics.RigidBodyAPI)
     found = read_model(stage, LAB, "x").colliders
     assert [each.path for each in found.beside("/group_0/group_1")] == ["/group_0"]
     assert list(found.beside("/group_0")) == []
-    assert [each.body for each in found.below("/")] == ["", "/group_0/group_1"]
+    assert [each.path for each in found.below("/")] == ["/group_0", "/group_0/group_1"]
 
 
 def test_prims_may_be_nested_as_deep_as_they_like() -> None:

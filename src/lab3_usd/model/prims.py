@@ -19,8 +19,7 @@ class Prim(Struct, eq=False):
 
     `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
     `attributes` holds the values that rules ask about, `relationships` their targets. `local`
-    and `world` are transforms in stage units, None where the prim has no place. `authored` names
-    the attributes with a value of their own.
+    and `world` are transforms in stage units, None where the prim has no place.
 
     `read` reads the fields that `unread` left out: it is called with the prim and the name of the
     first of them that is asked for, and sets at least that one.
@@ -35,7 +34,6 @@ class Prim(Struct, eq=False):
     relationships: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     local: Matrix | None = None
     world: Matrix | None = None
-    authored: frozenset[str] = frozenset()
     read: Callable[[Prim, str], None] | None = None
 
     @classmethod
@@ -51,7 +49,7 @@ class Prim(Struct, eq=False):
     ) -> Prim:
         """Return a prim whose values and place are read when they are asked for."""
         prim = cls(path, type_name, apis, active, defined, read=read)
-        del prim.attributes, prim.relationships, prim.authored, prim.local, prim.world
+        del prim.attributes, prim.relationships, prim.local, prim.world
         return prim
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of any field that is not set yet
@@ -124,10 +122,9 @@ class Prims(Mapping[str, Prim]):
 
 
 class Collider(Struct, frozen=True):
-    """The box around one collision shape in world space, in metres, and the body it moves with."""
+    """The box around one collision shape in world space, in metres."""
 
     path: str
-    body: str
     low: tuple[float, float, float]
     high: tuple[float, float, float]
 

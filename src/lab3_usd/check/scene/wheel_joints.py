@@ -111,7 +111,7 @@ def is_stated(joint: WheelJoint, subject: StageSubject, *names: str) -> bool:
     prim = joint.prim
     if prim is None or not is_unresolved(subject.stage, prim.path):
         return prim is not None
-    return prim.authored.issuperset(names)
+    return prim.attributes.keys() >= {*names}
 
 
 def wrong_ends(joint: WheelJoint, subject: StageSubject) -> Iterator[tuple[str, str]]:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
 from pxr import Gf, Usd, Vt
 
-from lab3_usd.model.prims import Collider, Colliders, Matrix, Prim, Prims
+from lab3_usd.model.prims import Collider, Colliders, Matrix, Prims
 from lab3_usd.stage.read.opening import stage_errors
 from lab3_usd.stage.read.plain_values import elements
-from lab3_usd.stage.read.prims import RIGID_BODY, PrimReader
+from lab3_usd.stage.read.prims import PrimReader
 from lab3_usd.stage.read.properties import authored_data
 from lab3_usd.stage.read.transforms import TransformCache
 
@@ -31,60 +30,48 @@ class StageColliders(Colliders):
     """The boxes around the collision prims of an open stage, each measured when it is asked for.
 
     A collision prim has the box of its own shape and of the shapes below it. Planes have none.
-    The bodies are the nearest ancestors that are rigid bodies, '' for none. Cylinders, spheres and
-    capsules are taken as round, so that a wheel turned about its axle stands as high as one that
-    is not; cones as the cylinders around them.
+    Cylinders, spheres and capsules are taken as round, so that a wheel turned about its axle stands
+    as high as one that is not; cones as the cylinders around them.
     """
 
     def __init__(self, prims: Prims, reader: PrimReader) -> None:
         """Measure the prims of a stage."""
         self._prims = prims
         self._reader = reader
-        self._present: list[Prim] = []
+        self._present: list[str] = []
         self._boxes: dict[str, _Box | None] = {}
-        self._bodies: dict[str, str] = {"": ""}
         self._metres = float(reader.stage.GetMetadata("metersPerUnit"))
 
-    def below(self, top: str) -> Iterator[Collider]:
-        """Yield the boxes of the shapes at and below a prim."""
+    def below(self, top: str) -> list[Collider]:
+        """Return the boxes of the shapes at and below a prim."""
         return self._boxes_of(top, below=True)
 
-    def beside(self, top: str) -> Iterator[Collider]:
-        """Yield the boxes of the shapes that are not `below` a prim."""
+    def beside(self, top: str) -> list[Collider]:
+        """Return the boxes of the shapes that are not `below` a prim."""
         return self._boxes_of(top, below=False)
 
-    def _boxes_of(self, top: str, *, below: bool) -> Iterator[Collider]:
+    def _boxes_of(self, top: str, *, below: bool) -> list[Collider]:
         start = f"{top.rstrip('/')}/"
-        for prim in self._colliding():
-            if f"{prim.path}/".startswith(start) is below:
-                yield from self._measured(prim)
+        asked = [path for path in self._colliding() if f"{path}/".startswith(start) is below]
+        with stage_errors(self._reader.name):
+            boxes = [(path, self._box(path)) for path in asked]
+        return [
+            Collider(path, _scaled(box[0], self._metres), _scaled(box[1], self._metres))
+            for path, box in boxes
+            if box is not None
+        ]
 
-    def _colliding(self) -> list[Prim]:
+    def _colliding(self) -> list[str]:
         if not self._present:
-            self._present += (prim for prim in self._prims.with_api(_COLLISION) if prim.present)
+            found = self._prims.with_api(_COLLISION)
+            self._present += (prim.path for prim in found if prim.present)
         return self._present
 
-    def _body(self, path: str) -> str:
-        """Return the nearest rigid body at or above a path."""
-        if len(self._bodies) == 1:
-            self._bodies.update((prim.path, prim.path) for prim in self._prims.with_api(RIGID_BODY))
-        above = []
-        while path not in self._bodies:
-            above.append(path)
-            path = path.rpartition("/")[0]
-        self._bodies.update(dict.fromkeys(above, self._bodies[path]))
-        return self._bodies[path]
-
-    def _measured(self, prim: Prim) -> Iterator[Collider]:
-        """Yield the box of a collision prim that has a shape of its own or shapes below."""
-        path = prim.path
+    def _box(self, path: str) -> _Box | None:
+        """Return the box of a collision prim, None for one without a shape of its own or below."""
         if path not in self._boxes:
-            with stage_errors(self._reader.name):
-                self._measure(self._reader.stage.GetPrimAtPath(path), path)
-        box = self._boxes[path]
-        if box is not None:
-            low, high = (_scaled(corner, self._metres) for corner in box)
-            yield Collider(path, self._body(path), low, high)
+            self._measure(self._reader.stage.GetPrimAtPath(path), path)
+        return self._boxes[path]
 
     def _measure(self, top: Usd.Prim, top_path: str) -> None:
         """Measure a collision prim and those below it, each shape once."""

@@ -110,7 +110,6 @@ def _read_values(source: Usd.Prim, prim: Prim, asked: AbstractSet[str]) -> None:
         if targets:
             relationships[name] = targets
     prim.attributes, prim.relationships = attributes, relationships
-    prim.authored = frozenset(attributes)
 
 
 class PrimIndex(Struct, frozen=True):
