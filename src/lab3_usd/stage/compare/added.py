@@ -8,7 +8,7 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from lab3_usd.model.changes import Change, Difference
-from lab3_usd.model.physics import BODY_ENABLED, KINEMATIC
+from lab3_usd.model.physics import BODY_ENABLED, KINEMATIC, SCENE
 from lab3_usd.stage.compare.terms import Terms, applied_schemas, is_physical, pattern
 from lab3_usd.stage.compare.values import display_value, same_value
 
@@ -86,7 +86,7 @@ def _is_only_scene(targets: Collection[Sdf.Path], stage: Usd.Stage) -> bool:
 
 
 def _is_scene(prim: Usd.Prim) -> bool:
-    return bool(prim.GetTypeName() == "PhysicsScene")
+    return bool(prim.GetTypeName() == SCENE)
 
 
 def _bound(prim: Usd.Prim, twin: Usd.Prim, name: str, terms: Terms) -> Iterator[Difference]:
@@ -131,9 +131,10 @@ def added_changes(starter: Usd.Stage, stage: Usd.Stage, terms: Terms) -> Iterato
 def _added(starter: Usd.Stage, stage: Usd.Stage, terms: Terms) -> Iterator[Usd.Prim]:
     """Yield the prims at paths that the starter does not have, if they may act on its robot."""
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
-        if prim.IsPseudoRoot() or starter.GetPrimAtPath(prim.GetPath()):
+        if starter.GetPrimAtPath(Usd.Prim.GetPath(prim)):
             continue
-        if _is_scene(prim) or _acts(prim, str(prim.GetTypeName()), terms):
+        kind = str(Usd.Prim.GetTypeName(prim))
+        if kind == SCENE or _acts(prim, kind, terms):
             yield prim
 
 
@@ -154,10 +155,10 @@ def _acts(prim: Usd.Prim, kind: str, terms: Terms) -> bool:
         return is_on and any(
             _is_robots(each, terms) for name in _ENDS for each in _targets(prim, name)
         )
-    if not _is_robots(str(prim.GetPath()), terms):
+    if not _is_robots(str(Usd.Prim.GetPath(prim)), terms):
         return False
-    is_off = _value(prim, "physics:collisionEnabled") is False
-    return any(api.startswith(terms.rules.acting) for api in applied_schemas(prim)) and not is_off
+    is_acting = any(api.startswith(terms.rules.acting) for api in applied_schemas(prim))
+    return is_acting and _value(prim, "physics:collisionEnabled") is not False
 
 
 def _is_robots(path: str, terms: Terms) -> bool:

@@ -21,6 +21,7 @@ from lab3_usd.stage.compare.terms import (
     is_light_or_camera,
     is_physical,
 )
+from lab3_usd.stage.read.missing_assets import IS_PRESENT
 
 _Added = dict[tuple[str, str], list[Usd.Prim]]
 
@@ -54,8 +55,9 @@ class Pair(Struct, frozen=True):
 
 def is_there(prim: Usd.Prim, *, may_be_undefined: bool = False) -> bool:
     """Whether the prim is part of the scene; what defines it may be in a missing asset."""
-    is_defined = prim and (prim.IsDefined() or may_be_undefined)
-    return bool(is_defined and prim.IsActive() and not prim.IsAbstract())
+    if not may_be_undefined:
+        return bool(prim and IS_PRESENT(prim))
+    return bool(prim and prim.IsActive() and not prim.IsAbstract())
 
 
 def missing_prim_changes(gone: Iterable[Usd.Prim], pair: Pair) -> Iterator[Change]:

@@ -65,11 +65,11 @@ def differences(
 
     With `same_parent` False the two stand at different paths, and are compared in the world.
     """
-    prim, form = was.prim, twin.GetPrimTypeInfo()
+    prim, form = was.prim, Usd.Prim.GetPrimTypeInfo(twin)
     found: list[Difference] = []
     if form != was.form:  # which tells type and schemas
         found = [*_type(was.kind, twin, prim, terms), *_schemas(was.form, form, prim, twin, terms)]
-    is_posed, names = not same_parent, twin.GetAuthoredPropertyNames()
+    is_posed, names = not same_parent, Usd.Prim.GetAuthoredPropertyNames(twin)
     for name in _unequal(was, twin, names):
         kind = terms.classes(name)
         if kind == "pose":
@@ -124,18 +124,18 @@ def _unequal(was: StarterPrim, twin: Usd.Prim, others: list[str]) -> Iterator[st
 
     `others` are the names of those of `twin`.
     """
-    theirs = twin.GetAuthoredAttributes()
+    theirs, read = Usd.Prim.GetAuthoredAttributes(twin), Usd.Attribute.Get
     if was.names == others and len(was.values) == len(theirs):
         pairs = zip(was.values.items(), theirs, strict=True)
-        yield from (name for (name, value), other in pairs if value != other.Get())
+        yield from (name for (name, value), other in pairs if value != read(other))
         for name, paths in was.targets.items():
-            other = twin.GetRelationship(name)
-            if not other or paths != other.GetTargets():
+            other = Usd.Prim.GetRelationship(twin, name)
+            if not other or paths != Usd.Relationship.GetTargets(other):
                 yield name
         return
     for name in was.names:
-        other = twin.GetAttribute(name)
-        if name not in was.values or not other or was.values[name] != other.Get():
+        other = Usd.Prim.GetAttribute(twin, name)
+        if name not in was.values or not other or was.values[name] != read(other):
             yield name
     # Switching a collision off writes what the starter left at its default; so does the first move.
     added = (name for name in others if name not in was.names)

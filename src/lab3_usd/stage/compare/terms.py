@@ -67,7 +67,7 @@ def pattern(names: Iterable[str]) -> re.Pattern[str]:
 
 def applied_schemas(prim: Usd.Prim) -> list[str]:
     """Return every applied schema by its name, known to usd-core or not."""
-    return [str(name) for name in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
+    return [str(name) for name in Usd.Prim.GetPrimTypeInfo(prim).GetAppliedAPISchemas()]
 
 
 def is_light_or_camera(prim: Usd.Prim) -> bool:

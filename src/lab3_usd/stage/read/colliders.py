@@ -76,13 +76,13 @@ class StageColliders(Colliders):
     def _measure(self, top: Usd.Prim, top_path: str) -> None:
         """Measure a collision prim and those below it, each shape once."""
         transforms = self._reader.transforms
-        if not top.GetAllChildrenNames() and not top.IsInstance():
+        if not Usd.Prim.GetAllChildrenNames(top) and not Usd.Prim.IsInstance(top):
             self._boxes[top_path] = _world_box(top, top_path, transforms)
             return
         open_boxes: list[list[_Box]] = [[]]
         prims = iter(Usd.PrimRange.PreAndPostVisit(top, _PARTS))
         for prim in prims:
-            path = str(prim.GetPath())
+            path = str(Usd.Prim.GetPath(prim))
             if not prims.IsPostVisit():
                 known = path in self._boxes
                 box = self._boxes[path] if known else _world_box(prim, path, transforms)
@@ -93,13 +93,13 @@ class StageColliders(Colliders):
             boxes = open_boxes.pop()
             box = _union(boxes) if boxes else None
             open_boxes[-1] += [] if box is None else [box]
-            if prim == top or _COLLISION in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+            if prim == top or _COLLISION in Usd.Prim.GetPrimTypeInfo(prim).GetAppliedAPISchemas():
                 self._boxes[path] = box
         self._boxes.setdefault(top_path, None)
 
 
 def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | None:
-    kind, (_, world) = prim.GetTypeName(), transforms.of(prim, path)
+    kind, (_, world) = Usd.Prim.GetTypeName(prim), transforms.of(prim, path)
     if kind in _ROUND:
         return _around(world, *_round_sizes(prim), has_balls=_ROUND[kind])
     if kind == "Sphere":
@@ -139,7 +139,7 @@ def _scratch() -> Usd.Stage:
 
 def _number(prim: Usd.Prim, name: str) -> float:
     """Return a size of a shape, the schema's own where the file names none; 0 for what is none."""
-    value = prim.GetAttribute(name).Get()
+    value = Usd.Attribute.Get(Usd.Prim.GetAttribute(prim, name))
     return float(value) if isinstance(value, (int, float)) else 0.0
 
 

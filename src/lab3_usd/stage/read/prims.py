@@ -40,7 +40,7 @@ RIGID_BODY = "PhysicsRigidBodyAPI"
 
 def schemas(prim: Usd.Prim) -> tuple[str, ...]:
     """Return every schema applied to a prim, known to usd-core or not."""
-    return tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
+    return tuple(Usd.Prim.GetPrimTypeInfo(prim).GetAppliedAPISchemas())
 
 
 class PrimReader:
@@ -69,7 +69,7 @@ class PrimReader:
         is_present = IS_PRESENT(prim)
         return Prim.unread(
             path,
-            prim.GetTypeName(),
+            Usd.Prim.GetTypeName(prim),
             schemas(prim),
             self._read,
             active=is_present or prim.IsActive(),
@@ -154,13 +154,13 @@ class StagePrims(Prims):
             return known
         with stage_errors(self._reader.name):
             found = self._find(path)
-            if not found or found.IsPseudoRoot() or not self._counts(found, path):
+            if not found or Usd.Prim.IsPseudoRoot(found) or not self._counts(found, path):
                 return default
             return self._prim(found, path)
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the paths."""
-        return (str(prim.GetPath()) for prim in self._index.prims)
+        return (str(Usd.Prim.GetPath(prim)) for prim in self._index.prims)
 
     def __len__(self) -> int:
         """Count the prims."""
@@ -179,7 +179,7 @@ class StagePrims(Prims):
         if not self._by_name:
             with stage_errors(self._reader.name):
                 for number, prim in enumerate(self._index.prims):
-                    self._by_name.setdefault(prim.GetName(), []).append(number)
+                    self._by_name.setdefault(Usd.Prim.GetName(prim), []).append(number)
         return self._chosen(self._by_name, asked)
 
     def below(self, top: str) -> Iterator[Prim]:
@@ -187,8 +187,8 @@ class StagePrims(Prims):
         found = self._find(top)
         with stage_errors(self._reader.name):
             for prim in Usd.PrimRange(found, EVERYTHING) if found else ():
-                path = str(prim.GetPath())
-                if not prim.IsPseudoRoot() and self._counts(prim, path):
+                path = str(Usd.Prim.GetPath(prim))
+                if not Usd.Prim.IsPseudoRoot(prim) and self._counts(prim, path):
                     yield self._prim(prim, path)
 
     def _find(self, path: str) -> Usd.Prim | None:
@@ -197,11 +197,11 @@ class StagePrims(Prims):
         if not is_plain and (path[:1] != "/" or not Sdf.Path.IsValidPathString(path)[0]):
             return None
         found = self._reader.stage.GetPrimAtPath(path)
-        is_it = found and (is_plain or str(found.GetPath()) == path)
+        is_it = found and (is_plain or str(Usd.Prim.GetPath(found)) == path)
         return found if is_it and not path.startswith(_PROTOTYPE) else None
 
     def _counts(self, prim: Usd.Prim, path: str) -> bool:
-        return prim.GetTypeName() != self._form.node_type and not self._form.ignores(path)
+        return Usd.Prim.GetTypeName(prim) != self._form.node_type and not self._form.ignores(path)
 
     def _prim(self, prim: Usd.Prim, path: str) -> Prim:
         known = self._known.get(path)
@@ -224,7 +224,8 @@ class StagePrims(Prims):
         prims = self._index.prims
         with stage_errors(self._reader.name):
             return [
-                self._prim(prim, str(prim.GetPath())) for prim in map(prims.__getitem__, numbers)
+                self._prim(prim, str(Usd.Prim.GetPath(prim)))
+                for prim in map(prims.__getitem__, numbers)
             ]
 
 

@@ -114,9 +114,10 @@ class _Scan:
         scripts = frozenset(self._lab.catalog.scripts.apis)
         above: list[str] = []  # the graphs around the prim, innermost last
         for prim in Usd.PrimRange(top, EVERYTHING):
-            kind, apis = prim.GetTypeName(), prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+            kind = Usd.Prim.GetTypeName(prim)
+            apis = Usd.Prim.GetPrimTypeInfo(prim).GetAppliedAPISchemas()
             is_node = kind == form.node_type
-            path = str(prim.GetPath()) if above or is_node else ""
+            path = str(Usd.Prim.GetPath(prim)) if above or is_node else ""
             while above and not f"{path}/".startswith(f"{above[-1]}/"):
                 above.pop()
             if is_ignored:
@@ -203,11 +204,11 @@ class _Scan:
         """
         ahead = []
         while (path := path.rpartition("/")[0] or "/") not in self._namespaces:
-            prim = prim.GetParent()
+            prim = Usd.Prim.GetParent(prim)
             ahead.append((path, prim))
         joined = self._namespaces[path]
         for place, each in reversed(ahead):
-            is_node = each.GetTypeName() == self._lab.catalog.graph.node_type
+            is_node = Usd.Prim.GetTypeName(each) == self._lab.catalog.graph.node_type
             own = None if is_node else plain_value(authored_data(each, _NAMESPACE))
             joined = "/".join(filter(None, (joined, own if isinstance(own, str) else "")))
             self._namespaces[place] = joined

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from struct import Struct
 from typing import Any
 
@@ -24,6 +25,7 @@ RESET = "!resetXformStack!"
 _INVERSE = "!invert!"
 _SIXTEEN = Struct("16d")
 _SHORTEST = 1e-10  # length of an axis that is one, as in Gf
+_Maker = Callable[[Any], Matrix]
 
 
 class TransformCache:
@@ -46,7 +48,7 @@ class TransformCache:
         ahead = []
         while path not in self._known:
             ahead.append((prim, path))
-            prim, path = prim.GetParent(), path.rpartition("/")[0] or "/"
+            prim, path = Usd.Prim.GetParent(prim), path.rpartition("/")[0] or "/"
         for each, below in reversed(ahead):
             self._known[below] = self._read(each, self._known[path][1])
             path = below
@@ -54,7 +56,7 @@ class TransformCache:
 
     def world(self, prim: Usd.Prim) -> Matrix:
         """Return the world transform of a prim."""
-        return self.of(prim, str(prim.GetPath()))[1]
+        return self.of(prim, str(Usd.Prim.GetPath(prim)))[1]
 
     def _read(self, prim: Usd.Prim, parent: Matrix) -> tuple[Matrix | None, Matrix]:
         order = authored_data(prim, ORDER)
@@ -79,10 +81,11 @@ def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:  # noqa: ANN40
         if name == RESET:
             matrix, is_reset = IDENTITY, True
             continue
-        operation = _operation(prim, name.removeprefix(_INVERSE))
+        attribute, make, is_inverted = _parsed(name)
+        operation = None if make is None else _operation(prim, attribute, make)
         if operation is None or operation is IDENTITY:
             continue
-        if name.startswith(_INVERSE):
+        if is_inverted:
             operation = _inverse(operation)
         matrix = operation if matrix is IDENTITY else multiply(operation, matrix)
     return matrix, is_reset
@@ -95,11 +98,18 @@ def _names(order: Any) -> list[str]:  # noqa: ANN401 - of any type where a file 
     return [order[index] for index in range(len(order))]
 
 
-def _operation(prim: Usd.Prim, name: str) -> Matrix | None:
-    value = prim.GetAttribute(name).Get()
-    make = _MAKERS.get(name.split(":")[1]) if value is not None and ":" in name else None
+@lru_cache(maxsize=1024)
+def _parsed(name: str) -> tuple[str, _Maker | None, bool]:
+    """Return the attribute of an operation, what makes a matrix of it, and whether inverted."""
+    attribute = name.removeprefix(_INVERSE)
+    kind = attribute.split(":")[1] if ":" in attribute else ""
+    return attribute, _MAKERS.get(kind), attribute != name
+
+
+def _operation(prim: Usd.Prim, attribute: str, make: _Maker) -> Matrix | None:
+    value = Usd.Attribute.Get(Usd.Prim.GetAttribute(prim, attribute))
     try:
-        return None if make is None else make(value)
+        return None if value is None else make(value)
     except (TypeError, ValueError, AttributeError):  # not what the operation takes
         return None
 
@@ -124,13 +134,15 @@ def _scaling(value: Any) -> Matrix:  # noqa: ANN401
 
 def _vector(value: Any) -> tuple[float, float, float]:  # noqa: ANN401
     x, y, z = elements(value)
-    return _number(x), y, z  # which are of one type
+    if type(x) is not float:  # nor are the others; UsdGeom takes no whole numbers either
+        raise TypeError(x)
+    return x, y, z
 
 
 def _number(value: Any) -> float:  # noqa: ANN401
     if isinstance(value, float):
         return value
-    raise TypeError(value)  # UsdGeom takes no whole numbers either
+    raise TypeError(value)
 
 
 def _orientation(value: Any) -> Matrix:  # noqa: ANN401
@@ -192,7 +204,7 @@ def _along(axis: str, make: Callable[[Any], Matrix], rest: float) -> Callable[[A
     return one
 
 
-_MAKERS: dict[str, Callable[[Any], Matrix]] = {
+_MAKERS: dict[str, _Maker] = {
     "translate": _translation,
     "scale": _scaling,
     "orient": _orientation,
