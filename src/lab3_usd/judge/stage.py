@@ -44,7 +44,7 @@ def check_stage(
     if found not in lab.checkpoints:
         message = f"there is no checkpoint '{found}'; known are {', '.join(lab.checkpoints)}"
         raise UsageError(message)
-    from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.opening import cached, open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
 
     try:
         stage = open_stage(Path(path))
@@ -52,8 +52,10 @@ def check_stage(
         from lab3_usd.check.checker import judge  # noqa: PLC0415
         from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
+        asked = lab.same_demands(found)
         with quiet():
-            judged = judge(lab, lab.checkpoints[found], read_model(stage, lab, str(path)))
+            model = read_model(stage, lab, str(path))
+            judged = cached(("judgement", id(stage), asked.id), lambda: judge(lab, asked, model))
     except StageError as error:
         return unreadable(str(path), found, str(error))
     return _result(str(path), found, judged, stage)

@@ -177,6 +177,21 @@ class Lab(Struct, frozen=True, eq=False):
         order = list(self.checkpoints)
         return tuple(order[: order.index(checkpoint) + 1])
 
+    def same_demands(self, checkpoint: str) -> Checkpoint:
+        """Return the first checkpoint that asks of a stage what this one asks: itself for most.
+
+        They differ in what else is handed in with the stage.
+        """
+        asked = self._demands(self.checkpoints[checkpoint])
+        return next(each for each in self.checkpoints.values() if self._demands(each) == asked)
+
+    def _demands(self, checkpoint: Checkpoint) -> tuple[object, ...]:
+        """Return everything that the rules for stages ask of a checkpoint."""
+        flags = (checkpoint.frames, checkpoint.topics, checkpoint.localization)
+        may_have_driven = self.is_after(checkpoint.id, self.scene.robot.pose_is_error_until)
+        is_first = checkpoint.id == self.first
+        return (checkpoint.graphs, checkpoint.sensors, flags, may_have_driven, is_first)
+
     def is_after(self, checkpoint: str, other: str) -> bool:
         """Whether a checkpoint comes after another; none comes after ''."""
         return other != "" and checkpoint not in self.until(other)

@@ -1,0 +1,94 @@
+"""Checkpoints that ask the same of a stage are judged once, and each has its own result."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from grade_files import LAB, cut_wire, stage, starter
+from msgspec.structs import replace
+
+from lab3_usd.check.checker import judge
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.spec.lab import Lab
+from lab3_usd.stage.fence.layers import Fence
+from lab3_usd.stage.fence.stages import fenced
+from lab3_usd.stage.read.reader import read_stage
+
+# Handout, parts G to I: 06 verifies QoS, 07 adds localization, 08 only navigates.
+SAME = {"08": "07"}
+# What a rule may ask a checkpoint: the rest tells one from another that asks the same.
+ASKED = {"graphs", "sensors", "frames", "topics", "localization", "id"}
+
+
+def lab_with(number: str, **changes: object) -> Lab:
+    changed = {**LAB.checkpoints, number: replace(LAB.checkpoints[number], **changes)}
+    return replace(LAB, checkpoints=changed)
+
+
+@pytest.mark.parametrize("number", LAB.checkpoints)
+def test_only_the_last_checkpoint_asks_of_a_stage_what_another_asks(number: str) -> None:
+    assert LAB.same_demands(number).id == SAME.get(number, number)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"graphs": LAB.checkpoints["05"].graphs[:-1]},
+        {"sensors": ("lidar",)},
+        {"frames": False},
+        {"topics": False},
+        {"localization": False},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_a_checkpoint_that_asks_less_asks_something_else(changes: dict[str, object]) -> None:
+    assert lab_with("08", **changes).same_demands("08").id != "07"
+
+
+def test_what_comes_beside_a_stage_makes_no_difference() -> None:
+    assert lab_with("08", title="Race", part="Z", file="Race").same_demands("08").id == "07"
+
+
+def test_a_robot_that_may_have_driven_makes_a_difference() -> None:
+    robot = replace(LAB.scene.robot, pose_is_error_until="07")
+    lab = replace(LAB, scene=replace(LAB.scene, robot=robot))
+    assert lab.same_demands("08").id == "08"
+
+
+def test_the_first_checkpoint_is_like_no_other() -> None:
+    lab = lab_with("01", graphs=())
+    assert lab.same_demands("01").id == "01"
+
+
+def test_rules_ask_a_checkpoint_for_nothing_else(repository: Path) -> None:
+    asked = set()
+    for path in (repository / "src/lab3_usd/check").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "subject.checkpoint":
+                asked.add(node.attr)
+    assert asked == ASKED
+
+
+@pytest.mark.parametrize("source", ["starter", "02", "05", "08"])
+def test_the_same_demands_find_the_same(tmp_path: Path, source: str) -> None:
+    path = starter() if source == "starter" else stage(source)
+    copy = cut_wire(Path(shutil.copy(path, tmp_path))) if source != "starter" else path
+    found = [judge(LAB, LAB.checkpoints[each], read_stage(copy, LAB)) for each in ("07", "08")]
+    assert found[0] == found[1]
+    assert found[0].findings
+
+
+def test_stages_that_are_the_same_have_results_of_their_own(tmp_path: Path) -> None:
+    numbers = ("05", "06", "07", "08")
+    faulty = cut_wire(Path(shutil.copy(stage("05"), tmp_path / "05.usda")))
+    for number in numbers[1:]:
+        shutil.copy(faulty, tmp_path / f"{number}.usda")
+    with fenced(Fence(root=tmp_path.resolve(), check=lambda _path: None)):
+        together = [check_stage(tmp_path / f"{each}.usda", each) for each in numbers]
+    alone = [check_stage(tmp_path / f"{each}.usda", each) for each in numbers]
+    assert together == alone
+    assert all(one.checkpoint != other.checkpoint for one, other in pairwise(together))
