@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from fnmatch import translate
-from functools import cache
+from functools import lru_cache
 from typing import Literal
 
 from msgspec import Struct
@@ -100,9 +100,9 @@ def _requirements(patterns: tuple[str, ...], given: ChecklistInput) -> _Verdict:
     last = given.last
     if last is None:
         return "not shown", "no stage could be read"
+    names = tuple(each.id for each in last.requirements)
     for pattern in patterns:
-        is_asked = _matcher(pattern)
-        asked = [each for each in last.requirements if is_asked(each.id)]
+        asked = [last.requirements[number] for number in _matching(pattern, names)]
         if not asked:
             return "not met", f"checkpoint {last.checkpoint} is the last, and does not have it yet"
         missed = [each for each in asked if not each.met]
@@ -111,10 +111,14 @@ def _requirements(patterns: tuple[str, ...], given: ChecklistInput) -> _Verdict:
     return "met", ""
 
 
-@cache
-def _matcher(pattern: str) -> Callable[[str], re.Match[str] | None]:
-    """Return what tells whether a name fits a pattern of the lab's with `*`."""
-    return re.compile(translate(pattern)).match
+@lru_cache(maxsize=1024)
+def _matching(pattern: str, names: tuple[str, ...]) -> list[int]:
+    """Return the numbers of the names that fit a pattern of the lab's with `*`.
+
+    The stages of a class have the same requirements, so this is worked out once.
+    """
+    fits = re.compile(translate(pattern)).match
+    return [number for number, name in enumerate(names) if fits(name)]
 
 
 def _titles(missed: list[Requirement]) -> str:
