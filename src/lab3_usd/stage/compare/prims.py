@@ -124,10 +124,12 @@ def _unequal(was: StarterPrim, twin: Usd.Prim, others: list[str]) -> Iterator[st
 
     `others` are the names of those of `twin`.
     """
-    theirs, read = Usd.Prim.GetAuthoredAttributes(twin), Usd.Attribute.Get
-    if was.names == others and len(was.values) == len(theirs):
-        pairs = zip(was.values.items(), theirs, strict=True)
-        yield from (name for (name, value), other in pairs if value != read(other))
+    attributes = Usd.Prim.GetAuthoredAttributes(twin)
+    if was.names == others and len(was.values) == len(attributes):
+        values = [*map(Usd.Attribute.Get, attributes)]
+        if values != [*was.values.values()]:
+            pairs = zip(was.values.items(), values, strict=True)
+            yield from (name for (name, value), other in pairs if value != other)
         for name, paths in was.targets.items():
             other = Usd.Prim.GetRelationship(twin, name)
             if not other or paths != Usd.Relationship.GetTargets(other):
@@ -135,7 +137,7 @@ def _unequal(was: StarterPrim, twin: Usd.Prim, others: list[str]) -> Iterator[st
         return
     for name in was.names:
         other = Usd.Prim.GetAttribute(twin, name)
-        if name not in was.values or not other or was.values[name] != read(other):
+        if name not in was.values or not other or was.values[name] != other.Get():
             yield name
     # Switching a collision off writes what the starter left at its default; so does the first move.
     added = (name for name in others if name not in was.names)
