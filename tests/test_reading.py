@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import pytest
 from breaking import broken, judged, place, the_lab
+from pxr import Gf, Usd
 
 from lab3_usd.check.ros.running import run_states
 from lab3_usd.check.ros.topics import endpoints
 from lab3_usd.model.stage import StageModel
 from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.scene import read_scene
 
 
 def read(*steps: dict[str, object]) -> StageModel:
@@ -78,3 +80,17 @@ def test_a_graph_of_an_instance_may_run(instanced: bool) -> None:  # noqa: FBT00
     assert state == ("may run" if instanced else "runs")
     found = [each for each in endpoints(stage, the_lab()) if each.topic == "/clock"]
     assert [each.sure for each in found] == [not instanced, True]
+
+
+@pytest.mark.parametrize("said", [Gf.Matrix2d(), "1", True, None], ids=repr)
+def test_a_unit_that_is_no_number_is_not_said(
+    said: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = broken("05", [])
+    # One flipped bit of a binary file gives a value another type, which no API writes.
+    for kind in (Usd.Stage, Usd.Prim):
+        monkeypatch.setattr(kind, "GetMetadata", lambda _of, _name: said)
+    model = read_model(stage, the_lab(), "stage.usdc")
+    assert (model.meters_per_unit, model.kilograms_per_unit) == (0.01, 1.0)
+    assert max(box.high[0] for box in model.colliders.below("/")) < 1
+    assert read_scene(stage).meters_per_unit == 0.01

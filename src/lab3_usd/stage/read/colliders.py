@@ -10,7 +10,7 @@ from pxr import Gf, Usd, Vt
 
 from lab3_usd.model.prims import Collider, Colliders, Matrix, Prims
 from lab3_usd.stage.read.opening import stage_errors
-from lab3_usd.stage.read.plain_values import elements
+from lab3_usd.stage.read.plain_values import CENTIMETRES, elements, stage_number
 from lab3_usd.stage.read.prims import PrimReader
 from lab3_usd.stage.read.properties import authored_data
 from lab3_usd.stage.read.transforms import TransformCache
@@ -40,7 +40,7 @@ class StageColliders(Colliders):
         self._reader = reader
         self._present: list[str] = []
         self._boxes: dict[str, _Box | None] = {}
-        self._metres = float(reader.stage.GetMetadata("metersPerUnit"))
+        self._metres = stage_number(reader.stage.GetMetadata("metersPerUnit"), CENTIMETRES)
 
     def below(self, top: str) -> list[Collider]:
         """Return the boxes of the shapes at and below a prim."""
@@ -76,7 +76,7 @@ class StageColliders(Colliders):
     def _measure(self, top: Usd.Prim, top_path: str) -> None:
         """Measure a collision prim and those below it, each shape once."""
         transforms = self._reader.transforms
-        if not Usd.Prim.GetAllChildrenNames(top) and not Usd.Prim.IsInstance(top):
+        if not top.GetAllChildrenNames() and not Usd.Prim.IsInstance(top):
             self._boxes[top_path] = _world_box(top, top_path, transforms)
             return
         open_boxes: list[list[_Box]] = [[]]

@@ -8,8 +8,10 @@ from pxr import Gf, Sdf
 
 from lab3_usd.spec.catalog import Value
 
+CENTIMETRES = 0.01  # per unit, where a stage does not say
 LONGEST = 4096  # elements; longer arrays (points, faces) are nothing a rule asks about
 # Sets of types, as to ask whether a value is an instance of one takes many times as long.
+_NUMBERS = {int, float}
 _PLAIN = {type(None), bool, int, float, str}
 _VECTORS = {
     *(Gf.Vec2d, Gf.Vec2f, Gf.Vec2h, Gf.Vec2i),
@@ -35,6 +37,14 @@ def plain_value(value: Any) -> Value | None:  # noqa: ANN401 - whatever usd-core
     if kind is Sdf.AssetPath:
         return str(value.path)
     return tuple(elements(value)) if kind in _VECTORS else _items(value)
+
+
+def stage_number(value: Any, otherwise: float) -> float:  # noqa: ANN401
+    """Return a number that a stage says of itself, else the default.
+
+    A damaged file may say anything; to usd-core that is nothing.
+    """
+    return float(value) if type(value) in _NUMBERS else otherwise
 
 
 def _items(value: Any) -> Value | None:  # noqa: ANN401

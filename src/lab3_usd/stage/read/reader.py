@@ -22,7 +22,7 @@ from lab3_usd.stage.read.colliders import StageColliders
 from lab3_usd.stage.read.layers import find_muted
 from lab3_usd.stage.read.missing_assets import IS_PRESENT, find_unresolved, is_in_scene
 from lab3_usd.stage.read.opening import cached, open_stage, quiet, stage_errors
-from lab3_usd.stage.read.plain_values import plain_value
+from lab3_usd.stage.read.plain_values import CENTIMETRES, plain_value, stage_number
 from lab3_usd.stage.read.ports import read_ports
 from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
 from lab3_usd.stage.read.properties import AuthoredProperties, authored_data
@@ -63,7 +63,7 @@ def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
     prims = StagePrims(reader, lab.catalog.graph, scan.others)
     return StageModel(
         up_axis=str(stage.GetMetadata("upAxis")),
-        meters_per_unit=float(stage.GetMetadata("metersPerUnit")),
+        meters_per_unit=stage_number(stage.GetMetadata("metersPerUnit"), CENTIMETRES),
         kilograms_per_unit=_kilograms(stage),
         graphs=tuple(scan.graph(path) for path in scan.graphs),
         prims=prims,
@@ -234,8 +234,7 @@ class _Scan:
 
 def _kilograms(stage: Usd.Stage) -> float:
     """Return the stage's mass unit; UsdPhysics says kilograms where nothing is written."""
-    value = stage.GetPseudoRoot().GetMetadata("kilogramsPerUnit")
-    return 1.0 if value is None else float(value)
+    return stage_number(stage.GetPseudoRoot().GetMetadata("kilogramsPerUnit"), 1.0)
 
 
 def _text(value: Value | None) -> str:

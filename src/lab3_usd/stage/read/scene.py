@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom
 from lab3_usd.model.dry_run.affine import HERE, Affine
 from lab3_usd.model.dry_run.scene import Graph, Input, Node, Prim, Scene
 from lab3_usd.stage.read.missing_assets import find_unresolved
+from lab3_usd.stage.read.plain_values import CENTIMETRES, stage_number
 
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"
 IGNORED = ("Replicator", "Render")
@@ -39,7 +40,7 @@ def read_scene(stage: Usd.Stage) -> Scene:
         else:
             prims[path] = _prim(prim, path, kind, time, prims)
     return Scene(
-        _unit(float(stage.GetMetadata("metersPerUnit"))),
+        _unit(stage_number(stage.GetMetadata("metersPerUnit"), CENTIMETRES)),
         str(stage.GetMetadata("upAxis")),
         tuple(_graph(path, prim, tuple(nodes[path])) for path, prim in graphs.items()),
         prims,
