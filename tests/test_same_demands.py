@@ -4,24 +4,32 @@ from __future__ import annotations
 
 import ast
 import shutil
-from itertools import pairwise
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from grade_files import LAB, cut_wire, stage, starter
 from msgspec.structs import replace
 
-from lab3_usd.check.checker import judge
+from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.judge.stage import check_stage
-from lab3_usd.spec.lab import Lab
+from lab3_usd.model.stage import StageModel
+from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.stage.fence.layers import Fence
 from lab3_usd.stage.fence.stages import fenced
+from lab3_usd.stage.read.opening import kept_open
 from lab3_usd.stage.read.reader import read_stage
 
 # Handout, parts G to I: 06 verifies QoS, 07 adds localization, 08 only navigates.
 SAME = {"08": "07"}
 # What a rule may ask a checkpoint: the rest tells one from another that asks the same.
 ASKED = {"graphs", "sensors", "frames", "topics", "localization", "id"}
+# Whether it is the first, and whether the robot may have driven before it.
+NUMBERS = {
+    "checkpoint.id == lab.first",
+    "subject.checkpoint.id != subject.lab.first",
+    "subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until)",
+}
 
 
 def lab_with(number: str, **changes: object) -> Lab:
@@ -64,13 +72,22 @@ def test_the_first_checkpoint_is_like_no_other() -> None:
     assert lab.same_demands("01").id == "01"
 
 
+def asked_of_checkpoints(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield what a module asks of a checkpoint, each with the expression that asks it."""
+    tree = ast.parse(path.read_text())
+    around = {child: node for node in ast.walk(tree) for child in ast.iter_child_nodes(node)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and ast.unparse(node.value).endswith("checkpoint"):
+            yield node.attr, ast.unparse(around[node])
+
+
 def test_rules_ask_a_checkpoint_for_nothing_else(repository: Path) -> None:
-    asked = set()
-    for path in (repository / "src/lab3_usd/check").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "subject.checkpoint":
-                asked.add(node.attr)
-    assert asked == ASKED
+    check = repository / "src/lab3_usd/check"
+    of_folders = {check / "checklist.py", *(check / "rules/submission").iterdir()}
+    modules = [path for path in check.rglob("*.py") if path not in of_folders]
+    asked = {pair for path in modules for pair in asked_of_checkpoints(path)}
+    assert {name for name, _ in asked} == ASKED
+    assert {said for name, said in asked if name == "id"} == NUMBERS
 
 
 @pytest.mark.parametrize("source", ["starter", "02", "05", "08"])
@@ -91,4 +108,27 @@ def test_stages_that_are_the_same_have_results_of_their_own(tmp_path: Path) -> N
         together = [check_stage(tmp_path / f"{each}.usda", each) for each in numbers]
     alone = [check_stage(tmp_path / f"{each}.usda", each) for each in numbers]
     assert together == alone
-    assert all(one.checkpoint != other.checkpoint for one, other in pairwise(together))
+    assert [each.checkpoint for each in together] == [*numbers]
+
+
+def test_one_stage_is_judged_for_each_that_asks_something_else() -> None:
+    numbers = ("03", "05", "08", "00")
+    with kept_open():
+        together = [check_stage(stage("08"), each) for each in numbers]
+    alone = [check_stage(stage("08"), each) for each in numbers]
+    assert together == alone
+    assert [each.verdict for each in alone] == ["pass", "pass", "pass", "fail"]
+
+
+def test_what_is_asked_again_is_not_judged_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    judged: list[str] = []
+
+    def noted(lab: Lab, checkpoint: Checkpoint, model: StageModel) -> Judgement:
+        judged.append(checkpoint.id)
+        return judge(lab, checkpoint, model)
+
+    monkeypatch.setattr("lab3_usd.check.checker.judge", noted)
+    with kept_open():
+        for number in ("06", "07", "08", "07"):
+            check_stage(stage("08"), number)
+    assert judged == ["06", "07"]

@@ -55,6 +55,7 @@ def check_stage(
         asked = lab.same_demands(found)
         with quiet():
             model = read_model(stage, lab, str(path))
+            # The model, which is kept as well, keeps the stage that `id` names.
             judged = cached(("judgement", id(stage), asked.id), lambda: judge(lab, asked, model))
     except StageError as error:
         return unreadable(str(path), found, str(error))
