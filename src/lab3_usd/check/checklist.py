@@ -112,13 +112,13 @@ def _requirements(patterns: tuple[str, ...], given: ChecklistInput) -> _Verdict:
 
 
 @lru_cache(maxsize=1024)
-def _matching(pattern: str, names: tuple[str, ...]) -> list[int]:
+def _matching(pattern: str, names: tuple[str, ...]) -> tuple[int, ...]:
     """Return the numbers of the names that fit a pattern of the lab's with `*`.
 
-    The stages of a class have the same requirements, so this is worked out once.
+    The last stages of a class have the same requirements, so this is worked out once.
     """
     fits = re.compile(translate(pattern)).match
-    return [number for number, name in enumerate(names) if fits(name)]
+    return tuple(number for number, name in enumerate(names) if fits(name))
 
 
 def _titles(missed: list[Requirement]) -> str:

@@ -85,7 +85,7 @@ class PrimReader:
         with stage_errors(self.name):
             found = self.stage.GetPrimAtPath(prim.path)
             if name in _PLACE:
-                is_placed = prim.type in self.placed or RIGID_BODY in prim.apis
+                is_placed = found and (prim.type in self.placed or RIGID_BODY in prim.apis)
                 nowhere = (None, None)
                 prim.local, prim.world = (
                     self.transforms.of(found, prim.path) if is_placed else nowhere

@@ -6,7 +6,8 @@ are asked what they hold, and the stage only for values, sources and targets tha
 
 Methods of prims and attributes are called on the class, here and wherever it is done for each
 prim: called on the object, usd-core first looks whether that is still valid, in Python's way of
-finding an attribute, which takes longer than most answers.
+finding an attribute, which takes longer than most answers. So the prim must be one of the stage:
+without that look, a prim that is none ends the process.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def authored_data(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401 - whatever 
     return Usd.Attribute.Get(attribute)
 
 
-class AuthoredProperty(Struct, frozen=True):
+class AuthoredProperty(Struct, frozen=True, eq=False):
     """A property of a prim as its layers have it, the strongest first; without any, it is empty."""
 
     prim: Usd.Prim
@@ -65,7 +66,7 @@ class AuthoredProperty(Struct, frozen=True):
                 return plain_value(alone)
         if not self._says(_VALUE):
             return None
-        return plain_value(self.prim.GetAttribute(self.name).Get())
+        return plain_value(Usd.Attribute.Get(Usd.Prim.GetAttribute(self.prim, self.name)))
 
     def sources(self) -> tuple[str, ...]:
         """Return the properties that an attribute is connected to."""
@@ -113,7 +114,7 @@ class AuthoredProperties:
         """
         names = sorted(Usd.Prim.GetPrimIndex(self._prim).ComputePrimPropertyNames())
         if names and not names[0]:
-            self._prim.GetAuthoredProperties()  # tells of the damage
+            Usd.Prim.GetAuthoredProperties(self._prim)  # tells of the damage
         return names
 
     def __getitem__(self, name: str) -> AuthoredProperty:

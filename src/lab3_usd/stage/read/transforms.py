@@ -134,15 +134,13 @@ def _scaling(value: Any) -> Matrix:  # noqa: ANN401
 
 def _vector(value: Any) -> tuple[float, float, float]:  # noqa: ANN401
     x, y, z = elements(value)
-    if type(x) is not float:  # nor are the others; UsdGeom takes no whole numbers either
-        raise TypeError(x)
-    return x, y, z
+    return _number(x), y, z  # which are of one type
 
 
 def _number(value: Any) -> float:  # noqa: ANN401
-    if isinstance(value, float):
+    if type(value) is float:
         return value
-    raise TypeError(value)
+    raise TypeError(value)  # UsdGeom takes no whole numbers either
 
 
 def _orientation(value: Any) -> Matrix:  # noqa: ANN401
