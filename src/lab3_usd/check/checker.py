@@ -143,8 +143,7 @@ class _Run(Struct, frozen=True):
     def rule(self, found: Rule, subject: Any) -> None:  # noqa: ANN401 - the scope decides
         """Run one rule and keep what no other graph's subject had it find before."""
         results = run_rule(found, subject, self.lab)
-        if results.crashes:
-            self.crashes.extend(results.crashes)
+        self.crashes.extend(results.crashes)
         for finding in results.findings:
             if not any(_is_same(finding, known) for known in self.findings):
                 self.findings.append(finding)

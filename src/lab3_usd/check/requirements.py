@@ -9,9 +9,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.conformance import (
+    is_fed,
     setting_matches,
     setting_value,
-    source_path,
     target_matches,
 )
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
@@ -95,16 +95,7 @@ def _meets(subject: GraphSubject, node: Node, asked: _Asked | None) -> bool:
     if isinstance(asked, Target):
         return target_matches(node, asked)
     source = subject.roles.node_of[asked.source.role]
-    return source is not None and _fed(subject, asked, source, node)
-
-
-def _fed(subject: GraphSubject, wire: Wire, source: Node, target: Node) -> bool:
-    sources = target.sources(wire.target.port)
-    return source_path(source, wire) in sources or any(
-        f"{path}.{wire.source.port}" in sources
-        for path, role in subject.roles.equivalents.items()
-        if role == wire.source.role
-    )
+    return source is not None and is_fed(source, node, asked, subject.roles.equivalents)
 
 
 def scene_requirements(

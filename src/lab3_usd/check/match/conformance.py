@@ -88,3 +88,20 @@ def targets_prims(node: Node, target: Target, prims: Sequence[str]) -> bool:
 def source_path(source: Node, wire: Wire) -> str:
     """Return the property path from which `wire` leaves when `source` plays its source role."""
     return f"{source.path}.{wire.source.port}"
+
+
+def source_paths(source: Node, wire: Wire, equivalents: Mapping[str, str]) -> list[str]:
+    """Return the property paths that may feed `wire`: that of its source, and of its stand-ins.
+
+    `equivalents` maps the path of each stand-in to the role it stands in for.
+    """
+    others = [path for path, role in equivalents.items() if role == wire.source.role]
+    return [source_path(source, wire), *(f"{path}.{wire.source.port}" for path in others)]
+
+
+def is_fed(source: Node, target: Node, wire: Wire, equivalents: Mapping[str, str]) -> bool:
+    """Whether `wire` enters `target` from its source or from a stand-in of that."""
+    sources = target.sources(wire.target.port)
+    if source_path(source, wire) in sources:
+        return True
+    return any(path in sources for path in source_paths(source, wire, equivalents))

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 
 from msgspec import Struct, field
 
-from lab3_usd.check.match.conformance import source_path
+from lab3_usd.check.match.conformance import is_fed, source_path, source_paths
 from lab3_usd.check.match.connections import closes_cycle, is_live, types_fit
 from lab3_usd.check.match.result import Kind, Roles, WireFault
 from lab3_usd.model.stage import Node
@@ -62,17 +62,11 @@ def _ends(work: _Work, wire: Wire) -> tuple[Node, Node]:
 def _accepted(work: _Work, wire: Wire) -> list[str]:
     """Return the property paths that may feed a wire: the role's node and its stand-ins."""
     source, _ = _ends(work, wire)
-    paths = [source_path(source, wire)]
-    for path, role in work.roles.equivalents.items():
-        if role == wire.source.role:
-            paths.append(f"{path}.{wire.source.port}")
-    return paths
+    return source_paths(source, wire, work.roles.equivalents)
 
 
 def _fed(work: _Work, wire: Wire) -> bool:
-    source, target = _ends(work, wire)
-    actual = target.sources(wire.target.port)
-    return source_path(source, wire) in actual or not set(actual).isdisjoint(_accepted(work, wire))
+    return is_fed(*_ends(work, wire), wire, work.roles.equivalents)
 
 
 def _live_sources(work: _Work, node: Node, port: str) -> list[str]:

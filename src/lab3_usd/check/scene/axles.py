@@ -118,9 +118,10 @@ def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
 
 def _is_weld(joint: Prim, subject: StageSubject) -> bool:
     """Whether a joint holds its bodies where it says, and no missing asset may say otherwise."""
-    if joint.type != FIXED or not is_unresolved(subject.stage, joint.path):
-        return joint.type == FIXED
-    return joint.attributes.keys() >= {*_FRAMES}
+    if joint.type != FIXED:
+        return False
+    is_known = not is_unresolved(subject.stage, joint.path)
+    return is_known or joint.attributes.keys() >= {*_FRAMES}
 
 
 def _joint_frame(joint: Prim, side: int) -> Matrix:

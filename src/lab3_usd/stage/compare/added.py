@@ -86,7 +86,7 @@ def _is_only_scene(targets: Collection[Sdf.Path], stage: Usd.Stage) -> bool:
 
 
 def _is_scene(prim: Usd.Prim) -> bool:
-    return bool(prim.GetTypeName() == SCENE)
+    return bool(Usd.Prim.GetTypeName(prim) == SCENE)
 
 
 def _bound(prim: Usd.Prim, twin: Usd.Prim, name: str, terms: Terms) -> Iterator[Difference]:
@@ -133,8 +133,7 @@ def _added(starter: Usd.Stage, stage: Usd.Stage, terms: Terms) -> Iterator[Usd.P
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
         if starter.GetPrimAtPath(Usd.Prim.GetPath(prim)):
             continue
-        kind = str(Usd.Prim.GetTypeName(prim))
-        if kind == SCENE or _acts(prim, kind, terms):
+        if _is_scene(prim) or _acts(prim, str(Usd.Prim.GetTypeName(prim)), terms):
             yield prim
 
 
