@@ -7,12 +7,12 @@ from pathlib import Path
 
 from two_judges import all_faults, crosscheck, known_rows, silent, unexplained, wrong
 
-STEP, FIRST = 31, 3  # every so many of all faults, from so many on
+STEP, FIRST = 47, 3  # every so many of all faults, from so many on
 
 
 def test_both_judges_agree_on_some_of_all_faults() -> None:
     found = list(crosscheck(STEP, FIRST))
-    assert len(found) >= 20
+    assert len(found) >= 13
     assert wrong(found) == []
     assert any(each.robot for each in found)
 

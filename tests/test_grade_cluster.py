@@ -6,6 +6,7 @@ import gc
 import importlib
 import os
 import signal
+import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -103,10 +104,15 @@ def cluster_of(workers: int, temporary: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def dismiss_workers(cluster: Any) -> None:
-    """Have all workers stand still with the tasks that they have, and start none in their place."""
-    for each in cluster.workers.values():
-        os.kill(each.pid, signal.SIGSTOP)
+    """Kill all workers with the tasks that they have, and start none in their place."""
+    workers = [(each, each.pid) for each in cluster.workers.values()]
+    for _, number in workers:
+        os.kill(number, signal.SIGSTOP)
     cluster.scale(0)
+    for each, number in workers:
+        while each.status.name == "running":  # it would start another one
+            time.sleep(0.01)
+        os.kill(number, signal.SIGKILL)
 
 
 @pytest.mark.filterwarnings("ignore")
