@@ -39,6 +39,11 @@ LEFT: dict[str, list[Step]] = {
     "a port that no other is like": [
         {"connect": [f"{CLOCK}.inputs:timeStamp", "/World/Clock/time.outputs:whatever"]}
     ],
+    "a port that a node of Kit is wired from": [
+        {"node": ["/World/Clock/text", "omni.graph.nodes.ToString"]},
+        {"declare": ["/World/Clock/text.inputs:value", "token"]},
+        {"connect": ["/World/Clock/text.inputs:value", "/World/Clock/time.outputs:simTime"]},
+    ],
     "a frame without a name": [{"set": [f"{LIDAR}.inputs:frameId", ""]}],
     "a value that is like none": [{"declare": [f"{HELPER}.inputs:type", "token", "heat"]}],
 }

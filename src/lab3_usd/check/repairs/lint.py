@@ -38,8 +38,8 @@ def _unknown_port(finding: Finding, subject: LintSubject) -> _Edits:
     node, port = _port(finding, subject)
     if node is None or finding.expected is None:
         return
-    if port is not None and finding.related:
-        if not _fits(subject.live[finding.related[0]], finding.expected, port):
+    if finding.related:  # of the end where the wire leaves
+        if port is None or not _fits(subject.live[finding.related[0]], finding.expected, port):
             return
         meant = f"{finding.related[0]}.{finding.expected}"
         sources = (meant if each == finding.actual else each for each in node.sources(port.name))
