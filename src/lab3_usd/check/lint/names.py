@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 
 _ALIKE = 0.8
+_NEAR_TYPE = 0.92
+_NUMBER = re.compile(r"\d+")
 
 
 def likely_name(written: str, known: Collection[str]) -> str | None:
@@ -14,12 +17,19 @@ def likely_name(written: str, known: Collection[str]) -> str | None:
 
 
 def likely_type(written: str, known: Collection[str]) -> str | None:
-    """Return the node type that was likely meant: of the same last name, or of one alike."""
+    """Return the node type that was likely meant: of the same last name, or of one alike.
+
+    A type of another publisher is one of its own, and so is one that differs in a number.
+    """
+    publisher, dot, _ = written.partition(".")
+    if dot and publisher not in {name.partition(".")[0] for name in known}:
+        return None
     last = written.rpartition(".")[2].removeprefix("Ogn")
     same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
     if len(same) == 1 and last:
         return same[0]
-    return _near(written, known, _NEAR_TYPE)
+    letters = _NUMBER.sub("", written)
+    return _near(written, [name for name in known if _NUMBER.sub("", name) != letters], _NEAR_TYPE)
 
 
 def _near(written: str, known: Collection[str], least: float) -> str | None:
@@ -32,6 +42,3 @@ def _near(written: str, known: Collection[str], least: float) -> str | None:
 def did_you_mean(name: str | None) -> str:
     """Return the end of a sentence that offers a name, nothing without one."""
     return f"; did you mean {name}?" if name else ""
-
-
-_NEAR_TYPE = 0.92
