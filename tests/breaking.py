@@ -97,7 +97,8 @@ def _declare(stage: Usd.Stage, where: str, usd_type: str, value: Any = None) -> 
     kind = Sdf.ValueTypeNames.Find(usd_type)
     attribute = prim.CreateAttribute(path.name, kind, custom=True)
     if value is not None:
-        attribute.Set(kind.type.pythonClass(value) if kind.isArray else value)
+        made = tuple(value) if isinstance(value, list) else value
+        attribute.Set(kind.type.pythonClass(made) if kind.isArray else made)
 
 
 def _clear(stage: Usd.Stage, where: str) -> None:

@@ -16,14 +16,19 @@ NEWEST = "6.0"
 class Need(Struct, frozen=True, forbid_unknown_fields=True):
     """Inputs of which a node needs one that is wired or set, or else works on zeros.
 
-    With `when` it needs it only where that input is wired or set, or switched on. `effect` says
-    what happens without, `source` names the file of Isaac Sim that shows it.
+    With `when` it needs it only where that input is wired or set, or switched on, with
+    `when_wired` where it is wired, and with `unless` where it is not switched on. With
+    `zero_counts`, zeros that somebody wrote are as good as other values. `effect` says what
+    happens without, `source` names the file of Isaac Sim that shows it.
     """
 
     inputs: tuple[str, ...]
     effect: str
     source: str
     when: str = ""
+    when_wired: str = ""
+    unless: str = ""
+    zero_counts: bool = False
     severity: Literal["error", "warning"] = "error"
 
 

@@ -17,10 +17,17 @@ def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:
     """Yield what a node needs by the catalog and does not get."""
     kind = node.type
     for need in subject.types.needs.get(kind.type, ()) if kind is not None else ():
-        asked = not need.when or is_given(node, need.when) or _is_on(node, need.when)
         known = [each for each in need.inputs if kind and INPUT + each in kind.ports]
-        if asked and known and not any(_is_met(node, each, need) for each in known):
+        if known and _is_asked(node, need) and not any(_is_met(node, each, need) for each in known):
             yield need
+
+
+def _is_asked(node: Node, need: Need) -> bool:
+    if need.when and not (is_given(node, need.when) or _is_on(node, need.when)):
+        return False
+    if need.when_wired and not node.sources(INPUT + need.when_wired):
+        return False
+    return not (need.unless and _is_on(node, need.unless))
 
 
 def _is_met(node: Node, name: str, need: Need) -> bool:
@@ -28,9 +35,11 @@ def _is_met(node: Node, name: str, need: Need) -> bool:
 
 
 def _is_zero_on_purpose(node: Node, name: str, need: Need) -> bool:
-    """Whether somebody wrote a zero that may be meant: it would be no error."""
+    """Whether somebody wrote a zero that may be meant: it counts, or would be no error."""
     state = node.state(INPUT + name)
-    return need.severity == "warning" and state is not None and state.value is not None
+    if state is None or state.value in (None, ()):
+        return False
+    return need.zero_counts or need.severity == "warning"
 
 
 def _is_on(node: Node, name: str) -> bool:

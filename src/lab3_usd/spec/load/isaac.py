@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -82,8 +82,14 @@ def _needs(
         known = set(kind.ports)
         for release in releases.values():
             known |= set(release.types[name].gone if name in release.types else ())
-        for short in (each for need in entries for each in (*need.inputs, need.when) if each):
+        for short in (each for need in entries for each in _named(need)):
             if INPUT + short not in known:
                 message = f"{where}: {name} has no input '{short}'"
                 raise SpecError(message)
     return needs
+
+
+def _named(need: Need) -> Iterator[str]:
+    """Yield the inputs that an entry names."""
+    yield from need.inputs
+    yield from filter(None, (need.when, need.when_wired, need.unless))
