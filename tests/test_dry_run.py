@@ -126,6 +126,17 @@ WORKS: list[list[Step]] = [
             ]
         }
     ],
+    # of a link that is found twice the last target says below what it hangs
+    [
+        {
+            "targets": [
+                "ROS_OdomTF/isaac_compute_transform_tree.inputs:targetPrims",
+                "/turtlebot3_burger",
+                "/turtlebot3_burger/base_scan",
+                "/turtlebot3_burger/base_footprint/Camera_1",
+            ]
+        }
+    ],
 ]
 
 

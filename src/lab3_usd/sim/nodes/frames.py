@@ -47,29 +47,31 @@ class Tree(Struct, frozen=True):
 
     @classmethod
     def of(cls, scene: Scene, parent: str, targets: Sequence[str]) -> Tree:
-        """Expand the targets."""
-        found: dict[int, tuple[Prim, str]] = {}
+        """Expand the targets; a prim that is found twice hangs below what was said last of it."""
+        found: list[Prim] = []
+        parents: dict[str, str] = {}
         for target in targets:
             prim = scene.prims.get(target)
-            if prim is not None:
-                for each, above in _expanded(scene, prim, parent):
-                    found[len(found)] = (each, above)
-        names = _names([prim for prim, _ in found.values()])
-        by_path = {prim.path: name for (prim, _), name in zip(found.values(), names, strict=True)}
+            for each, above in _expanded(scene, prim, parent) if prim is not None else ():
+                found.append(each)
+                parents[each.path] = above
+        names = _names(found)
+        by_path = {prim.path: name for prim, name in zip(found, names, strict=True)}
         top = _name(scene.prims[parent]) if parent in scene.prims else "world"
         top_prim = parent if parent in scene.prims else ""
-        return cls(
-            tuple(
-                Pair(
-                    by_path.get(above, top),
-                    name,
-                    above if above in by_path else top_prim,
-                    prim.path,
-                    prim.type == "Camera",
-                )
-                for (prim, above), name in zip(found.values(), names, strict=True)
+
+        def pair(prim: Prim, name: str) -> Pair:
+            above = parents[prim.path]
+            is_frame = above in by_path
+            return Pair(
+                by_path[above] if is_frame else top,
+                name,
+                above if is_frame else top_prim,
+                prim.path,
+                prim.type == "Camera",
             )
-        )
+
+        return cls(tuple(map(pair, found, names)))
 
 
 def _expanded(scene: Scene, prim: Prim, parent: str) -> Iterator[tuple[Prim, str]]:
@@ -105,7 +107,7 @@ def _joint_parents(scene: Scene, robot: Prim) -> dict[str, str]:
         joint = scene.prims.get(path)
         ends = [joint.targets.get(f"physics:body{n}", ()) for n in (0, 1)] if joint else [(), ()]
         if ends[0] and ends[1]:
-            found.setdefault(ends[1][0], ends[0][0])
+            found[ends[1][0]] = ends[0][0]
     return found
 
 
