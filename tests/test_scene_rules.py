@@ -392,6 +392,20 @@ def test_a_robot_without_any_joint_is_one_fault(change: Callable[[str], Change])
     assert told(stage, "02") == [("S07", JOINTS, None)]
 
 
+@pytest.mark.parametrize("value", [True, False])
+def test_a_wheel_joint_outside_of_the_articulation_is_unknown_to_its_controller(
+    value: bool,  # noqa: FBT001 - as USD says it
+) -> None:
+    stage, path = built("02"), f"{JOINTS}/wheel_left_joint"
+    name = "physics:excludeFromArticulation"
+    put(path, name, value)(stage)
+    assert told(stage, "02") == ([("S07", path, name)] if value else [])
+    lab = load_lab()
+    items = {item.id: item for item in scene_items(lab, lab.checkpoints["02"])}
+    met = is_met(items["Scene/joint/wheel_left_joint"], findings_of(stage, "02"))
+    assert met != value
+
+
 def test_a_robot_without_any_joint_meets_nothing_that_joints_do() -> None:
     lab, stage = load_lab(), built("02")
     for joint in stage.GetPrimAtPath(JOINTS).GetChildren():

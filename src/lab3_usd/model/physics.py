@@ -24,6 +24,7 @@ BODY_ENABLED = "physics:rigidBodyEnabled"
 KINEMATIC = "physics:kinematicEnabled"
 COLLISION_ENABLED = "physics:collisionEnabled"
 JOINT_ENABLED = "physics:jointEnabled"
+EXCLUDED = "physics:excludeFromArticulation"
 ARTICULATION_ENABLED = "physxArticulation:articulationEnabled"
 BODIES = ("physics:body0", "physics:body1")
 _JOINT_END = "Joint"
@@ -32,6 +33,11 @@ _JOINT_END = "Joint"
 def is_switched_off(prim: Prim, name: str) -> bool:
     """Whether a switch that is on by default was turned off."""
     return prim.attributes.get(name) is False
+
+
+def is_excluded(joint: Prim) -> bool:
+    """Whether a joint is left out of every articulation, whose controller does not find it then."""
+    return joint.attributes.get(EXCLUDED) is True
 
 
 def collides(prim: Prim) -> bool:

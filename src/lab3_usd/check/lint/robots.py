@@ -11,7 +11,7 @@ from lab3_usd.check.ros.running import effective_value, live_sources
 from lab3_usd.check.scene.wheel_commands import joint_names
 from lab3_usd.model.absent_prims import is_subtree_unresolved
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.physics import FIXED, is_articulated, is_joint_type
+from lab3_usd.model.physics import FIXED, is_articulated, is_excluded, is_joint_type
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.catalog import DrivePorts
@@ -78,7 +78,7 @@ def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
     for prim in stage.of_type(is_joint_type):
         ends = [path for each in ("physics:body0", "physics:body1") for path in _ends(prim, each)]
         near = any(is_at_or_below(path, top) for path in (prim.path, *ends) for top in tops)
-        if prim.present and prim.type != FIXED and near:
+        if prim.present and prim.type != FIXED and near and not is_excluded(prim):
             found.setdefault(prim.name, prim)
     return found
 

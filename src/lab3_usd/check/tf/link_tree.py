@@ -9,7 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.physics import ARTICULATION_API, BODIES, bodies_below, is_joint, is_joint_type
+from lab3_usd.model.physics import (
+    ARTICULATION_API,
+    BODIES,
+    bodies_below,
+    is_excluded,
+    is_joint,
+    is_joint_type,
+)
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel
 
@@ -18,7 +25,6 @@ LINK_API = "IsaacLinkAPI"
 FRAME_APIS = frozenset({LINK_API, "IsaacSiteAPI", "IsaacReferencePointAPI"})
 _NO_FRAMES = frozenset({"IsaacJointAPI", ROBOT_API})
 _ROBOT_JOINTS = "isaac:physics:robotJoints"
-_EXCLUDED = "physics:excludeFromArticulation"
 
 Links = dict[str, str]  # the path of each link with that of its parent link, '' for none
 
@@ -54,7 +60,7 @@ def joint_parents(robot: Prim, stage: StageModel) -> Links:
     found: Links = {}
     for path in robot.relationships.get(_ROBOT_JOINTS, ()):
         joint = stage.prims.get(path)  # a joint that is deactivated is still read
-        if joint is None or not is_joint(joint) or joint.attributes.get(_EXCLUDED) is True:
+        if joint is None or not is_joint(joint) or is_excluded(joint):
             continue
         parent, child = (joint.relationships.get(name, ()) for name in BODIES)
         if parent and child:

@@ -21,7 +21,15 @@ from lab3_usd.check.scene.wheel_joints import (
 from lab3_usd.model.absent_prims import absence_reason, is_unresolved
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.physics import JOINT_ENABLED, REVOLUTE, bodies, is_switched_off, joints
+from lab3_usd.model.physics import (
+    EXCLUDED,
+    JOINT_ENABLED,
+    REVOLUTE,
+    bodies,
+    is_excluded,
+    is_switched_off,
+    joints,
+)
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.transform_math import distance
 
@@ -30,10 +38,10 @@ _PAIR = 2  # wheels that are a distance apart
 
 @rule("S07", "wheel-joint", scope="stage")
 def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
-    """A wheel joint is missing, disabled, has another name, or cannot turn.
+    """A wheel joint is missing, disabled, has another name, cannot turn, or is no robot's joint.
 
     Why: the drive graph commands the joints by name. An unknown name stops the whole controller
-    with an error in the console.
+    with an error in the console. A joint that is excluded from the articulation is unknown to it.
 
     Fix: undo the deletion or the change of the joint, rename it in the Stage panel, or start again
     from the supplied file.
@@ -52,16 +60,25 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
         message = _why_useless(joint, subject)
         if message is None:
             continue
-        is_off = joint.live is not None and is_switched_off(joint.live, JOINT_ENABLED)
+        switch, right = _wrong_switch(joint)
         yield Problem(
             joint.site,
             message,
-            JOINT_ENABLED if is_off else None,
-            "True" if is_off else f"{REVOLUTE} {joint.name}",
-            "False" if is_off else None,
+            switch,
+            str(right) if switch else f"{REVOLUTE} {joint.name}",
+            str(not right) if switch else None,
             handout,
             joint.related,
         )
+
+
+def _wrong_switch(joint: WheelJoint) -> tuple[str | None, bool]:
+    """Return the switch that makes a joint useless, with its right value; None for none."""
+    if joint.live is not None and is_switched_off(joint.live, JOINT_ENABLED):
+        return JOINT_ENABLED, True
+    if joint.live is not None and is_excluded(joint.live):
+        return EXCLUDED, False
+    return None, True
 
 
 def _is_below_missing_link(subject: StageSubject) -> bool:
@@ -95,7 +112,7 @@ def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
         return f"the joint of {joint.link} is named {prim.name}, expected {joint.name}"
     if is_switched_off(prim, JOINT_ENABLED):
         return f"{joint.name} is switched off"
-    return None
+    return f"{joint.name} is excluded from the articulation" if is_excluded(prim) else None
 
 
 @rule("S08", "joint-bodies", scope="stage")
