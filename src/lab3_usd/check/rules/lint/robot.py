@@ -9,10 +9,12 @@ from lab3_usd.check.lint.robots import Command, commands, joints_of, wired_comma
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.physics import number
+from lab3_usd.model.physics import REVOLUTE, number
 from lab3_usd.model.prims import Prim
 
 _VELOCITY = "velocityCommand"
+_DRIVE = "PhysicsDriveAPI"
+_MOVES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
 
 
 @rule("K60", "no-articulation", scope="lint")
@@ -27,11 +29,14 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:targetPrim` names `/World/robot/base_link`, the root is on `/World/robot`.
     """
     for command in commands(subject):
-        if command.is_open or command.roots or subject.stage.prim(command.robot) is None:
-            continue
+        is_there = subject.stage.prim(command.robot) is not None
+        is_by_path = command.port == command.ports.path
+        if command.is_open or command.roots or not (is_there or is_by_path):
+            continue  # of a target that is not there another rule speaks
+        what = "no articulation root is there or below" if is_there else "there is no such prim"
         yield Problem(
             command.node.path,
-            f"{command.port} is {command.robot}, and no articulation root is there or below",
+            f"{command.port} is {command.robot}, and {what}",
             property=command.port,
             expected="a prim with an articulation root",
             actual=command.robot,
@@ -92,7 +97,8 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
 
 
 def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
-    kind = next((api for api in joint.apis if api.startswith("PhysicsDriveAPI:")), "")
+    drives = [api for api in joint.apis if api.startswith(f"{_DRIVE}:{_MOVES.get(joint.type, '')}")]
+    kind = next(iter(drives), "")
     axis = kind.partition(":")[2]
     stiffness = number(joint.attributes.get(f"drive:{axis}:physics:stiffness")) or 0.0
     damping = number(joint.attributes.get(f"drive:{axis}:physics:damping")) or 0.0
