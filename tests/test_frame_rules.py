@@ -475,6 +475,20 @@ def test_two_target_prims_that_keep_one_name_are_found() -> None:
     assert "/World/base_scan" in str(problem.actual)
 
 
+@pytest.mark.parametrize(
+    ("pair", "rule"),
+    [
+        (("/odom", "/base_footprint"), "T04"),
+        (("/caster_back_link", "/base_scan"), "T03"),
+        (("/map", "/odom"), "T08"),
+    ],
+)
+def test_a_slash_before_the_names_makes_no_other_frames(pair: tuple[str, str], rule: str) -> None:
+    found = {rule_id for rule_id, _, _ in sites(beside(pair))}
+    assert found == {rule_id for rule_id, _, _ in sites(beside((pair[0][1:], pair[1][1:])))}
+    assert rule in found
+
+
 def test_a_prim_that_is_named_twice_gives_the_same_transform() -> None:
     assert sites(targets(m.ROBOT, *FRAME_ROLES.values())) == []
 

@@ -12,6 +12,7 @@ from lab3_usd.check.ros.running import effective_value, live_sources
 from lab3_usd.check.tf.frames import (
     Edge,
     published_edges,
+    tf2_name,
     unknown_publishers,
     unresolved_frames,
 )
@@ -102,7 +103,8 @@ def _told(node: Node, subject: LintSubject) -> _Told | None:
     texts = [value for value in values if isinstance(value, str)]
     if len(texts) != len(_POSE) or len(ports) != len(_POSE):
         return None
-    return _Told(node, ports[1], (texts[0], texts[1]), maker, bool(names))
+    frames = (tf2_name(texts[0]), tf2_name(texts[1])) if names else (texts[0], texts[1])
+    return _Told(node, ports[1], frames, maker, bool(names))
 
 
 def _maker(node: Node, subject: LintSubject) -> str | None:

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.ros.running import effective_value
-from lab3_usd.check.ros.topics import resolve, used_topics
+from lab3_usd.check.ros.topics import namespace_of, resolve, used_topics
 from lab3_usd.model.stage import Node
 
 _WHOLE = re.compile(r"^/?([A-Za-z0-9].*[A-Za-z0-9]|[A-Za-z0-9])$")
@@ -53,3 +53,15 @@ def written_frames(subject: LintSubject) -> Iterator[tuple[Node, str, str]]:
             value = effective_value(node, port, subject.live)
             if isinstance(value, str) and (not right or any(t.endswith("Right") for t in used)):
                 yield node, port, value
+
+
+def refused_namespaces(subject: LintSubject) -> Iterator[tuple[Node, str]]:
+    """Yield each namespace that ROS 2 refuses, with the first node whose topics are in it."""
+    told: set[str] = set()
+    for node in subject.live.values():
+        if node.type is None or not node.type.role:
+            continue
+        namespace = namespace_of(node, subject.stage, subject.lab, subject.live)
+        if namespace and namespace not in told and resolve(namespace, "topic") is None:
+            told.add(namespace)
+            yield node, namespace

@@ -24,6 +24,7 @@ from lab3_usd.spec.catalog import INPUT, NodeType
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.topic_names import frame_ports, product_input, resolved_topic, topic_switch
 
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 Direction = Literal["publishes", "subscribes"]
 _DIRECTIONS: dict[str, Direction] = {
     "publisher": "publishes",

@@ -57,6 +57,14 @@ class Edge(Struct, frozen=True):
     sure: bool = True
 
 
+def tf2_name(written: str) -> str:
+    """Return the name of a frame as tf2 takes it from a transform: without a slash before it.
+
+    Source: ros2/geometry2 (humble), tf2/src/buffer_core.cpp, `setTransformImpl`.
+    """
+    return written.removeprefix("/")
+
+
 class _Scene(Struct, frozen=True):
     """What the computation looks things up in."""
 
@@ -140,6 +148,7 @@ def _sent(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
         parent, child = (effective_value(node, port, scene.live_nodes) for port in ports.names)
         if not isinstance(parent, str) or not isinstance(child, str):
             return PublishedTransforms(node, None)
+        parent, child = tf2_name(parent), tf2_name(child)
         edge = Edge(parent, child, node.path, node.path, topic, static)
         return PublishedTransforms(node, (replace(edge, sure=_is_sure(scene, node)),))
     arrays = _arrays(node, ports, scene) if ports.prims else None

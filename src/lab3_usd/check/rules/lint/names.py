@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.lint.names import did_you_mean, likely_name
 from lab3_usd.check.lint.subject import LintSubject
-from lab3_usd.check.lint.written_names import written_frames, written_topics
+from lab3_usd.check.lint.written_names import refused_namespaces, written_frames, written_topics
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import effective_value
 from lab3_usd.model.finding import Problem
@@ -82,7 +82,7 @@ def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K37", "topic-name", scope="lint")
 def topic_name(subject: LintSubject) -> Iterator[Problem]:
-    """ROS 2 refuses the name of a topic, or the bridge changes it.
+    """ROS 2 refuses the name of a topic or namespace, or the bridge changes that of a topic.
 
     Why: the bridge strips whatever is no letter or digit from both ends of a name, and ROS 2
     refuses what is left where it holds spaces, dashes or a digit first. A name that is refused
@@ -111,6 +111,13 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
                 actual=name.written,
                 severity="warning",
             )
+    for node, namespace in refused_namespaces(subject):
+        yield Problem(
+            node.path,
+            f"the namespace of its topics is {display(namespace)}, which ROS 2 refuses",
+            expected="letters, digits, underscores and slashes, a letter first",
+            actual=namespace,
+        )
 
 
 @rule("K38", "frame-name", scope="lint", severity="warning")
@@ -125,7 +132,8 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:frameId = "/base_scan"`.
     """
     for node, port, value in written_frames(subject):
-        if not value or value.startswith("/"):
+        is_stripped = node.type is not None and node.type.tf is not None  # by tf2
+        if not value or (value.startswith("/") and not is_stripped):
             what = "is empty" if not value else f"is {display(value)}, with a slash first"
             yield Problem(
                 node.path,

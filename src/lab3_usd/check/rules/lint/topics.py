@@ -9,7 +9,7 @@ from lab3_usd.check.lint.contexts import domain_of
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.qos import PROFILE, Qos
-from lab3_usd.check.ros.topics import Endpoint, endpoints
+from lab3_usd.check.ros.topics import TRANSFORMS, Endpoint, endpoints
 from lab3_usd.model.finding import Problem, Severity
 
 
@@ -28,7 +28,7 @@ def two_publishers(subject: LintSubject) -> Iterator[Problem]:
     """A topic has two publishers.
 
     Why: subscribers get both streams mixed: two clocks make time jump back, two odometries make
-    the robot jump. Only the topics of the TF tree may have several publishers.
+    the robot jump. Only transforms may have several publishers, as those of a robot's `/tf`.
 
     Fix: delete the second publisher, most often a copy of the whole graph; or give each robot a
     namespace or topics of its own.
@@ -37,7 +37,8 @@ def two_publishers(subject: LintSubject) -> Iterator[Problem]:
     """
     together: dict[tuple[str, str], list[Endpoint]] = {}
     for endpoint in _running(subject, "publishes"):
-        if endpoint.topic not in subject.lab.policy.tree_topics:
+        is_tree = endpoint.topic in subject.lab.policy.tree_topics or endpoint.type == TRANSFORMS
+        if not is_tree:
             key = (str(endpoint.topic), domain_of(endpoint.node, subject))
             together.setdefault(key, []).append(endpoint)
     for (topic, _), (first, *others) in together.items():
