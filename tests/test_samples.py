@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ from pxr import Sdf, Usd
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.stage.compare.starter import compare_starter
+from lab3_usd.stage.read import opening
+from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.read.time_samples import changes_after_start, hold_start_values
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
@@ -157,6 +160,26 @@ def test_a_stage_is_held_once() -> None:
         assert [(each.property, each.time) for each in changes_after_start(stage)] == [
             ("inputs:topicName", 3.0)
         ]
+
+
+def test_a_stage_that_stays_open_is_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked_at: list[Usd.Stage] = []
+    monkeypatch.setattr(opening, "hold_start_values", looked_at.append)
+    stage = correct_stage("05")
+    for _ in range(2):
+        read_model(stage, the_lab(), "x")
+    assert len(looked_at) == 2  # it may have been edited in the meantime
+    with opening.kept_open():
+        opening.held(stage)
+        read_model(stage, the_lab(), "x")
+    assert len(looked_at) == 3
+
+
+def test_no_other_stage_is_taken_for_one_that_was_held() -> None:
+    with opening.kept_open():
+        known = weakref.ref(opening.held(correct_stage("05")))
+        assert known() is not None  # else the next stage may be where it was
+    assert known() is None
 
 
 def test_a_value_that_is_blocked_at_the_start_is_none() -> None:

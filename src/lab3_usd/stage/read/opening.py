@@ -125,8 +125,17 @@ def open_stage(path: Path) -> Usd.Stage:
         if stage is None:
             message = f"{path}: usd-core opens no stage from it; save it again from Isaac Sim"
             raise StageError(message)
+        return held(stage)
+
+
+def held(stage: Usd.Stage) -> Usd.Stage:
+    """Return a stage of which every attribute holds what it starts with: it is looked at once."""
+
+    def hold() -> Usd.Stage:
         hold_start_values(stage)
-    return stage
+        return stage  # which is kept with the answer, so that no other is where it is in memory
+
+    return cached(("held", id(stage)), hold)
 
 
 def reopened(stage: Usd.Stage) -> Usd.Stage:

@@ -21,12 +21,12 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.read.colliders import StageColliders
 from lab3_usd.stage.read.layers import find_muted
 from lab3_usd.stage.read.missing_assets import IS_PRESENT, find_unresolved, is_in_scene
-from lab3_usd.stage.read.opening import cached, open_stage, quiet, stage_errors
+from lab3_usd.stage.read.opening import cached, held, open_stage, quiet, stage_errors
 from lab3_usd.stage.read.plain_values import CENTIMETRES, plain_value, stage_number
 from lab3_usd.stage.read.ports import read_ports
 from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
 from lab3_usd.stage.read.properties import AuthoredProperties, authored_data
-from lab3_usd.stage.read.time_samples import changes_after_start, hold_start_values
+from lab3_usd.stage.read.time_samples import changes_after_start
 
 _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"
@@ -50,11 +50,10 @@ def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
         StageError: the file is damaged in a way that shows only now.
     """
     with stage_errors(path):
-        return cached(("model", id(stage)), lambda: _read_model(stage, lab, path))
+        return cached(("model", id(stage)), lambda: _read_model(held(stage), lab, path))
 
 
 def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
-    hold_start_values(stage)
     unresolved = tuple(find_unresolved(stage))
     hidden = tuple(dict.fromkeys(missing.prim for missing in unresolved))
     scan = _Scan(stage, lab, hidden)
