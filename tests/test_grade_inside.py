@@ -7,6 +7,7 @@ import io
 import json
 import os
 import resource
+import shutil
 import struct
 import subprocess
 import sys
@@ -34,6 +35,7 @@ from lab3_usd.grade.workers.shipment import packed, unpacked
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.grade.workers.worker_pipes import Worker
 from lab3_usd.report.tool import tool_version
+from lab3_usd.stage.fence.layers import Fence, open_layer
 from lab3_usd.stage.fence.stages import files_of
 
 SETTINGS = PoolSettings(None, None, Limits())
@@ -149,6 +151,28 @@ def test_what_leads_out_is_an_error_of_the_stage_and_what_was_refused_of_the_sub
     assert [
         each["prim"] for each in report["submissions"][0]["findings"] if each["rule"] == "Z01"
     ] == ["work/more.usda"]
+
+
+def test_a_stage_that_is_saved_again_is_read_once(
+    course: GradingSetup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked_at: list[str] = []
+
+    def noted(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
+        looked_at.append(Path(file).name)
+        return open_layer(fence, identifier, file)
+
+    def unwanted(path: Path) -> str:
+        raise AssertionError(path)
+
+    monkeypatch.setattr("lab3_usd.stage.fence.stages.open_layer", noted)
+    monkeypatch.setattr("lab3_usd.judge.folder._digest", unwanted)
+    folder = submission(tmp_path / "jane", "04", "05")
+    for number in ("06", "07"):
+        shutil.copy(folder / "work" / stage("05").name, folder / "work" / stage(number).name)
+    found = judged(course, folder, tmp_path)
+    assert found["verdicts"] == dict.fromkeys(("04", "05", "06", "07"), "pass")
+    assert looked_at == [stage("04").name, stage("05").name]
 
 
 # -- serving

@@ -6,6 +6,7 @@ import io
 import os
 import tarfile
 import zipfile
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -155,3 +156,17 @@ def test_a_source_with_a_fault_makes_the_submission_unreadable(tmp_path: Path) -
 def test_a_source_is_the_same_after_its_way_to_a_worker(tmp_path: Path) -> None:
     source = Source(tmp_path, "a.zip", left_out=(RefusedFile("b", "c"),), fault="d")
     assert decode(encode(source), Source) == source
+
+
+def test_the_digests_of_files_are_by_their_names_in_the_submission(tmp_path: Path) -> None:
+    for name, data in (("work/a.usda", STAGE), ("nav2.yaml", b"a: 1"), ("video.mp4", b"none")):
+        write(tmp_path / "jane/lab" / name, data)
+    write(tmp_path / "jane/beside.txt", b"not in it")
+    write(tmp_path / "jane/lab2.txt", b"nor this")
+    found = staged(tmp_path, Source(tmp_path / "jane"))
+    assert found.folder.name == "lab"
+    assert found.digests == {
+        "nav2.yaml": sha256(b"a: 1").hexdigest(),
+        "video.mp4": "",
+        str(Path("work", "a.usda")): sha256(STAGE).hexdigest(),
+    }

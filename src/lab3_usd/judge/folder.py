@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
-from msgspec import Struct
+from msgspec import Struct, field
 from msgspec.structs import replace
 
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
@@ -44,7 +44,8 @@ class FolderSettings(Struct, frozen=True):
     With `require_evidence`, saved output that is missing is an error instead of a note. With
     `heeds_ignores`, what notes in a stage ignore on purpose is left out. With `native`, OpenUSD's
     own validators judge the stages as well. `may_open` is told of each recording before it is
-    opened, and says why it is not to be.
+    opened, and says why it is not to be. `digests` are those of files by path, as far as they are
+    known.
     """
 
     starter: Path | Starter | None = None
@@ -53,6 +54,7 @@ class FolderSettings(Struct, frozen=True):
     heeds_ignores: bool = False
     native: bool = False
     may_open: Callable[[str], str] = opens_all
+    digests: Mapping[str, str] = field(default_factory=dict)
 
 
 class FolderResult(Struct, frozen=True):
@@ -91,7 +93,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     evidence = replace(read_saved_outputs(contents), recordings=recordings)
     required = settings.require_evidence
     judged = merge_results((
-        run_family("submission", "X", _subject(contents, results, starters), lab),
+        run_family("submission", "X", _subject(contents, results, starters, settings), lab),
         judge_maps(contents, settings.maps, _last_stage(results)),
         judge_parameters(contents),
         judge_saved_outputs(
@@ -128,14 +130,20 @@ def _results(
 
 
 def _subject(
-    contents: FolderContents, results: Mapping[str, StageResult], starters: _Starters
+    contents: FolderContents,
+    results: Mapping[str, StageResult],
+    starters: _Starters,
+    settings: FolderSettings,
 ) -> SubmissionSubject:
     return SubmissionSubject(
         lab=contents.lab,
         spec=contents.spec,
         listing=contents.listing,
         results=results,
-        digests={number: _digest(Path(each.path)) for number, each in results.items()},
+        digests={
+            number: settings.digests.get(each.path) or _digest(Path(each.path))
+            for number, each in results.items()
+        },
         starter=starters.submitted,
     )
 

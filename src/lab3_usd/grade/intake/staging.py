@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -42,11 +42,16 @@ class Source(Struct, frozen=True):
 
 
 class StagedSubmission(Struct, frozen=True):
-    """The copy of a submission: its folder, its digest, and what was left out."""
+    """The copy of a submission: its folder, its digest, what was left out, and its files' digests.
+
+    The digests are by the names of the files in the folder, '' for those whose contents are not
+    judged.
+    """
 
     folder: Path
     digest: str
     refused: tuple[RefusedFile, ...]
+    digests: Mapping[str, str]
 
 
 def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) -> StagedSubmission:
@@ -69,7 +74,13 @@ def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) ->
     refused = tuple(
         RefusedFile(each.path.removeprefix(f"{inside}/"), each.reason) for each in copy.refused
     )
-    return StagedSubmission(folder, copy.digest(), refused)
+    start = f"{folder}{os.sep}"
+    digests = {
+        path.removeprefix(start): digest
+        for path, digest in copy.digests.items()
+        if path.startswith(start)
+    }
+    return StagedSubmission(folder, copy.digest(), refused, digests)
 
 
 def _take(source: Source, copy: SubmissionCopy, *, alone: bool) -> None:

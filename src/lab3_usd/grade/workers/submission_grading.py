@@ -68,9 +68,12 @@ def grade_submission(
         announce=announce,
         graphs=tuple(spec.path for spec in setup.lab.graphs.values()),
         nesting=setup.limits.nesting,
+        digests=staged.digests,
     )
     with _inside(staged.folder), fenced(fence):
-        settings = FolderSettings(starter=setup.starter, may_open=partial(_may_open, fence))
+        settings = FolderSettings(
+            starter=setup.starter, may_open=partial(_may_open, fence), digests=staged.digests
+        )
         found = check_folder(Path(), settings)
         found = _without_repairs(found)
         found = _with_fence(found, task.student, staged.refused, fence.found.values())

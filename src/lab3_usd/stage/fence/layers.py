@@ -45,8 +45,8 @@ class Fence:
     `check` looks at the bytes of a layer before usd-core does: it raises StageError, which says
     why and leaves the name of the file to the fence, or returns the text of a text layer. `broken`
     holds files that are not opened, and why; `announce` is told of every stage before it is
-    opened. `graphs` are paths at which a graph belongs. Stages in `closed`, by their names in the
-    submission, are not opened again.
+    opened. `graphs` are paths at which a graph belongs, `digests` those of files, as far as they
+    are known. Stages in `closed` are not opened again. Files go by their names in the submission.
     """
 
     root: Path
@@ -56,11 +56,12 @@ class Fence:
     announce: Callable[[str], None] = lambda _name: None
     graphs: Collection[str] = ()
     nesting: int = 200
+    digests: Mapping[str, str] = field(default_factory=dict)
     closed: set[str] = field(default_factory=set)
     found: dict[tuple[str, str], BlockedAsset] = field(default_factory=dict)
     layers: dict[str, Sdf.Layer] = field(default_factory=dict)
     stages: dict[str, Usd.Stage] = field(default_factory=dict)
-    digests: dict[str, str] = field(default_factory=dict)
+    firsts: dict[tuple[str, ...], str] = field(default_factory=dict)
 
 
 def name_of(fence: Fence, real: str) -> str | None:

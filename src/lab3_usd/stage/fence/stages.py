@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from hashlib import sha256
 from pathlib import Path
 
 from pxr import Tf, Usd, UsdUtils
@@ -22,8 +21,6 @@ from lab3_usd.stage.fence.layers import (
 )
 from lab3_usd.stage.read.missing_assets import find_unresolved
 from lab3_usd.stage.read.opening import check_file, opener, quiet, reading_cache, stage_errors
-
-_LARGEST_TWIN = 8 << 20
 
 
 @contextmanager
@@ -72,7 +69,7 @@ def _open_first(fence: Fence, path: Path, real: str) -> Usd.Stage:
         message = f"{path}: {fence.broken[name]}"
         raise StageError(message)
     check_file(path)
-    twin = _twin(fence, real)
+    twin = _twin(fence, real, name)
     if twin is not None:
         _share_blocked(fence, name_of(fence, twin), name)
         return fence.stages[twin]
@@ -85,17 +82,17 @@ def _open_first(fence: Fence, path: Path, real: str) -> Usd.Stage:
     return stage
 
 
-def _twin(fence: Fence, real: str) -> str | None:
+def _twin(fence: Fence, real: str, name: str) -> str | None:
     """Return a stage of the same folder that is the same to the byte and open, else None.
 
     Checkpoints that change nothing are saved again under the next name: they are read once.
     """
-    path = Path(real)
-    if not path.is_file() or path.is_symlink() or path.stat().st_size > _LARGEST_TWIN:
+    digest = fence.digests.get(name)
+    if not digest:
         return None
-    digest = sha256(path.read_bytes()).hexdigest()
-    twin = fence.digests.setdefault(f"{path.parent}/{digest}{path.suffix}", real)
-    return twin if twin in fence.stages else None
+    path = Path(real)
+    first = fence.firsts.setdefault((str(path.parent), digest, path.suffix), real)
+    return first if first in fence.stages else None
 
 
 def _share_blocked(fence: Fence, twin: str | None, name: str) -> None:
