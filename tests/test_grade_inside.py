@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import io
 import json
 import os
@@ -17,7 +18,7 @@ from typing import Any
 import pytest
 from grade_files import cut_wire, stage, starter, submission
 from msgspec.structs import replace
-from pxr import Sdf
+from pxr import Sdf, Usd
 
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.grade.intake.limits import Limits
@@ -34,6 +35,7 @@ from lab3_usd.grade.workers.messages import (
 from lab3_usd.grade.workers.shipment import packed, unpacked
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.grade.workers.worker_pipes import Worker
+from lab3_usd.model.stage import StageModel
 from lab3_usd.report.tool import tool_version
 from lab3_usd.stage.fence.layers import Fence, open_layer
 from lab3_usd.stage.fence.stages import files_of
@@ -173,6 +175,25 @@ def test_a_stage_that_is_saved_again_is_read_once(
     found = judged(course, folder, tmp_path)
     assert found["verdicts"] == dict.fromkeys(("04", "05", "06", "07"), "pass")
     assert looked_at == [stage("04").name, stage("05").name]
+
+
+def test_hardly_anything_of_a_submission_is_left_for_the_garbage_collector(
+    course: GradingSetup, tmp_path: Path
+) -> None:
+    folder = submission(tmp_path / "jane", "00", "05")
+    cut_wire(folder / "work" / stage("05").name)
+    judged(course, folder, tmp_path / "first")  # which imports what judging needs
+    gc.collect()
+    gc.disable()
+    judged(course, folder, tmp_path / "second")
+    gc.set_debug(gc.DEBUG_SAVEALL)
+    gc.collect()
+    gc.set_debug(0)
+    gc.enable()
+    left = [type(each) for each in gc.garbage]
+    gc.garbage.clear()
+    assert {StageModel, Usd.Stage}.isdisjoint(left)
+    assert len(left) < worker_main._UNTIL_COLLECTED / 20
 
 
 # -- serving
