@@ -123,6 +123,16 @@ def test_one_stage_is_judged_for_each_that_asks_something_else() -> None:
     assert [each.verdict for each in alone] == ["pass", "pass", "pass", "fail"]
 
 
+def test_what_a_stage_says_is_worked_out_once_for_all_checkpoints(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with kept_open():
+        check_stage(stage("08"), "06")
+        monkeypatch.setattr("lab3_usd.check.ros.topics._endpoint", None)
+        result = check_stage(stage("08"), "07")
+    assert (result.verdict, result.crashes) == ("pass", ())
+
+
 def test_what_is_asked_again_is_not_judged_again(monkeypatch: pytest.MonkeyPatch) -> None:
     judged: list[str] = []
 

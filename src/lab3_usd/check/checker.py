@@ -69,8 +69,7 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     try:
         return _judge(lab, checkpoint, stage)
     finally:
-        # What rules derive holds what they were given, and so the stage.
-        stage.derived.clear()
+        stage.judged.clear()  # which holds what the rules were given, and so the stage
 
 
 def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:

@@ -29,4 +29,4 @@ def lint(subject: LintSubject) -> RuleResults:
         return merge_results((notes, RuleResults(repairs, stage.crashes)))
     finally:
         # What rules derive holds what they were given, and so the stage.
-        subject.stage.derived.clear()
+        subject.stage.judged.clear()

@@ -21,12 +21,13 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
     @wraps(function)
     def kept(*given: _P.args, **_: _P.kwargs) -> _T:
         about: Any = given[0]
-        stage: StageModel = about if isinstance(about, StageModel) else about.stage
-        # Without the stage itself, which would keep itself alive.
-        key = (function, *(given[1:] if about is stage else given))
-        if key not in stage.derived:
-            stage.derived[key] = function(*given)  # type: ignore[call-arg]  # all are positional
-        found: _T = stage.derived[key]
+        if isinstance(about, StageModel):
+            known, key = about.derived, (function, *given[1:])
+        else:
+            known, key = about.stage.judged, (function, *given)
+        if key not in known:
+            known[key] = function(*given)  # type: ignore[call-arg]  # all are positional
+        found: _T = known[key]
         return found
 
     return kept

@@ -160,7 +160,8 @@ class StageModel(Struct, frozen=True, eq=False):
     """Everything the rules know of one stage.
 
     Two models are the same only when they are one. `derived` holds what was worked out from this
-    one (see `derived.py`), so that it goes when the model goes. `instances` are the paths of the
+    one (see `derived.py`), so that it goes when the model goes, and `judged` what was worked out
+    for rules: it holds what they are given, and so the model. `instances` are the paths of the
     prims that are instances.
     """
 
@@ -178,10 +179,12 @@ class StageModel(Struct, frozen=True, eq=False):
     scripts: tuple[Script, ...] = ()
     moving: tuple[AnimatedAttribute, ...] = ()
     derived: dict[Hashable, Any] = field(default_factory=dict)
+    judged: dict[Hashable, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Let a model that is made of another start without anything derived."""
         force_setattr(self, "derived", {})
+        force_setattr(self, "judged", {})
 
     def nodes(self) -> Iterator[Node]:
         """Yield every live node, graph by graph, then those outside every graph."""
