@@ -305,6 +305,20 @@ def test_a_barred_path_leads_nowhere_and_back_to_its_name(asset: str) -> None:
     assert os.path.normpath(blocked_path(asset)) == blocked_path(asset)
 
 
+def test_only_text_without_an_asset_is_known_to_lead_nowhere(root: Path, fence: Fence) -> None:
+    write(root.parent / "outside.usda", INNER)
+    plain = open_stage(write(root / "plain.usda", INNER))
+    write(root / "trusted.usda", INNER)
+    fence.allowed = frozenset({str((root / "trusted.usda").resolve())})
+    open_stage(write(root / "asking.usda", sublayer("trusted.usda", "../outside.usda")))
+    layer = Sdf.Layer.CreateAnonymous(".usdc")
+    layer.subLayerPaths = ["../outside.usda"]
+    layer.Export(str(root / "binary.usd"))
+    open_stage(root / "binary.usd")
+    assert fence.alone == {plain.GetRootLayer().identifier}
+    assert {stage for stage, _ in fence.found} == {"asking.usda", "binary.usd"}
+
+
 def test_stages_that_are_the_same_to_the_byte_are_read_once(root: Path, fence: Fence) -> None:
     write(root.parent / "outside.usda", INNER)
     for name in ("a.usda", "b.usda"):

@@ -20,6 +20,7 @@ _ADDRESS = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # one letter is a drive of 
 _ABSOLUTE = re.compile(r"^([/\\]|[A-Za-z]:)")
 _FORMAT_ARGUMENTS = ":SDF_FORMAT_ARGS:"
 _CLIPS = "clips"
+_ASSET = b"@"  # with which every asset in a text layer begins
 _NO_MEMORY = "bad_alloc"
 _ATTEMPTS = 8
 _MOST_ASSETS = 500
@@ -47,6 +48,7 @@ class Fence:
     holds files that are not opened, and why; `announce` is told of every stage before it is
     opened. `graphs` are paths at which a graph belongs, `digests` those of files, as far as they
     are known. Stages in `closed` are not opened again. Files go by their names in the submission.
+    `alone` are the layers that lead to no other.
     """
 
     root: Path
@@ -60,6 +62,7 @@ class Fence:
     closed: set[str] = field(default_factory=set)
     found: dict[tuple[str, str], BlockedAsset] = field(default_factory=dict)
     layers: dict[str, Sdf.Layer] = field(default_factory=dict)
+    alone: set[str] = field(default_factory=set)
     stages: dict[str, Usd.Stage] = field(default_factory=dict)
     firsts: dict[tuple[str, ...], str] = field(default_factory=dict)
 
@@ -82,9 +85,9 @@ def open_layer(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
         StageError: usd-core should not be given the file, or reads no layer from it.
         MemoryError: there is not enough for it.
     """
-    name = shown_name(fence, file)
+    name, is_trusted = shown_name(fence, file), file in fence.allowed
     try:
-        text = b"" if file in fence.allowed else fence.check(Path(file))
+        text = None if is_trusted else fence.check(Path(file))
     except StageError as error:
         message = f"{name}: {error}"
         raise StageError(message) from error
@@ -94,8 +97,10 @@ def open_layer(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
         message = f"{name}: usd-core opens no stage from it; save it again from Isaac Sim"
         raise StageError(message)
     fence.layers[layer.identifier] = layer
-    if text is None or _CLIPS.encode() in text:
+    if not is_trusted and (text is None or _CLIPS.encode() in text):
         _drop_clips(layer, fence.nesting)
+    if text is not None and _ASSET not in text:
+        fence.alone.add(layer.identifier)
     return layer
 
 
@@ -134,6 +139,8 @@ def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
     waiting, seen = [root], {root.identifier}
     while waiting:
         layer = waiting.pop()
+        if layer.identifier in fence.alone:
+            continue
         is_trusted = os.path.realpath(layer.realPath) in fence.allowed
         assets = [each for each in layer.GetCompositionAssetDependencies() if each]
         if len(assets) > _MOST_ASSETS:
