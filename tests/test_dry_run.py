@@ -102,6 +102,48 @@ def test_a_fault_shows_where_it_should(step: Step, check: str) -> None:
     assert check in {each.name for each in found}
 
 
+RAW, AGAIN = "ROS_OdomTF/ros2_publish_raw_transform_tree", "ROS_OdomTF/again"
+
+
+def kept(publisher: str) -> list[Step]:
+    """Have a publisher send its transform once, for those who come late."""
+    return [
+        {"set": [f"{publisher}.inputs:topicName", "tf_static"]},
+        {"set": [f"{publisher}.inputs:staticPublisher", True]},
+    ]
+
+
+def fixed(parent: str, child: str) -> list[Step]:
+    """A second publisher, which sends a static transform."""
+    return [
+        {"copy": [RAW, AGAIN]},
+        {"disconnect": f"{AGAIN}.inputs:translation"},
+        {"disconnect": f"{AGAIN}.inputs:rotation"},
+        {"set": [f"{AGAIN}.inputs:parentFrameId", parent]},
+        {"set": [f"{AGAIN}.inputs:childFrameId", child]},
+        *kept(AGAIN),
+    ]
+
+
+def test_what_is_sent_once_never_moves() -> None:
+    found = faults(driven(broken("05", kept(RAW)), the_lab().catalog))
+    assert "moving frames" in {each.name for each in found}
+
+
+def test_tf2_takes_no_static_transform_that_is_not_kept() -> None:
+    (found, *_) = faults(driven(broken("05", kept(RAW)[:1]), the_lab().catalog))
+    assert (found.name, found.rule) == ("tree", "T06")
+
+
+@pytest.mark.parametrize(
+    ("parent", "child", "rules"),
+    [("caster_back_link", "base_scan", ["T03"]), ("base_link", "imu_link", [])],
+)
+def test_a_static_transform_is_one_of_the_tree(parent: str, child: str, rules: list[str]) -> None:
+    found = faults(driven(broken("05", fixed(parent, child)), the_lab().catalog))
+    assert [each.rule for each in found] == rules
+
+
 WORKS: list[list[Step]] = [
     [{"set": ["ROS_Clock/ros2_publish_clock.inputs:topicName", "clock"]}],
     [{"set": ["ROS_Drive/ros2_subscribe_twist.inputs:topicName", "//cmd_vel/"]}],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from lab3_usd.model.dry_run.affine import AXES, HERE, Affine, about, heading
 from lab3_usd.model.dry_run.behaviour import Segment
@@ -11,7 +11,7 @@ from lab3_usd.sim.behaviour.evidence import Evidence, Interface
 from lab3_usd.sim.causes import RunCauses
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
 from lab3_usd.sim.execution.program import Program, compile_graphs
-from lab3_usd.sim.execution.record import Pose, Recording, Scan
+from lab3_usd.sim.execution.record import Message, Pose, Recording, Scan, Transform
 from lab3_usd.sim.execution.registry import FRAME, STEP
 from lab3_usd.sim.execution.ros import Endpoint, Twist
 from lab3_usd.sim.execution.world import World, world_of
@@ -112,6 +112,7 @@ def record(
         player.play(session)
     recording = player.recording
     recording.messages = world.network.sent
+    recording.static = tuple(_kept(recording.messages, wanted.static))
     recording.assumed = world.assumed
     recording.not_simulated = unknown_in(world)
     recording.fired = {path: node.count for path, node in player.program.nodes.items()}
@@ -133,6 +134,14 @@ def record(
     recording.remarks = list(causes.remarks())
     radius = robot.radius * unit if robot is not None else 0.0
     return Evidence(recording, drive, wanted, level, walls, causes, _room(player, start), radius)
+
+
+def _kept(messages: Iterable[Message], topics: frozenset[str]) -> Iterator[tuple[Transform, str]]:
+    """Yield the transforms that tf2 takes from the topics of static ones: those that are kept."""
+    for message in messages:
+        if message.topic in topics and message.static and message.away is None:
+            for each in message.data if isinstance(message.data, tuple) else ():
+                yield each, message.node
 
 
 def _room(player: Player, start: Affine) -> tuple[Segment, ...]:

@@ -216,7 +216,7 @@ def _links(
             link = found.links[key] = Link(last=at)
             found.frames[Frame(*key, static)] = None
             if static:
-                found.recording.static = (*found.recording.static, each)
+                found.recording.static = (*found.recording.static, (each, ""))
         link.gap = max(link.gap, 0.0 if static else at - link.last)
         link.count, link.last = link.count + 1, at
     return tuple(each for each in transforms if each.child != root)

@@ -51,6 +51,7 @@ class Interface(Struct, frozen=True):
     limits: tuple[float, float]
     looks: tuple[float, float, float]
     profile: dict[str, Any] = {}  # of a lidar whose own cannot be read
+    static: frozenset[str] = frozenset()  # topics of transforms that are kept
 
 
 class Cause(NamedTuple):

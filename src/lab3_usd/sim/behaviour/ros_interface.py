@@ -46,6 +46,7 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         limits=_limits(lab),
         looks=camera.looks.along if camera and camera.looks else (0.0, 0.0, 0.0),
         profile={name: said.value for name, said in lidar.attributes.items()} if lidar else {},
+        static=static_topics(lab),
     )
 
 

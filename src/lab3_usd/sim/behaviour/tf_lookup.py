@@ -19,7 +19,7 @@ def _frames_at(evidence: Evidence, message: Message) -> dict[str, tuple[str, Tra
             break
         for transform in each.data if isinstance(each.data, tuple) else ():
             found[transform.child] = (transform.parent, transform)
-    held = {each.child: (each.parent, each) for each in evidence.recording.static}
+    held = {each.child: (each.parent, each) for each, _ in evidence.recording.static}
     return {**held, **found}
 
 

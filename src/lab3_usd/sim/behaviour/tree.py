@@ -45,8 +45,8 @@ def _parents(
     for message in messages:
         for each in message.data if isinstance(message.data, tuple) else ():
             parents.setdefault(each.child, {})[each.parent, message.node] = message.at
-    for each in evidence.recording.static:
-        parents.setdefault(each.child, {})[each.parent, ""] = math.inf
+    for each, node in evidence.recording.static:
+        parents.setdefault(each.child, {})[each.parent, node] = math.inf
     return parents
 
 

@@ -96,7 +96,8 @@ class Recording(Struct):
     assumed: dict[str, str] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     fired: dict[str, int] = field(default_factory=dict)
-    static: tuple[Transform, ...] = ()  # that hold throughout, sent for those who come late
+    # Those that hold throughout, sent for those who come late, with the node that sends them.
+    static: tuple[tuple[Transform, str], ...] = ()
 
     _sorted: dict[tuple[str, int | None], list[Message]] = field(default_factory=dict)
 
