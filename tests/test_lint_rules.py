@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import quick_yaml
 from foreign_robots import ROBOTS
-from linting import broken_robot, said_by
+from linting import broken_robot, linted, said_by
 
 from lab3_usd.check.registry import all_rules
 
@@ -47,6 +47,12 @@ def test_what_is_only_alike_does_not_trigger_the_rule(
 ) -> None:
     stage = broken_robot(robot, steps)
     assert rule not in {each.split()[0] for each in said_by(stage)}
+
+
+def test_a_wire_from_a_prim_is_not_said_to_come_from_nowhere() -> None:
+    wire = ["/World/Clock/clock.inputs:timeStamp", "/World/Clock/time"]
+    (found,) = linted(broken_robot("rover", [{"connect": wire}])).findings
+    assert found.message == "inputs:timeStamp is wired from time, which is a prim and no port"
 
 
 def test_every_rule_has_a_case() -> None:

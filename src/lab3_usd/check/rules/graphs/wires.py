@@ -101,7 +101,8 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
     """
     for fault in _faults(subject, "dead"):
         expected, actual = short_source(fault.expected), source_shown(fault)
-        message = f"{fault.port} is wired from {actual}, which does not exist, expected {expected}"
+        why = "does not exist" if "." in str(fault.actual) else "is a prim and no port"
+        message = f"{fault.port} is wired from {actual}, which {why}, expected {expected}"
         yield wire_problem(fault, message + without_wire(subject, fault.wire), connect_hint(fault))
 
 

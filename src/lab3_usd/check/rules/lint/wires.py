@@ -30,10 +30,10 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
     for wire in connections(subject):
         if wire.source is not None:
             continue
-        why = why_dead(wire, subject)
+        why = why_dead(wire, subject) if wire.source_prim else "is a prim and no port"
         others = [each for each in wire.node.sources(wire.port) if each != wire.path]
         is_fed = any(each.rpartition(".")[0] in subject.live for each in others)
-        name = wire.source_prim.rpartition("/")[2]
+        name = (wire.source_prim or wire.path).rpartition("/")[2]
         if why is None:
             message = f"the source of {wire.port} cannot be known: {wire.source_prim} may be in an "
             yield Problem(
