@@ -19,14 +19,14 @@ def likely_name(written: str, known: Collection[str]) -> str | None:
 def likely_type(written: str, known: Collection[str]) -> str | None:
     """Return the node type that was likely meant: of the same last name, or of one alike.
 
-    A type of another publisher is one of its own, and so is one that differs in a number.
+    One of the same last name that somebody else publishes is a type of its own, and so is one that
+    differs in a number.
     """
-    publisher, dot, _ = written.partition(".")
-    if dot and publisher not in {name.partition(".")[0] for name in known}:
-        return None
-    last = written.rpartition(".")[2].removeprefix("Ogn")
+    *before, last = written.split(".")
+    parts = {part for name in known for part in name.split(".")[:-1]}
+    last = last.removeprefix("Ogn")
     same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
-    if len(same) == 1 and last:
+    if len(same) == 1 and last and (not before or before[0] in parts):
         return same[0]
     letters = _NUMBER.sub("", written)
     return _near(written, [name for name in known if _NUMBER.sub("", name) != letters], _NEAR_TYPE)
