@@ -190,6 +190,16 @@ def _joint(name: str) -> list[Sabotage]:
         Sabotage(
             f"{name} damping unset", "02", clear(path, drive("damping")), (path, drive("damping"))
         ),
+        Sabotage(
+            f"{name} without force",
+            "02",
+            put(path, drive("maxForce"), 0.0),
+            (path, drive("maxForce")),
+        ),
+        *(
+            Sabotage(f"{name} with a {end}", "02", put(path, end, at), (path, end))
+            for end, at in (("physics:lowerLimit", -90.0), ("physics:upperLimit", 720.0))
+        ),
         Sabotage(f"{name} undriven", "02", without_api(path, api), (path, drive("damping"))),
         Sabotage(
             f"{name} wide",
@@ -227,7 +237,17 @@ def _loose() -> list[Sabotage]:
             ("caster_back_joint", "caster_back_link"),
         )
     ]
+    left_joint, right_joint = (f"{JOINTS}/{name}" for name in WHEELS)
+    exchanged = several(
+        put(left_joint, "physics:localPos0", Gf.Vec3f(0, -0.08, 0.023)),
+        put(right_joint, "physics:localPos0", Gf.Vec3f(0, 0.08, 0.023)),
+    )
+    found.append(Sabotage("wheels exchanged", "02", exchanged, (left_joint, "physics:localPos0")))
     return [*found, Sabotage("robot held by the world", "02", held, (hold, "physics:body0"))]
+
+
+_GRAVITY = ("/physicsScene", "physics:gravityMagnitude")
+_PULL = ("/physicsScene", "physics:gravityDirection")
 
 
 def _world() -> list[Sabotage]:
@@ -249,6 +269,14 @@ def _world() -> list[Sabotage]:
         Sabotage("lights off", "04", deactivate("/Environment/Lights"), ("/Environment", None)),
         Sabotage("no physics", "01", remove("/physicsScene"), ("/physicsScene", None)),
         Sabotage("physics off", "01", deactivate("/physicsScene"), ("/physicsScene", None)),
+        Sabotage(
+            "weightless",
+            "01",
+            put(*_GRAVITY, 0.0),
+            _GRAVITY,
+        ),
+        Sabotage("gravity up", "02", put(*_PULL, Gf.Vec3f(0, 0, 1)), _PULL),
+        Sabotage("gravity tilted", "02", put(*_PULL, Gf.Vec3f(0.2, 0, -1)), _PULL),
         Sabotage("wheel sunk", "00", _sink_wheel, (f"{ROBOT}/wheel_left_link", None)),
     ]
 

@@ -316,6 +316,7 @@ WRONG_SCENES = {
     "unknown key of a sensor": (put("sensors", "camera", "look", value={}), ("camera", "'look'")),
     "view in words": (put("sensors", "camera", "looks", "up", value="Z"), ("looks", "'up'")),
     "scan without limits": (drop("sensors", "lidar", "scan", "whole"), ("lidar", "scan", "whole")),
+    "left wheel that is none": (put("robot", "wheels", "left", value="left"), ("left", "joint")),
     "wheels that are no joints": (put("robot", "wheels", "joints", value=[]), ("wheels", "joints")),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -390,6 +391,32 @@ def test_a_robot_without_any_joint_is_one_fault(change: Callable[[str], Change])
     stage = built("02")
     change(JOINTS)(stage)
     assert told(stage, "02") == [("S07", JOINTS, None)]
+
+
+LEFT_JOINT, SCENE = f"{JOINTS}/wheel_left_joint", "/physicsScene"
+WITHOUT_EFFECT = {
+    "limits far away": put(LEFT_JOINT, "physics:upperLimit", 36_000.0),
+    "limits of an importer": put(LEFT_JOINT, "physics:lowerLimit", -3.4e38),
+    "no limits": put(LEFT_JOINT, "physics:upperLimit", math.inf),
+    "limits that exclude each other": several(
+        put(LEFT_JOINT, "physics:lowerLimit", 1.0), put(LEFT_JOINT, "physics:upperLimit", -1.0)
+    ),
+    "endless force": put(LEFT_JOINT, drive("maxForce"), math.inf),
+    "gravity of the earth": put(SCENE, "physics:gravityMagnitude", -math.inf),
+    "gravity of the moon": put(SCENE, "physics:gravityMagnitude", 1.62),
+    "gravity down by default": put(SCENE, "physics:gravityDirection", Gf.Vec3f(0, 0, 0)),
+    "gravity nearly down": put(SCENE, "physics:gravityDirection", Gf.Vec3f(0.01, 0, -2)),
+    "a second scene without gravity": several(
+        define("/other", "PhysicsScene"), put("/other", "physics:gravityMagnitude", 0.0)
+    ),
+}
+
+
+@pytest.mark.parametrize("change", WITHOUT_EFFECT.values(), ids=WITHOUT_EFFECT.keys())
+def test_what_has_no_effect_is_no_fault(change: Change) -> None:
+    stage = built("02")
+    change(stage)
+    assert errors(findings_of(stage, "02")) == []
 
 
 @pytest.mark.parametrize("value", [True, False])

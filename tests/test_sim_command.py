@@ -18,6 +18,7 @@ from jsonschema import Draft202012Validator
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 from report_schema import assert_valid
+from scene_changes import put
 
 from lab3_usd.check.registry import all_rules
 from lab3_usd.cli import main
@@ -199,6 +200,13 @@ def test_every_rule_that_is_named_exists() -> None:
     assert rules <= set(all_rules())
 
 
+def test_a_wheel_at_its_limit_is_behind_a_drive_that_goes_wrong(tmp_path: Path) -> None:
+    stage = correct_stage("02")
+    put("/turtlebot3_burger/joints/wheel_left_joint", "physics:upperLimit", 90.0)(stage)
+    found = behaviour(saved(stage, tmp_path, "Lab3_02.usda"))
+    assert [each["rule"] for each in bad(found).values()] == ["S07"]
+
+
 def test_every_check_is_put_into_words() -> None:
     assert list(LOOKS) == list(CHECKS)
 
@@ -376,6 +384,16 @@ def test_odd_values_end_in_a_verdict(tmp_path: Path, steps: list[Step]) -> None:
     done = sim(path, "--page", str(tmp_path / "sim.html"))
     assert done.exit_code in {0, 1}
     assert (tmp_path / "sim.html").stat().st_size < 1_000_000
+
+
+def test_a_value_of_another_type_counts_for_nothing(tmp_path: Path) -> None:
+    path = saved(correct_stage("02"), tmp_path, "Lab3_02.usda")
+    damping, place = "float drive:angular:physics:damping = 0.2", "point3f physics:localPos0 = ("
+    words = path.read_text()
+    path.write_text(words.replace(damping, damping.replace("float", "token").replace("0.2", '"x"')))
+    assert [each["rule"] for each in bad(behaviour(path)).values()] == ["S10"]
+    path.write_text(words.replace(place, f'token physics:lowerLimit = "x"\n {place}'))
+    assert behaviour(path)["verdict"] == "ok"
 
 
 @pytest.mark.parametrize("unit", [0.0, -1.0, math.nan, 1e-12])

@@ -65,6 +65,24 @@ def test_a_spring_holds_a_wheel_back() -> None:
     assert robot.joints["wheel_left_joint"].position == pytest.approx(0.02, rel=1e-3)
 
 
+def test_a_drive_without_force_moves_nothing() -> None:
+    names = (f"{JOINTS}/wheel_{each}_joint" for each in ("left", "right"))
+    weak = [put(name, "drive:angular:physics:maxForce", 0.0) for name in names]
+    robot = turned(*machine(*weak), left=2.0, right=2.0, frames=30)
+    assert robot.x == 0.0
+
+
+def test_a_wheel_turns_as_far_as_its_joint_lets_it() -> None:
+    """90 degrees forward, as far as it wants back."""
+    left = put(f"{JOINTS}/wheel_left_joint", "physics:upperLimit", 90.0)
+    machines, robot = machine(left)
+    turned(machines, robot, left=4.0, right=4.0, frames=60)
+    assert robot.joints["wheel_left_joint"].position == pytest.approx(math.pi / 2)
+    assert robot.yaw > 0
+    turned(machines, robot, left=-4.0, right=-4.0, frames=60)
+    assert robot.joints["wheel_left_joint"].position == pytest.approx(math.pi / 2 - 4.0)
+
+
 def test_what_a_stage_says_of_a_drive_is_a_command() -> None:
     """90 degrees a second on both wheels."""
     name = "drive:angular:physics:targetVelocity"

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.scene.sensor_location import CAMERA, LIDAR, OTHER, kind_of
 from lab3_usd.check.scene_item import POSE, SceneItem, pose_items
-from lab3_usd.model.physics import EXCLUDED
+from lab3_usd.model.physics import DAMPING, EXCLUDED, LIMITS, MAX_FORCE, STIFFNESS
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import RobotSpec, SensorSpec
 
@@ -114,11 +114,17 @@ def _wheel_items(lab: Lab) -> Iterator[SceneItem]:
     for name in robot.wheels.joints:
         path, handout = robot.joint_path(name), robot.wheels.handout
         parts: tuple[tuple[str, str, str | None, str, tuple[str, ...]], ...] = (
-            ("joint", f"{name} turns a wheel", None, "S07 S23", ("physics:jointEnabled", EXCLUDED)),
+            (
+                "joint",
+                f"{name} turns a wheel",
+                None,
+                "S07 S23",
+                ("physics:jointEnabled", EXCLUDED, *LIMITS),
+            ),
             ("bodies", f"{name} connects its wheel", "physics:body1", "S08", ("physics:body0",)),
             ("axis", f"{name} turns forward", "physics:axis", "S09", ("physics:localRot",)),
-            ("stiffness", f"{name} has stiffness 0", "drive:angular:physics:stiffness", "S10", ()),
-            ("damping", f"{name} has damping", "drive:angular:physics:damping", "S10", ()),
+            ("stiffness", f"{name} has stiffness 0", STIFFNESS, "S10", ()),
+            ("damping", f"{name} has damping and force", DAMPING, "S10", (MAX_FORCE,)),
             (
                 "place",
                 f"{name} sits at its place",
@@ -137,7 +143,7 @@ def _world_items(lab: Lab) -> Iterator[SceneItem]:
     parts = (
         ("ground", world.ground, "a ground with collision", "S13", ("physics:collisionEnabled",)),
         ("light", world.light, "a light", "S14", ()),
-        ("physics_scene", world.physics_scene, "a physics scene", "S15", ()),
+        ("physics_scene", world.physics_scene, "a physics scene", "S15", ("physics:gravity",)),
     )
     for part, spec, title, rule, also in parts:
         if spec is not None:

@@ -32,6 +32,7 @@ from lab3_usd.model.transform_math import (
     Vector,
     decompose,
     distance,
+    dot,
     euler_angles,
 )
 from lab3_usd.spec.graph import GraphSpec
@@ -199,6 +200,7 @@ def describe_wheels(subject: StageSubject) -> dict[str, Any]:
     if not len(wheels) == len(places) == len(axles) == _PAIR or distance(*axles) > 1e-3:  # noqa: PLR2004
         return {}
     robot = subject.lab.scene.robot
+    sides = [dot(axles[0], place) for place in places]
     folder = wheels[0].site.rpartition("/")[0].removeprefix(robot.path).lstrip("/")
     return {
         "handout": PART,
@@ -206,4 +208,5 @@ def describe_wheels(subject: StageSubject) -> dict[str, Any]:
         "joints_below": folder,
         "distance": round(distance(*places), 6),
         "axle": plain(axles[0]),
+        "left": wheels[sides.index(max(sides))].name,
     }

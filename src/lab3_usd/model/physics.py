@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.prims import Prim
@@ -17,7 +19,10 @@ REVOLUTE = "PhysicsRevoluteJoint"
 FIXED = "PhysicsFixedJoint"
 STIFFNESS = "drive:angular:physics:stiffness"
 DAMPING = "drive:angular:physics:damping"
+MAX_FORCE = "drive:angular:physics:maxForce"
 SCENE = "PhysicsScene"
+GRAVITY = "physics:gravityMagnitude"
+GRAVITY_DIRECTION = "physics:gravityDirection"
 PLANE = "Plane"
 MASS = "physics:mass"
 BODY_ENABLED = "physics:rigidBodyEnabled"
@@ -26,6 +31,8 @@ COLLISION_ENABLED = "physics:collisionEnabled"
 JOINT_ENABLED = "physics:jointEnabled"
 EXCLUDED = "physics:excludeFromArticulation"
 ARTICULATION_ENABLED = "physxArticulation:articulationEnabled"
+LIMITS = ("physics:lowerLimit", "physics:upperLimit")
+FAR = 36_000.0  # degrees: a wheel that may turn so far does not come to its limit
 BODIES = ("physics:body0", "physics:body1")
 _JOINT_END = "Joint"
 
@@ -84,8 +91,26 @@ def joints(stage: StageModel) -> tuple[Prim, ...]:
     )
 
 
+def limits(joint: Prim) -> tuple[float, float]:
+    """Return the degrees between which a revolute joint turns, infinite where it has no limit."""
+    low, high = (number(joint.attributes.get(name)) for name in LIMITS)
+    return -math.inf if low is None else low, math.inf if high is None else high
+
+
 def number(value: Value | None) -> float | None:
     """Return a value as a number; None for what is none."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
     return float(value)
+
+
+def numbers(value: Value | None) -> list[float]:
+    """Return the numbers of a list."""
+    items = value if isinstance(value, tuple) else ()
+    return [float(item) for item in items if isinstance(item, (int, float))]
+
+
+def vector(value: Value | None) -> tuple[float, float, float]:
+    """Return a value as three numbers; zeros for what is none."""
+    found = numbers(value)
+    return (found[0], found[1], found[2]) if len(found) == 3 else (0.0, 0.0, 0.0)  # noqa: PLR2004

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
+from lab3_usd.model.physics import FAR
 from lab3_usd.sim.behaviour.evidence import Cause
 from lab3_usd.sim.execution.program import Program
 from lab3_usd.sim.execution.record import Message
 from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.robot.joints import Joint
 from lab3_usd.sim.robot.machine import Machine
 
 _RADIUS = "wheelRadius"
@@ -90,11 +93,8 @@ class RunCauses(Struct, frozen=True):
             return Cause(robot.base, "no ground is below the robot", "S13")
         if not robot.wheels:
             return Cause(robot.base, "no wheel of the robot touches the ground", "S19")
-        for joint in robot.joints.values():
-            if joint.locked or joint.stiffness > 0 or joint.damping <= 0:
-                how = "is held by another joint" if joint.locked else "has no velocity drive"
-                return Cause(robot.base, f"{joint.name} {how}", "S23" if joint.locked else "S10")
-        return None
+        found = (_of_joint(each, robot.base) for each in robot.joints.values())
+        return next(filter(None, found), None)
 
     def _of_commands(self) -> Cause | None:
         nodes = self.program.nodes.values()
@@ -108,6 +108,16 @@ class RunCauses(Struct, frozen=True):
         chain = [each for node in controllers for each in self._before(node)]
         speeds = next((each for each in chain if each.type.step_limits), controllers[0])
         return Cause(speeds.path, "", "")
+
+
+def _of_joint(joint: Joint, site: str) -> Cause | None:
+    if joint.locked:
+        return Cause(site, f"{joint.name} is held by another joint", "S23")
+    if joint.stiffness > 0 or joint.damping <= 0:
+        return Cause(site, f"{joint.name} has no velocity drive", "S10")
+    if joint.reach < math.radians(FAR):
+        return Cause(site, f"{joint.name} cannot turn freely", "S07")
+    return None
 
 
 def _message(node: Running) -> str:

@@ -67,13 +67,14 @@ class LinkSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The wheels by joint, where their joints are shown, and the axle that drives forward."""
+    """The wheels by joint, where their joints are shown, the axle that drives forward, the left."""
 
     handout: str
     joints: Mapping[str, str]
     joints_below: str
     distance: Number
     axle: Number3
+    left: str = ""
 
 
 class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):

@@ -13,7 +13,7 @@ from lab3_usd.check.scene.wheel_joints import WheelJoint, base_side, ends_of
 from lab3_usd.model.absent_prims import is_pose_unresolved, is_unresolved
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.physics import FIXED, bodies, joints
+from lab3_usd.model.physics import FIXED, bodies, joints, numbers, vector
 from lab3_usd.model.prims import Matrix, Prim
 from lab3_usd.model.transform_math import (
     AXES,
@@ -62,7 +62,7 @@ def anchor(joint: WheelJoint, subject: StageSubject) -> Vector | None:
     if frame is None or joint.prim is None:
         return None
     local = joint.prim.attributes.get(f"physics:localPos{side}")
-    point = transform_point(_vector(local), frame)
+    point = transform_point(vector(local), frame)
     return scaled(point, subject.stage.meters_per_unit)
 
 
@@ -126,24 +126,14 @@ def _is_weld(joint: Prim, subject: StageSubject) -> bool:
 
 def _joint_frame(joint: Prim, side: int) -> Matrix:
     """Return where the joint sits on one of its bodies."""
-    x, y, z = _vector(joint.attributes.get(f"physics:localPos{side}"))
+    x, y, z = vector(joint.attributes.get(f"physics:localPos{side}"))
     turn = _quaternion(joint.attributes.get(f"physics:localRot{side}"))
     one, two, three = (rotate_by_quaternion(along, turn) for along in AXES)
     return (*one, 0.0, *two, 0.0, *three, 0.0, x, y, z, 1.0)
 
 
-def _numbers(value: Value | None) -> list[float]:
-    items = value if isinstance(value, tuple) else ()
-    return [float(item) for item in items if isinstance(item, (int, float))]
-
-
-def _vector(value: Value | None) -> Vector:
-    found = _numbers(value)
-    return (found[0], found[1], found[2]) if len(found) == len(AXES) else (0.0, 0.0, 0.0)
-
-
 def _quaternion(value: Value | None) -> tuple[float, float, float, float]:
-    found = _numbers(value)
+    found = numbers(value)
     if len(found) != 4:  # noqa: PLR2004 - x, y, z, w
         return (0.0, 0.0, 0.0, 1.0)
     return (found[0], found[1], found[2], found[3])

@@ -7,6 +7,7 @@ from collections import deque
 
 from lab3_usd.model.dry_run.affine import AXES, HERE, Affine, rotation
 from lab3_usd.model.dry_run.scene import Prim, Scene
+from lab3_usd.model.physics import LIMITS, number
 from lab3_usd.sim.robot.joints import DRIVE, FIXED, HINGE, JOINTS, Joint
 from lab3_usd.sim.robot.machine import Machine
 
@@ -56,10 +57,11 @@ class Bodies:
         bodies = [self.of(each[0]) if each else "" for each in ends]
         drive = DRIVE.get(prim.type, "")
         kind = drive.split(":")[1] if drive else ""
-        driven = f"PhysicsDriveAPI:{kind}" in prim.apis
+        force = number(prim.values.get(f"{drive}maxForce"))
+        driven = f"PhysicsDriveAPI:{kind}" in prim.apis and (force is None or force > 0)
 
         def said(name: str) -> float:
-            return float(prim.values.get(drive + name) or 0.0) if driven else 0.0
+            return (number(prim.values.get(drive + name)) or 0.0) if driven else 0.0
 
         unit = math.radians(1.0) if prim.type == HINGE else 1.0
         return Joint(
@@ -72,6 +74,7 @@ class Bodies:
             said("damping"),
             0.0,
             authored=(said("targetVelocity") * unit, said("targetPosition") * unit),
+            limits=_limits(prim, unit),
         )
 
     def _frame(self, prim: Prim, number: int, ends: tuple[str, ...], body: str) -> Affine:
@@ -82,6 +85,13 @@ class Bodies:
         inside = target.then(Affine(turn, at))
         owner = self.prims[body].world.rigid() if body else HERE
         return owner.inverse().then(inside).rigid()
+
+
+def _limits(prim: Prim, unit: float) -> tuple[float, float]:
+    """Return how far a joint turns; a lower limit above the upper one counts for nothing."""
+    low, high = (number(prim.values.get(name)) for name in LIMITS)
+    low, high = -math.inf if low is None else low, math.inf if high is None else high
+    return (low * unit, high * unit) if low <= high else (-math.inf, math.inf)
 
 
 def assembled(bodies: dict[str, Prim], joints: list[Joint]) -> list[Machine]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from msgspec import Struct
 
 from lab3_usd.model.dry_run.affine import Affine
@@ -28,11 +30,17 @@ class Joint(Struct, eq=False):
     position: float = 0.0
     locked: bool = False  # by another joint between its bodies
     authored: tuple[float, float] = (0.0, 0.0)  # the targets that the stage gives
+    limits: tuple[float, float] = (-math.inf, math.inf)  # of its position
 
     @property
     def holds(self) -> bool:
         """Whether the drive says how fast the joint turns; else it turns freely."""
         return self.locked or self.stiffness > 0 or self.damping > 0
+
+    @property
+    def reach(self) -> float:
+        """How far the joint turns at least one way."""
+        return min(-self.limits[0], self.limits[1])
 
     def reset(self) -> None:
         """Turn back, with the targets of the stage."""
@@ -40,12 +48,16 @@ class Joint(Struct, eq=False):
         self.position = 0.0
 
     def speed(self, dt: float) -> float:
-        """Return the speed that the drive settles at, implicitly over a step."""
+        """Return the speed that the drive settles at, implicitly over a step, within the limits."""
         if self.locked or not self.damping:
             return 0.0
         pull = self.stiffness / self.damping
         wanted = self.target_velocity + pull * (self.target_position - self.position)
-        return wanted / (1.0 + pull * dt)
+        speed = wanted / (1.0 + pull * dt)
+        if not dt:
+            return speed
+        low, high = ((limit - self.position) / dt for limit in self.limits)
+        return max(low, min(high, speed))
 
 
 class Wheel(Struct, frozen=True):

@@ -21,6 +21,10 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
         SpecError: it lacks a part, or holds a value of the wrong kind; the line names the part.
     """
     scene = record(data, SceneSpec, SCENE)
+    wheels = scene.robot.wheels
+    if wheels.left and wheels.left not in wheels.joints:
+        message = f"{SCENE}: robot: wheels: left: '{wheels.left}' is no joint of the wheels"
+        raise SpecError(message)
     places: dict[str, str] = {}
     sensors = {}
     for sensor, spec in scene.sensors.items():

@@ -118,7 +118,10 @@ def _prim(
         if name.startswith(("xformOp", "primvars", "ui:")):
             continue
         if isinstance(each, Usd.Attribute):
-            values[name] = plain(each.Get(NO_TIME if name.startswith(TIMELESS) else time))
+            value = each.Get(NO_TIME if name.startswith(TIMELESS) else time)
+            # What a file gives another type than the schema does, no simulation can read.
+            if type(value) is type(each.GetTypeName().defaultValue):
+                values[name] = plain(value)
         else:
             targets[name] = tuple(map(str, each.GetTargets()))
     if shape:

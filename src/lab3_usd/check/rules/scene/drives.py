@@ -17,8 +17,10 @@ from lab3_usd.check.scene.wheel_joints import (
 )
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.finding import Problem, Severity
-from lab3_usd.model.physics import DAMPING, DRIVE_API, STIFFNESS, number
+from lab3_usd.model.physics import DAMPING, DRIVE_API, MAX_FORCE, STIFFNESS, number
 from lab3_usd.model.transform_math import Vector, angle_between, scaled
+
+_WORDS = {DAMPING: "damping", MAX_FORCE: "the drive's largest force"}
 
 
 @rule("S09", "joint-axis", scope="stage")
@@ -79,13 +81,13 @@ def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:
 
 @rule("S10", "joint-drive", scope="stage")
 def joint_drive(subject: StageSubject) -> Iterator[Problem]:
-    """A wheel joint has no velocity drive (stiffness 0, damping above 0).
+    """A wheel joint has no velocity drive (stiffness 0, damping and force above 0).
 
-    Why: velocity commands act through damping. Without damping the wheel ignores them. With
-    stiffness it is pulled back to its start position.
+    Why: velocity commands act through damping. Without damping, or with a largest force of 0, the
+    wheel ignores them. With stiffness it is pulled back to its start position.
 
     Fix: select the joint, and under Drive > Angular set Stiffness to 0 and Damping to the value in
-    the supplied file. If the drive is missing, choose Add > Physics > Angular Drive.
+    the supplied file, or Max Force. If the drive is missing, choose Add > Physics > Angular Drive.
 
     Example: `drive:angular:physics:damping` 0 on `{joint}`.
     """
@@ -106,9 +108,11 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
             yield Problem(
                 prim.path, message, STIFFNESS, "0", f"{stiffness}", handout, joint.related
             )
-        damping = number(prim.attributes.get(DAMPING, None if may_be_hidden else 0.0))
-        if damping is not None and not damping > 0:
-            message = f"damping is {damping:g}, expected more than 0"
-            yield Problem(
-                prim.path, message, DAMPING, "above 0", f"{damping:g}", handout, joint.related
-            )
+        hidden = None if may_be_hidden else 0.0
+        for name, unset in ((DAMPING, hidden), (MAX_FORCE, None)):
+            value = number(prim.attributes.get(name, unset))
+            if value is not None and not value > 0:
+                message = f"{_WORDS[name]} is {value:g}, expected more than 0"
+                yield Problem(
+                    prim.path, message, name, "above 0", f"{value:g}", handout, joint.related
+                )

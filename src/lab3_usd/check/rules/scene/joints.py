@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
@@ -23,15 +23,19 @@ from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import (
     EXCLUDED,
+    FAR,
     JOINT_ENABLED,
+    LIMITS,
     REVOLUTE,
     bodies,
     is_excluded,
     is_switched_off,
     joints,
+    limits,
 )
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.transform_math import distance
+from lab3_usd.model.transform_math import Vector, distance, dot
+from lab3_usd.spec.scene import WheelSpec
 
 _PAIR = 2  # wheels that are a distance apart
 
@@ -42,6 +46,7 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
 
     Why: the drive graph commands the joints by name. An unknown name stops the whole controller
     with an error in the console. A joint that is excluded from the articulation is unknown to it.
+    With limits the wheel stops after a part of a turn, or a few.
 
     Fix: undo the deletion or the change of the joint, rename it in the Stage panel, or start again
     from the supplied file.
@@ -58,27 +63,26 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
         if subject.stage.prim(joint.link) is None:
             continue
         message = _why_useless(joint, subject)
-        if message is None:
-            continue
-        switch, right = _wrong_switch(joint)
-        yield Problem(
-            joint.site,
-            message,
-            switch,
-            str(right) if switch else f"{REVOLUTE} {joint.name}",
-            str(not right) if switch else None,
-            handout,
-            joint.related,
-        )
+        wrong = None if message or joint.live is None else _wrong_value(joint.live)
+        if message is not None:
+            expected = f"{REVOLUTE} {joint.name}"
+            yield Problem(joint.site, message, None, expected, None, handout, joint.related)
+        elif wrong is not None:
+            message = f"{joint.name} {wrong[0]}"
+            yield Problem(joint.site, message, *wrong[1:], handout, joint.related)
 
 
-def _wrong_switch(joint: WheelJoint) -> tuple[str | None, bool]:
-    """Return the switch that makes a joint useless, with its right value; None for none."""
-    if joint.live is not None and is_switched_off(joint.live, JOINT_ENABLED):
-        return JOINT_ENABLED, True
-    if joint.live is not None and is_excluded(joint.live):
-        return EXCLUDED, False
-    return None, True
+def _wrong_value(joint: Prim) -> tuple[str, str, str, str] | None:
+    """Return how a value makes a joint useless, its property, what it should be, and what it is."""
+    if is_switched_off(joint, JOINT_ENABLED):
+        return "is switched off", JOINT_ENABLED, "True", "False"
+    if is_excluded(joint):
+        return "is excluded from the articulation", EXCLUDED, "False", "True"
+    low, high = limits(joint)
+    if low > high or (low <= -FAR and high >= FAR):
+        return None  # what PhysX makes of a lower limit above the upper one is not known
+    name, value = (LIMITS[0], low) if low > -FAR else (LIMITS[1], high)
+    return f"cannot turn past {value:g} degrees", name, "no limit", f"{value:g}"
 
 
 def _is_below_missing_link(subject: StageSubject) -> bool:
@@ -110,9 +114,7 @@ def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
         return f"{joint.name} is a {prim.type or 'prim without a type'}, expected {REVOLUTE}"
     if prim.name != joint.name:
         return f"the joint of {joint.link} is named {prim.name}, expected {joint.name}"
-    if is_switched_off(prim, JOINT_ENABLED):
-        return f"{joint.name} is switched off"
-    return f"{joint.name} is excluded from the articulation" if is_excluded(prim) else None
+    return None
 
 
 @rule("S08", "joint-bodies", scope="stage")
@@ -184,10 +186,10 @@ def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
 
 @rule("S20", "wheel-distance", scope="stage")
 def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
-    """The distance between the wheel joints is not the handout's.
+    """The distance between the wheel joints is not the handout's, or the wheels are exchanged.
 
     Why: the controller computes the turn rate from this distance. The robot turns too much or too
-    little, and odometry and scan drift apart.
+    little, and odometry and scan drift apart. With the wheels exchanged it turns the wrong way.
 
     Fix: select the joint and restore its local positions in the Property panel, or start again from
     the supplied file.
@@ -208,6 +210,7 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     apart = distance(one, other)
     units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
     if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
+        yield from _exchanged(places, wheels)
         return
     half = wheels.distance / 2
     is_first = abs(abs(one[1]) - half) >= abs(abs(other[1]) - half)
@@ -216,3 +219,18 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     message = f"the wheel joints are {actual} apart, expected {expected}"
     name = f"physics:localPos{base_side(joint)}"
     yield Problem(joint.site, message, name, expected, actual, wheels.handout, joint.related)
+
+
+def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterator[Problem]:
+    """Say that the left wheel is on the right: a wheel rolls forward about what points left."""
+    left = next((joint for joint in places if joint.name == wheels.left), None)
+    if left is None:
+        return
+    (right,) = places.keys() - {left}
+    if dot(wheels.axle, places[left]) >= dot(wheels.axle, places[right]):
+        return
+    name = f"physics:localPos{base_side(left)}"
+    message = f"{left.name} is on the right of {right.name}: the wheels are exchanged"
+    related = (*left.related, right.site)
+    sides = ("on the left", "on the right")
+    yield Problem(left.site, message, name, *sides, wheels.handout, related)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.scene.ground import boxes, falling_ground, has_ground, lights
+from lab3_usd.check.scene.pose_errors import vector_text
 from lab3_usd.model.absent_prims import absence_reason, has_unresolved_outside
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below
@@ -15,11 +16,19 @@ from lab3_usd.model.physics import (
     BODY_ENABLED,
     COLLISION_API,
     COLLISION_ENABLED,
+    GRAVITY,
+    GRAVITY_DIRECTION,
     PLANE,
     SCENE,
+    number,
+    vector,
 )
 from lab3_usd.model.prims import Prim
+from lab3_usd.model.transform_math import angle_between
 from lab3_usd.spec.scene import WorldPart
+
+_DOWN = (0.0, 0.0, -1.0)
+_TILT = 5.0  # degrees from which on a robot slides or rolls
 
 
 @rule("S13", "ground", scope="stage")
@@ -97,20 +106,44 @@ def light(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("S15", "physics-scene", scope="stage")
 def physics_scene(subject: StageSubject) -> Iterator[Problem]:
-    """The stage has no physics scene.
+    """The stage has no physics scene, or one whose gravity does not pull down.
 
     Why: Isaac Sim then uses its own gravity and time step, and the handout asks for the prim.
+    Without weight the wheels do not grip the ground.
 
-    Fix: activate or restore `physicsScene`, or choose Create > Physics > Physics Scene.
+    Fix: activate or restore `physicsScene`, or choose Create > Physics > Physics Scene. Restore its
+    gravity: Magnitude -inf or 9.81, and Direction (0, 0, -1) or (0, 0, 0).
 
-    Example: `/physicsScene` deleted.
+    Example: `/physicsScene` deleted, or `physics:gravityMagnitude` 0 on it.
     """
     found = list(subject.stage.of_type(SCENE))
     asked = _asked(subject, subject.lab.scene.world.physics_scene)
-    if asked is None or any(prim.present for prim in found):
+    if asked is None:
         return
-    if not _is_elsewhere(subject):
+    present = [prim for prim in found if prim.present]
+    wrong = [each for prim in present for each in _wrong_gravity(prim, asked)]
+    if present and len(wrong) == len(present):
+        yield wrong[0]
+    elif not present and not _is_elsewhere(subject):
         yield _missing(subject, asked, "a physics scene", found)
+
+
+def _wrong_gravity(scene: Prim, asked: WorldPart) -> Iterator[Problem]:
+    """Say that the gravity of a scene does not hold the robot on the ground.
+
+    A negative magnitude is that of the earth, and a direction of zeros is down (UsdPhysics).
+    """
+    strength = number(scene.attributes.get(GRAVITY))
+    along = vector(scene.attributes.get(GRAVITY_DIRECTION))
+    usual = (asked.usual,) if scene.path != asked.usual else ()
+    if strength == 0:
+        message, expected = "there is no gravity: its magnitude is 0", "-inf or 9.81"
+        yield Problem(scene.path, message, GRAVITY, expected, "0", asked.handout, usual)
+    elif any(along) and not angle_between(along, _DOWN) <= _TILT:
+        is_ = vector_text(along)
+        message = f"gravity pulls along {is_}, expected {vector_text(_DOWN)}"
+        down = vector_text(_DOWN)
+        yield Problem(scene.path, message, GRAVITY_DIRECTION, down, is_, asked.handout, usual)
 
 
 @rule("S16", "observation-camera", scope="stage", severity="warning")
