@@ -90,6 +90,17 @@ def test_a_comment_ignores_a_rule_at_its_line_or_the_next(
     assert told(wrong) == [W01]
 
 
+@pytest.mark.parametrize(
+    "words",
+    ['string about = "# lab3: ignore[P01]"', "asset about = @a # lab3: ignore[P01].usd@"],
+)
+def test_what_looks_like_a_comment_in_a_value_is_none(wrong: Path, words: str) -> None:
+    text = wrong.read_text()
+    at = next(line for line in text.splitlines() if "inputs:wheelRadius = " in line)
+    wrong.write_text(text.replace(at, f'custom {words} # "\n{at}'))
+    assert told(wrong) == BOTH
+
+
 def test_one_comment_may_name_several_rules(wrong: Path) -> None:
     put_comment(wrong, "# lab3: ignore[P01, P02]")
     assert told(wrong) == [(UNUSED, "warning", "/"), W01]

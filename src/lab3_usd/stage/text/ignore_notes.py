@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 from pxr import Sdf, Usd
 
 from lab3_usd.model.finding import IgnoreNote
+from lab3_usd.stage.text.usda_scan import ASSET, BLOCK_COMMENT, LINE_COMMENT, STRING
 
 _GROUP, _KEY = "lab3", "ignore"
 NAME = f"{_GROUP}:{_KEY}"
 _COMMENT = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\r\n]*)\])?")
+# Strings and paths of assets come first: what looks like a comment inside of them is none.
+_TOKEN = re.compile(
+    rf"{STRING}|{ASSET}|{BLOCK_COMMENT}|(?P<comment>{LINE_COMMENT})", re.DOTALL | re.VERBOSE
+)
 _ALONE = re.compile(r"\s*(?:#.*)?")
 _IN_TEXT = (NAME.encode(), f"dictionary {_GROUP} ".encode())
 # A binary layer is packed: of a name in it, at least one of these stands as it is.
@@ -51,13 +58,16 @@ def _bytes_of(layer: Sdf.Layer) -> bytes:
 
 def _comments(text: str, layer: str) -> Iterator[IgnoreNote]:
     """Yield the notes in comments: of the line that they end, else of the next that says more."""
-    lines = text.splitlines()
-    for number, line in enumerate(lines, start=1):
-        found = _COMMENT.search(line)
+    if _COMMENT.search(text) is None:
+        return
+    lines = text.splitlines(keepends=True)
+    starts = [*accumulate(map(len, lines), initial=0)]
+    for token in _TOKEN.finditer(text):
+        found = _COMMENT.search(token["comment"] or "")
         if found is None:
             continue
-        about = number
-        while about <= len(lines) and _ALONE.fullmatch(lines[about - 1]):
+        number = about = bisect_right(starts, token.start())
+        while about <= len(lines) and _ALONE.fullmatch(lines[about - 1].rstrip()):
             about += 1
         for rule in _rules(found[1] or ""):
             yield IgnoreNote(rule, layer=layer, line=about, written=number)
