@@ -264,3 +264,16 @@ def test_a_camera_of_another_name_on_the_robot_is_early() -> None:
     stage = built("03")
     define(f"{ROBOT}/base_scan/Camera", "Camera")(stage)
     assert told(stage, "03") == [("C09", f"{ROBOT}/base_scan/Camera", None)]
+
+
+def test_a_pivot_that_moves_the_camera_is_named_in_the_repair() -> None:
+    stage = built("04")
+    xform = UsdGeom.Xformable(stage.GetPrimAtPath(CAMERA))
+    move, turned, size = xform.GetOrderedXformOps()
+    xform.AddTranslateOp(opSuffix="pivot").Set(Gf.Vec3d(1, 2, 3))
+    pivot = xform.GetOrderedXformOps()[-1]
+    back = xform.AddTranslateOp(opSuffix="pivot", isInverseOp=True)
+    xform.SetXformOpOrder([move, pivot, turned, size, back])
+    (found,) = findings_of(stage, "04")
+    assert (found.rule, found.property) == ("C04", TRANSLATE)
+    assert "remove the pivot (xformOp:translate:pivot)" in found.hint

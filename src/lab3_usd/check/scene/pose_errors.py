@@ -22,6 +22,7 @@ from lab3_usd.spec.scene import PoseSpec, SceneSpec
 
 Kind = Literal["translate", "rotate", "scale"]
 ORDER = "xformOpOrder"
+_PIVOT = ":pivot"
 RESET = "!resetXformStack!"  # in that order: leave out the transforms of all parents
 # The operations of the Property panel; others that do the same, in the order of preference.
 OPERATIONS: Mapping[Kind, tuple[str, ...]] = {
@@ -110,8 +111,11 @@ def _misfit(prim: Prim, kind: Kind, actual: Vector, expected: Vector, unit: str)
     name = {"translate": "translation", "rotate": "rotation", "scale": "scale"}[kind]
     is_, should = vector_text(actual), vector_text(expected)
     message = f"{name} is {is_}{unit}, expected {should}"
+    name, pivot = pose_property(prim, kind), _pivot(prim)
     hint = f"set {kind.capitalize()} to {should} in the Property panel"
-    return PoseError(kind, pose_property(prim, kind), message, should, is_, hint)
+    if pivot is not None and kind == "translate":
+        hint = f"{hint}, and remove the pivot ({pivot}), which shifts what is turned or scaled"
+    return PoseError(kind, name, message, should, is_, hint)
 
 
 def is_near(one: Vector, other: Vector, tolerance: float, units: Units) -> bool:
@@ -128,13 +132,23 @@ def pose_property(prim: Prim, kind: Kind) -> str:
 
     A pose written as one matrix has no part of its own to point at; the panel's name stands in.
     """
-    order = prim.attributes.get(ORDER)
-    authored = [name for name in order if isinstance(name, str)] if isinstance(order, tuple) else []
+    authored = _operations(prim)
     for operation in OPERATIONS[kind]:
         for name in authored:
             if name.startswith(operation):
                 return name
     return OPERATIONS[kind][0]
+
+
+def _operations(prim: Prim) -> list[str]:
+    """Return the names of the operations that move a prim, in their order."""
+    order = prim.attributes.get(ORDER)
+    return [name for name in order if isinstance(name, str)] if isinstance(order, tuple) else []
+
+
+def _pivot(prim: Prim) -> str | None:
+    """Return the operation that sets the point about which a prim is turned and scaled."""
+    return next((name for name in _operations(prim) if name.endswith(_PIVOT)), None)
 
 
 def vector_text(numbers: Sequence[float]) -> str:

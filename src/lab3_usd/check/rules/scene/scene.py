@@ -82,9 +82,9 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     Why: lengths and masses of the handout, gravity and the ROS frames (+Z up, metres) depend on
     these units. A robot in centimetres is a hundred times too small.
 
-    Fix: set Up Axis and Meters Per Unit to the values expected here in the stage's properties
-    (select the root in the Stage panel), or open the supplied file again and save it under the new
-    name.
+    Fix: set the property named here to the value expected here, in the stage's properties (select
+    the root in the Stage panel) or in the file's first lines, or open the supplied file again and
+    save it under the new name.
 
     Example: `metersPerUnit = 0.01`, which is USD's default. If the given starter has the same
     units, the finding is a warning.
