@@ -123,8 +123,13 @@ def test_a_tf_publisher_takes_the_outermost_namespace_only() -> None:
 
 def test_a_second_topic_counts_once_it_is_switched_on() -> None:
     assert ("/semantic_labels", CAMERA) not in found(m.stage())
-    stage = changed(CAMERA, "ROS_Camera", enableSemanticLabels=True)
+    stage = changed(CAMERA, "ROS_Camera", type="semantic_segmentation", enableSemanticLabels=True)
     assert found(stage)["/semantic_labels", CAMERA].type is None
+
+
+def test_a_topic_of_other_messages_does_not_count() -> None:
+    stage = changed(CAMERA, "ROS_Camera", enableSemanticLabels=True)
+    assert ("/semantic_labels", CAMERA) not in found(stage)
 
 
 def test_the_right_camera_counts_once_it_has_a_render_product() -> None:

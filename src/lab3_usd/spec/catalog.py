@@ -10,6 +10,7 @@ from typing import Literal
 from msgspec import Struct, field
 
 from lab3_usd.spec.graph_form import GraphForm
+from lab3_usd.spec.port_groups import DrivePorts, Dynamic, TfPorts
 from lab3_usd.spec.values import Value as Value  # noqa: PLC0414 - the catalog's own word
 
 INPUT = "inputs:"
@@ -89,51 +90,13 @@ def _shape(ogn_type: str) -> tuple[str, str]:
     return base, bracket + rest
 
 
-class Dynamic(Struct, frozen=True, forbid_unknown_fields=True):
-    """Ports that exist only once asked for: `prefix` + number, as many as `count` says.
-
-    `type` is OGN's own word for their type, `metadata` how a file lists the types they take.
-    """
-
-    prefix: str
-    count: str
-    metadata: str
-    type: str = ""
-
-
-class TfPorts(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which ports of a type carry TF frames.
-
-    `names`: parent and child frame ids. `arrays`: parents and children that come by wire.
-    `prims`: parent prim and target prims. `gives`: the outputs that carry the frames on.
-    """
-
-    names: tuple[str, ...] = ()
-    arrays: tuple[str, ...] = ()
-    prims: tuple[str, ...] = ()
-    gives: tuple[str, ...] = ()
-    static: str | None = None
-
-
-class DrivePorts(Struct, frozen=True):
-    """Which ports of a type move joints.
-
-    `path` names the robot and wins where it is set, `target` is its prim otherwise. `joints`: the
-    names of the joints, all where it is empty. `commands`: what they are told.
-    """
-
-    path: str
-    target: str
-    joints: str
-    commands: tuple[str, ...]
-
-
 class NodeType(Struct, frozen=True, dict=True):
     """One node type of Isaac Sim 6.0.1.
 
     `message` maps the value of the port `type` to a message type; the key '' holds where the
-    type has one message only. `role` is publisher, subscriber, helper (publishes as well),
-    service, or '' for types that do not talk to ROS. `articulation` names the relationships at
+    type has one message only. A topic of `only_of` is there for these values of that port alone.
+    `role` is publisher, subscriber, helper (publishes as well), service, or '' for types that do
+    not talk to ROS. `articulation` names the relationships at
     and below whose prims an articulation is looked for; `step_limits` the inputs that must be 0
     while the input of `time_step` is. In a stage in metres a node gives what comes into its inputs
     `same_in_metres` as it is. One that `grows_by_message` has its fields as ports, too.
@@ -148,6 +111,7 @@ class NodeType(Struct, frozen=True, dict=True):
     dynamic: Dynamic | None = None
     role: Literal["", "publisher", "subscriber", "helper", "service"] = ""
     topics: tuple[str, ...] = ()
+    only_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     services: tuple[str, ...] = ()
     frames: tuple[str, ...] = ()
     message: Mapping[str, str] = field(default_factory=dict)

@@ -14,7 +14,7 @@ from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import FIXED, is_articulated, is_excluded, is_joint_type
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel
-from lab3_usd.spec.catalog import DrivePorts
+from lab3_usd.spec.port_groups import DrivePorts
 
 
 class Command(Struct, frozen=True, eq=False):

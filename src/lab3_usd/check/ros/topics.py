@@ -83,8 +83,14 @@ def endpoints(stage: StageModel, lab: Lab) -> tuple[Endpoint, ...]:
 
 
 def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
-    """Yield the topic inputs in use: a topic with a switch of its own counts when that is on."""
+    """Yield the topic inputs in use: a topic with a switch of its own counts when that is on.
+
+    A topic that belongs to other kinds of messages than the node's is not in use.
+    """
+    asked = effective_value(node, _KIND, live)
     for port in kind.topics:
+        if asked is not None and asked not in kind.only_of.get(port, (asked,)):
+            continue
         switch = kind.ports.get(topic_switch(port))
         if switch is None or effective_value(node, switch.name, live) is True:
             product = kind.ports.get(product_input(port))

@@ -17,9 +17,10 @@ from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import ARTICULATION_API
 from lab3_usd.model.stage import GraphModel, Node, StageModel
-from lab3_usd.spec.catalog import INPUT, DrivePorts, Value
+from lab3_usd.spec.catalog import INPUT, Value
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.port_groups import DrivePorts
 
 
 def second_commanders(

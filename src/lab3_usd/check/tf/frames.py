@@ -32,8 +32,9 @@ from lab3_usd.check.tf.target_frames import (
 from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames, is_target_unresolved
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.stage import Node, StageModel
-from lab3_usd.spec.catalog import NodeType, TfPorts
+from lab3_usd.spec.catalog import NodeType
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.port_groups import TfPorts
 
 
 class Edge(Struct, frozen=True):

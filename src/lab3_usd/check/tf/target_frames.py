@@ -15,8 +15,8 @@ from lab3_usd.check.tf.unresolved_frames import (
 )
 from lab3_usd.model.physics import BODY_API, bodies_below
 from lab3_usd.model.stage import Node, StageModel
-from lab3_usd.spec.catalog import TfPorts
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.port_groups import TfPorts
 
 
 class Pair(Struct, frozen=True):

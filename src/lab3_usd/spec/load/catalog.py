@@ -9,21 +9,11 @@ from typing import Any, Literal
 from msgspec import Struct
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.catalog import (
-    INPUT,
-    OUTPUT,
-    Catalog,
-    DrivePorts,
-    Dynamic,
-    NodeType,
-    Port,
-    Scripts,
-    SingleSignal,
-    TfPorts,
-)
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, Scripts, SingleSignal
 from lab3_usd.spec.files import CATALOG
 from lab3_usd.spec.graph_form import GraphEntry, graph_form
 from lab3_usd.spec.load.records import record
+from lab3_usd.spec.port_groups import DrivePorts, Dynamic, TfPorts
 from lab3_usd.spec.values import Value, is_known_type, typed_value
 
 _RELATIONSHIP = "rel"
@@ -57,6 +47,7 @@ class _TypeEntry(Struct, forbid_unknown_fields=True):
     dynamic: Dynamic | None = None
     role: Literal["", "publisher", "subscriber", "helper", "service"] = ""
     topics: tuple[str, ...] = ()
+    only_of: dict[str, tuple[str, ...]] = {}
     services: tuple[str, ...] = ()
     message: str | dict[str, str] = {}
     frames: tuple[str, ...] = ()
@@ -140,6 +131,13 @@ def _node_type(
         dynamic=entry.dynamic,
         role=entry.role,
         topics=_named(entry.topics, INPUT, ports, f"{where}: topics"),
+        only_of=dict(
+            zip(
+                _named(entry.only_of, INPUT, ports, f"{where}: only_of"),
+                entry.only_of.values(),
+                strict=True,
+            )
+        ),
         services=_named(entry.services, INPUT, ports, f"{where}: services"),
         frames=_named(entry.frames, INPUT, ports, f"{where}: frames"),
         message={"": entry.message} if isinstance(entry.message, str) else entry.message,

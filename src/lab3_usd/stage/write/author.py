@@ -7,8 +7,9 @@ from typing import Any
 
 from pxr import Gf, Sdf
 
-from lab3_usd.spec.catalog import Catalog, Dynamic, Port, Value
+from lab3_usd.spec.catalog import Catalog, Port, Value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
+from lab3_usd.spec.port_groups import Dynamic
 from lab3_usd.spec.scene import PoseSpec, SensorSpec
 
 # How Kit marks ports (isaac facts: serialization, sections 4, 5 and 7).

@@ -14,7 +14,8 @@ from lab3_usd.check.tf.lab_frames import TfView
 from lab3_usd.check.tf.target_frames import tf_ports
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import AbsentPrim, Node, PortState
-from lab3_usd.spec.catalog import NodeType, TfPorts
+from lab3_usd.spec.catalog import NodeType
+from lab3_usd.spec.port_groups import TfPorts
 
 _DELETED = "deactivated"
 
