@@ -55,5 +55,12 @@ def test_a_wire_from_a_prim_is_not_said_to_come_from_nowhere() -> None:
     assert found.message == "inputs:timeStamp is wired from time, which is a prim and no port"
 
 
+def test_two_topics_of_one_node_are_no_rivals_of_another() -> None:
+    steps = CASES["K40"]["more"]["two topics of one node"]["break"]
+    (found,) = linted(broken_robot("rover", steps)).findings
+    assert found.message == "inputs:semanticLabelsTopicName and inputs:topicName are both /rgb"
+    assert found.related == ()
+
+
 def test_every_rule_has_a_case() -> None:
     assert list(CASES) == RULES

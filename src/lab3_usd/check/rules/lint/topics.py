@@ -31,7 +31,7 @@ def two_publishers(subject: LintSubject) -> Iterator[Problem]:
     the robot jump. Only transforms may have several publishers, as those of a robot's `/tf`.
 
     Fix: delete the second publisher, most often a copy of the whole graph; or give each robot a
-    namespace or topics of its own.
+    namespace or topics of its own. A node that publishes two topics needs two names.
 
     Example: two robots publish their joints on `/joint_states`.
     """
@@ -45,13 +45,16 @@ def two_publishers(subject: LintSubject) -> Iterator[Problem]:
         for other in others:
             same_type = None in (first.type, other.type) or first.type == other.type
             if same_type:  # of two types the rule of types speaks
+                is_own = other.node.path == first.node.path
                 yield Problem(
                     other.node.path,
-                    f"publishes {topic}, which {first.node.path} publishes as well",
+                    f"{other.port} and {first.port} are both {topic}"
+                    if is_own
+                    else f"publishes {topic}, which {first.node.path} publishes as well",
                     property=other.port,
-                    expected="one publisher",
+                    expected="a topic of its own" if is_own else "one publisher",
                     actual=topic,
-                    related=(first.node.path,),
+                    related=() if is_own else (first.node.path,),
                     severity=_grave(first, other),
                 )
 
