@@ -63,6 +63,23 @@ class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
     needs: str = ""
 
 
+class BodyOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """The body that a node follows: the prim of the input `prim`, with one of these schemas.
+
+    A prim without them that carries the schema `robot` stands for the first link that it lists in
+    the relationship `links`: a prim with the schema `link`, or that of a robot that it lists.
+    `gives` are the outputs that change as the body moves.
+    """
+
+    prim: str
+    schemas: tuple[str, ...]
+    robot: str
+    links: str
+    link: str
+    gives: tuple[str, ...]
+    source: str
+
+
 class IsaacTypes(Struct, frozen=True, eq=False):
     """The catalog of all public node types, with what the linter must know beside it."""
 
@@ -70,6 +87,7 @@ class IsaacTypes(Struct, frozen=True, eq=False):
     needs: Mapping[str, tuple[Need, ...]]
     releases: Mapping[str, Release]
     sensors: Mapping[str, SensorOf]
+    bodies: Mapping[str, BodyOf]
     application_prims: tuple[str, ...]
 
     def releases_with(self, node_type: str, port: str) -> list[str]:

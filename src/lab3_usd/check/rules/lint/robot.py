@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.lint.bodies import Followed, followed_bodies
 from lab3_usd.check.lint.names import did_you_mean, likely_name
 from lab3_usd.check.lint.robots import Command, commands, joints_of, wired_commands
 from lab3_usd.check.lint.subject import LintSubject
@@ -120,3 +121,34 @@ def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
             actual=f"{stiffness:g}",
             related=(command.node.path,),
         )
+
+
+@rule("K67", "no-body-to-follow", scope="lint")
+def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
+    """The prim that an odometry follows is no rigid body and no articulation root.
+
+    Why: the node logs an error at every update and passes no signal on. Its outputs stay 0: the
+    odometry says that the robot stands where it started.
+
+    Fix: choose the robot's base link, a prim with a rigid body, or the one with the articulation
+    root. Of a prim with the robot schema the first link that it lists counts.
+
+    Example: `inputs:chassisPrim` names `/World/robot`, an Xform above the links.
+    """
+    for found in followed_bodies(subject):
+        if not found.is_body:
+            yield Problem(
+                found.node.path,
+                f"{found.port} is {found.prim.path}, {_why_no_body(found)}",
+                property=found.port,
+                expected="a rigid body or an articulation root",
+                actual=found.prim.path,
+            )
+
+
+def _why_no_body(found: Followed) -> str:
+    if found.body is None:
+        return f"a robot that lists no link in {found.asked.links}"
+    what = "is no rigid body and no articulation root"
+    is_other = found.body.path != found.prim.path
+    return f"and its first link {found.body.path} {what}" if is_other else f"which {what}"
