@@ -106,6 +106,7 @@ MODULES = {
         "lint.names",
         "lint.topics",
         "lint.frames",
+        "lint.static_frames",
         "lint.robot",
         "lint.wheels",
         "lint.sensors",

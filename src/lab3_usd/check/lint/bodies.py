@@ -7,10 +7,11 @@ from collections.abc import Iterable, Iterator
 from msgspec import Struct
 
 from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.ros.running import live_sources
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.catalog import INPUT
+from lab3_usd.spec.catalog import INPUT, OUTPUT
 from lab3_usd.spec.isaac import BodyOf
 
 
@@ -74,3 +75,13 @@ def _links(robot: Prim, asked: BodyOf, subject: LintSubject, depth: int = 8) -> 
                 yield from _links(listed, asked, subject, depth - 1)
             elif is_unresolved(subject.stage, path):
                 yield path
+
+
+def moving_source(node: Node, subject: LintSubject) -> Node | None:
+    """Return the node that follows a body and gives what comes into another one, None for none."""
+    for port in node.ports:
+        for source, out in live_sources(node, port, subject.live):
+            asked = _asked(source, subject)
+            if asked is not None and out.removeprefix(OUTPUT) in asked.gives:
+                return source
+    return None

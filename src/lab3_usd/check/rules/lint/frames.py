@@ -13,8 +13,6 @@ from lab3_usd.check.lint.trees import (
     odometry_pairs,
 )
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.running import effective_value
-from lab3_usd.check.ros.topics import endpoints
 from lab3_usd.check.tf.cycles import frames_in_cycles
 from lab3_usd.check.tf.frames import Edge
 from lab3_usd.model.finding import Problem, Severity
@@ -205,34 +203,4 @@ def odometry_and_transform_differ(subject: LintSubject) -> Iterator[Problem]:
                 expected=" -> ".join(pair.transform),
                 actual=" -> ".join(pair.message),
                 related=(pair.tree.path,),
-            )
-
-
-@rule("K57", "static-transforms", scope="lint")
-def static_transforms(subject: LintSubject) -> Iterator[Problem]:
-    """Transforms are sent once on a topic of moving ones, or again and again on `/tf_static`.
-
-    Why: with Static Publisher on, a transform is sent at the first tick alone, and kept for those
-    who ask for kept messages. tf2 asks for them on `/tf_static`, and there takes no others.
-
-    Fix: enable Static Publisher for `/tf_static` only.
-
-    Example: a Publish Raw Transform Tree on `/tf_static` with Static Publisher off.
-    """
-    for endpoint in endpoints(subject.stage, subject.lab):
-        ports = None if endpoint.node.type is None else endpoint.node.type.tf
-        if not (endpoint.runs and endpoint.topic and endpoint.qos and ports and ports.static):
-            continue
-        is_once = effective_value(endpoint.node, ports.static, subject.live) is True
-        is_kept = endpoint.qos.durability == "transient_local"
-        is_for_static = endpoint.topic.rpartition("/")[2] == "tf_static"
-        if not is_kept if is_for_static else is_once:
-            how = "without keeping it for tf2" if is_for_static else "once, at the first tick"
-            yield Problem(
-                endpoint.node.path,
-                f"publishes {endpoint.topic} {how}",
-                property=ports.static,
-                expected=str(is_for_static),
-                actual=str(is_once),
-                severity=None if endpoint.sure else "warning",
             )
