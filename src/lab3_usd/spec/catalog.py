@@ -189,7 +189,8 @@ class Catalog(Struct, frozen=True):
 
     `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
     in which it does, '' where a stage does not tell whether it will. `once` are the types with
-    outputs that signal a single time after Play. Below `world_frame` hangs what has no parent prim.
+    outputs that signal a single time after Play, `gates` those that pass no signal on while the
+    input named there is 0. Below `world_frame` hangs what has no parent prim.
     """
 
     types: Mapping[str, NodeType]
@@ -199,6 +200,7 @@ class Catalog(Struct, frozen=True):
     lookalikes: Mapping[str, str]
     events: Mapping[str, str]
     once: Mapping[str, SingleSignal]
+    gates: Mapping[str, str]
     scripts: Scripts
     world_frame: str
 

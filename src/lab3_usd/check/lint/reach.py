@@ -12,6 +12,7 @@ from lab3_usd.check.ros.running import (
     is_opened_first,
     is_switched_on,
     live_sources,
+    shut_gate,
     signal_inputs,
     signal_sources,
     signals_once,
@@ -24,7 +25,8 @@ class Stop(Struct, frozen=True, eq=False):
     """A node at which signals end: why it gets none, and the nodes that wait for it.
 
     `reason` is one of unwired (nothing is wired into `port`), broken (only what does not exist),
-    once (its only signal comes a single time), off (what signals it is switched off).
+    once (its only signal comes a single time), off (what signals it is switched off), shut (it
+    waits behind a gate that lets nothing through).
     """
 
     node: Node
@@ -70,6 +72,8 @@ def _held_by(node: Node, subject: LintSubject) -> tuple[str, str]:
         for source, out in live_sources(node, port, live):
             if not is_switched_on(source, live):
                 return "off", source.path
+            if shut_gate(source, live, subject.lab):
+                return "shut", source.path
             if is_opened_first(node) and signals_once(source, out, live, subject.lab):
                 return "once", source.path
     return "broken", ""
@@ -97,7 +101,7 @@ def has_job(node: Node) -> bool:
 
 
 def feeds(node: Node, subject: LintSubject) -> list[Node]:
-    """Return the nodes that run and take data from this one."""
+    """Return the nodes into which something is wired from this one."""
     prefix = f"{node.path}."
     found = []
     for other in subject.live.values():

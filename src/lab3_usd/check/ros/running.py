@@ -39,8 +39,8 @@ def run_states(stage: StageModel, lab: Lab) -> dict[str, State]:
     """Return how surely each node runs while the timeline plays, by path.
 
     A node runs when a signal of an event reaches it over execution wires in a graph that is
-    evaluated, and it may run when it is unknown whether the event fires. In a
-    graph whose evaluator takes no signals every node runs. A node that is switched off passes no
+    evaluated, and it may run when it is unknown whether the event fires. In a graph whose evaluator
+    takes no signals every node runs. A node that is switched off, or a gate that is shut, passes no
     signal on. A publisher or subscriber that is signalled a single time does not run: the first
     signal opens it, the second would have it work. Nodes that are not named do not run.
     """
@@ -58,7 +58,7 @@ def run_states(stage: StageModel, lab: Lab) -> dict[str, State]:
             states.update(dict.fromkeys(nodes, _pace(graph, lab)))
     for followers in _followers(computing, lab):
         for state in _SUREST_FIRST:
-            _spread(state, states, followers, live)
+            _spread(state, states, followers, live, lab)
     return {path: states[path] for path in computing if path in states}
 
 
@@ -136,12 +136,15 @@ def _may_start(node: Node, nodes: Nodes) -> bool:
     return any(port.is_execution for port in node.type.ports.values())
 
 
-def _spread(state: State, states: dict[str, State], followers: _Followers, live: Nodes) -> None:
+def _spread(
+    state: State, states: dict[str, State], followers: _Followers, live: Nodes, lab: Lab
+) -> None:
     """Carry a state on to all that the nodes in it trigger, unless those are surer already."""
     ahead = [path for path, known in states.items() if known == state]
     while ahead:
         path = ahead.pop()
-        for follower in followers.get(path, ()) if is_switched_on(live[path], live) else ():
+        is_passing = is_switched_on(live[path], live) and not shut_gate(live[path], live, lab)
+        for follower in followers.get(path, ()) if is_passing else ():
             if states.get(follower) not in ("runs", state):
                 states[follower] = state
                 ahead.append(follower)
@@ -197,6 +200,13 @@ def _signals(node: Node, nodes: Nodes) -> Iterator[tuple[Node, str]]:
 def is_switched_on(node: Node, live: Nodes) -> bool:
     """Whether the node's own switch is on, or it has none."""
     return effective_value(node, ENABLED, live) is not False
+
+
+def shut_gate(node: Node, live: Nodes, lab: Lab) -> str | None:
+    """Return the input that lets no signal through, because it is 0; None for another node."""
+    gate = lab.catalog.gates.get(lab.catalog.modern(node.type_name))
+    is_shut = gate is not None and effective_value(node, INPUT + gate, live) == 0
+    return f"{INPUT}{gate}" if is_shut else None
 
 
 def live_sources(node: Node, port: str, live: Nodes) -> Iterator[tuple[Node, str]]:

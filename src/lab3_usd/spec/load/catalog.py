@@ -71,6 +71,7 @@ class _CatalogFile(Struct, forbid_unknown_fields=True):
     lookalikes: dict[str, str]
     events: dict[str, _EventEntry]
     once: dict[str, SingleSignal]
+    gates: dict[str, str]
     scripts: Scripts
     world_frame: str
     graph: GraphEntry
@@ -92,6 +93,7 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
         lookalikes=said.lookalikes,
         events={name: event.stage for name, event in said.events.items()},
         once=said.once,
+        gates=said.gates,
         scripts=said.scripts,
         world_frame=said.world_frame,
     )

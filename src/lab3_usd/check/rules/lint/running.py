@@ -8,10 +8,16 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.check.lint.reach import Stop, feeds, has_job, stops
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.running import ENABLED, effective_value, event_of, is_graph_evaluated
+from lab3_usd.check.ros.running import (
+    ENABLED,
+    effective_value,
+    event_of,
+    is_graph_evaluated,
+    shut_gate,
+)
 from lab3_usd.model.absent_prims import is_unresolved, nodes_outside_graphs
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.stage import DEACTIVATED, OVER, GraphModel, Node
+from lab3_usd.model.stage import DEACTIVATED, OVER
 
 _REASONS = {
     "unwired": "nothing is wired into {port}",
@@ -36,7 +42,7 @@ def never_computes(subject: LintSubject) -> Iterator[Problem]:
     for graph in subject.graphs():
         if graph.active and is_graph_evaluated(graph, subject.stage, subject.lab):
             for stop in stops(graph, subject):
-                if stop.reason != "broken" and _matters(stop, subject):
+                if stop.reason in _REASONS and _matters(stop, subject):
                     yield _stopped(stop, subject)
 
 
@@ -162,7 +168,7 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
         for node in graph.nodes:
             needed = event_of(node, subject.lab)
             if needed and not subject.runs(node.path) and node.path in subject.live:
-                waiting = _triggered(node, graph)
+                waiting = feeds(node, subject)
                 if waiting:
                     yield Problem(
                         node.path,
@@ -173,15 +179,6 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
                         actual=str(graph.attributes.get(form.stage)),
                         related=tuple(other.path for other in waiting),
                     )
-
-
-def _triggered(event: Node, graph: GraphModel) -> list[Node]:
-    prefix = f"{event.path}."
-    return [
-        node
-        for node in graph.nodes
-        if any(source.startswith(prefix) for s in node.ports.values() for source in s.sources)
-    ]
 
 
 @rule("K05", "stray-node", scope="lint", severity="warning")
@@ -211,18 +208,30 @@ def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K06", "switched-off", scope="lint", severity="note")
 def switched_off(subject: LintSubject) -> Iterator[Problem]:
-    """A node that talks to ROS is switched off.
+    """A node that talks to ROS is switched off, or one that passes signals on to others.
 
     Why: with Enabled off a helper publishes nothing, and a render product is not made, so that the
-    helpers behind it publish nothing either.
+    helpers behind it publish nothing either. A gate with a step of 0 lets no signal through.
 
-    Fix: switch Enabled on in the Property panel, if that was not on purpose.
+    Fix: switch Enabled on, or set the step to 1 or more, if that was not on purpose.
 
     Example: `inputs:enabled = 0` on a ROS2 Camera Helper.
     """
     for node in subject.live.values():
         if has_job(node) and effective_value(node, ENABLED, subject.live) is False:
             yield Problem(node.path, f"{subject.title(node)} is switched off", property=ENABLED)
+        gate = shut_gate(node, subject.live, subject.lab)
+        waiting = feeds(node, subject) if gate is not None else []
+        if waiting:
+            yield Problem(
+                node.path,
+                f"{gate} is 0: no signal gets to {', '.join(other.name for other in waiting)}",
+                property=gate,
+                expected="1 or more",
+                actual="0",
+                related=tuple(other.path for other in waiting),
+                severity="warning",
+            )
 
 
 @rule("K07", "instanced-graph", scope="lint", severity="warning")
