@@ -11,7 +11,7 @@ from lab3_usd.check.ros.running import effective_value, live_sources
 from lab3_usd.check.scene.wheel_commands import joint_names
 from lab3_usd.model.absent_prims import is_subtree_unresolved
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.physics import FIXED, is_articulated, is_excluded, is_joint_type
+from lab3_usd.model.physics import BODIES, FIXED, is_articulated, is_excluded, is_joint_type
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.port_groups import DrivePorts
@@ -71,20 +71,29 @@ def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
     """Return the joints of a robot that can move, by name.
 
     Joints may stand anywhere: those count that tie a body of the robot's own subtree, or stand in
-    it. The subtree is that of the prim right above the articulation root, and of the target.
+    it. The subtree is that of the target and of the articulation root; of joints of other names
+    also that of the prim right above the root, where its links may stand beside it.
     """
-    tops = {command.robot, *(root.rpartition("/")[0] or root for root in command.roots)}
+    inside = {command.robot, *command.roots}
+    around = {root.rpartition("/")[0] or root for root in command.roots}
+    joints = [
+        prim
+        for prim in stage.of_type(is_joint_type)
+        if prim.present and prim.type != FIXED and not is_excluded(prim)
+    ]
     found: dict[str, Prim] = {}
-    for prim in stage.of_type(is_joint_type):
-        ends = [path for each in ("physics:body0", "physics:body1") for path in _ends(prim, each)]
-        near = any(is_at_or_below(path, top) for path in (prim.path, *ends) for top in tops)
-        if prim.present and prim.type != FIXED and near and not is_excluded(prim):
-            found.setdefault(prim.name, prim)
+    for tops in (inside, around):
+        for joint in joints:
+            if any(
+                is_at_or_below(path, top) for path in (joint.path, *ends(joint)) for top in tops
+            ):
+                found.setdefault(joint.name, joint)
     return found
 
 
-def _ends(joint: Prim, name: str) -> tuple[str, ...]:
-    return joint.relationships.get(name, ())
+def ends(joint: Prim) -> tuple[str, ...]:
+    """Return the bodies that a joint ties."""
+    return tuple(path for name in BODIES for path in joint.relationships.get(name, ()))
 
 
 def wired_commands(command: Command) -> list[str]:
