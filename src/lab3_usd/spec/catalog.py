@@ -96,10 +96,11 @@ class NodeType(Struct, frozen=True, dict=True):
     `message` maps the value of the port `type` to a message type; the key '' holds where the
     type has one message only. A topic of `only_of` is there for these values of that port alone.
     `role` is publisher, subscriber, helper (publishes as well), service, or '' for types that do
-    not talk to ROS. `articulation` names the relationships at
-    and below whose prims an articulation is looked for; `step_limits` the inputs that must be 0
-    while the input of `time_step` is. In a stage in metres a node gives what comes into its inputs
-    `same_in_metres` as it is. One that `grows_by_message` has its fields as ports, too.
+    not talk to ROS. `articulation` names the relationships at and below whose prims an articulation
+    is looked for; `step_limits` the inputs that must be 0 while the input of `time_step` is;
+    `sizes` how long the arrays of some outputs always are. In a stage in metres a node gives what
+    comes into its inputs `same_in_metres` as it is. One that `grows_by_message` has its fields as
+    ports, too.
     """
 
     type: str
@@ -119,6 +120,7 @@ class NodeType(Struct, frozen=True, dict=True):
     articulation: tuple[str, ...] = ()
     time_step: tuple[str, ...] = ()
     step_limits: tuple[str, ...] = ()
+    sizes: Mapping[str, int] = field(default_factory=dict)
     drives: DrivePorts | None = None
     same_in_metres: tuple[str, ...] = ()
     grows_by_message: bool = False

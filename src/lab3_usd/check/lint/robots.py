@@ -14,6 +14,7 @@ from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import BODIES, FIXED, is_articulated, is_excluded, is_joint_type
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.spec.catalog import INPUT
 from lab3_usd.spec.port_groups import DrivePorts
 
 
@@ -104,6 +105,22 @@ def wired_commands(command: Command) -> list[str]:
         if state is not None and (state.sources or state.value):
             given.append(port)
     return given
+
+
+def number_of_commands(command: Command, port: str, subject: LintSubject) -> int | None:
+    """Return how many values come into an input for commands, None where nothing tells it."""
+    sources = list(live_sources(command.node, port, subject.live))
+    if len(sources) > 1:
+        return None
+    for source, out in sources:
+        kind = source.type
+        if kind is not None and out in kind.sizes:
+            return kind.sizes[out]
+        if kind is not None and kind.dynamic is not None:
+            count = effective_value(source, INPUT + kind.dynamic.count, subject.live)
+            return count if isinstance(count, int) else None
+    value = effective_value(command.node, port, subject.live)
+    return len(value) if isinstance(value, tuple) else None
 
 
 def controller_of(command: Command, subject: LintSubject) -> Node | None:

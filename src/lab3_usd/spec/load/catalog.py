@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from msgspec import Struct
 
@@ -17,6 +17,7 @@ from lab3_usd.spec.port_groups import DrivePorts, Dynamic, TfPorts
 from lab3_usd.spec.values import Value, is_known_type, typed_value
 
 _RELATIONSHIP = "rel"
+_Fact = TypeVar("_Fact")
 
 
 class _PortEntry(Struct, forbid_unknown_fields=True):
@@ -55,6 +56,7 @@ class _TypeEntry(Struct, forbid_unknown_fields=True):
     articulation: tuple[str, ...] = ()
     time_step: tuple[str, ...] = ()
     step_limits: tuple[str, ...] = ()
+    sizes: dict[str, int] = {}
     drives: _DrivesEntry | None = None
     same_in_metres: tuple[str, ...] = ()
     grows_by_message: bool = False
@@ -133,13 +135,7 @@ def _node_type(
         dynamic=entry.dynamic,
         role=entry.role,
         topics=_named(entry.topics, INPUT, ports, f"{where}: topics"),
-        only_of=dict(
-            zip(
-                _named(entry.only_of, INPUT, ports, f"{where}: only_of"),
-                entry.only_of.values(),
-                strict=True,
-            )
-        ),
+        only_of=_by_port(entry.only_of, INPUT, ports, f"{where}: only_of"),
         services=_named(entry.services, INPUT, ports, f"{where}: services"),
         frames=_named(entry.frames, INPUT, ports, f"{where}: frames"),
         message={"": entry.message} if isinstance(entry.message, str) else entry.message,
@@ -147,6 +143,7 @@ def _node_type(
         articulation=_named(entry.articulation, INPUT, ports, f"{where}: articulation"),
         time_step=_named(entry.time_step, INPUT, ports, f"{where}: time_step"),
         step_limits=_named(entry.step_limits, INPUT, ports, f"{where}: step_limits"),
+        sizes=_by_port(entry.sizes, OUTPUT, ports, f"{where}: sizes"),
         drives=_drive_ports(entry.drives, ports, f"{where}: drives"),
         same_in_metres=_named(entry.same_in_metres, INPUT, ports, f"{where}: same_in_metres"),
         grows_by_message=entry.grows_by_message,
@@ -200,6 +197,13 @@ def _named(
             message = f"{where} names the port '{name}', which the type does not have"
             raise SpecError(message)
     return found
+
+
+def _by_port(
+    said: Mapping[str, _Fact], prefix: str, ports: Mapping[str, Port], where: str
+) -> dict[str, _Fact]:
+    """Return what is said of ports by their full names."""
+    return dict(zip(_named(said, prefix, ports, where), said.values(), strict=True))
 
 
 def _tf_ports(entry: TfPorts | None, ports: Mapping[str, Port], where: str) -> TfPorts | None:

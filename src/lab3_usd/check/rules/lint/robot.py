@@ -6,9 +6,17 @@ from collections.abc import Iterator
 
 from lab3_usd.check.lint.bodies import Followed, followed_bodies
 from lab3_usd.check.lint.names import did_you_mean, likely_name
-from lab3_usd.check.lint.robots import Command, commands, joints_of, wired_commands
+from lab3_usd.check.lint.needs import array_items
+from lab3_usd.check.lint.robots import (
+    Command,
+    commands,
+    joints_of,
+    number_of_commands,
+    wired_commands,
+)
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.running import live_sources
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import REVOLUTE, number
 from lab3_usd.model.prims import Prim
@@ -152,3 +160,37 @@ def _why_no_body(found: Followed) -> str:
     what = "is no rigid body and no articulation root"
     is_other = found.body.path != found.prim.path
     return f"and its first link {found.body.path} {what}" if is_other else f"which {what}"
+
+
+@rule("K68", "number-of-commands", scope="lint")
+def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
+    """A controller gets more or fewer commands than it names joints.
+
+    Why: the controller asks for one command for each joint. Otherwise it logs an error at every
+    update, leaves out all of its commands, and moves nothing.
+
+    Fix: name as many joints as there are commands, in the same order, or correct the commands.
+
+    Example: `jointNames = ["left_wheel"]`, and a Differential Controller gives two speeds.
+    """
+    for command in commands(subject):
+        if not command.names or subject.is_open(command.node.path):
+            continue
+        for port in command.ports.commands:
+            given, named = number_of_commands(command, port, subject), len(command.names)
+            if given and given != named and not _has_gaps(command, subject):
+                yield Problem(
+                    command.node.path,
+                    f"{port} has {given} values, and {command.ports.joints} {named}",
+                    property=port,
+                    expected=str(named),
+                    actual=str(given),
+                )
+
+
+def _has_gaps(command: Command, subject: LintSubject) -> bool:
+    """Whether an array that comes in is not as long as it looks: another rule speaks of it."""
+    ports = (command.ports.joints, *command.ports.commands)
+    made = (each for port in ports for each, _ in live_sources(command.node, port, subject.live))
+    found = (array_items(node) for node in made)
+    return any(items.beyond or items.empty for items in found if items is not None)
