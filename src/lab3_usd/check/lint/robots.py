@@ -9,13 +9,26 @@ from msgspec import Struct
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.ros.running import effective_value, live_sources
 from lab3_usd.check.scene.wheel_commands import joint_names
+from lab3_usd.check.tf.link_tree import articulation_links
 from lab3_usd.model.absent_prims import is_subtree_unresolved
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.physics import BODIES, FIXED, is_articulated, is_excluded, is_joint_type
+from lab3_usd.model.physics import (
+    BODIES,
+    FIXED,
+    JOINT_ENABLED,
+    REVOLUTE,
+    is_articulated,
+    is_excluded,
+    is_joint_type,
+    is_switched_off,
+)
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.catalog import INPUT
 from lab3_usd.spec.port_groups import DrivePorts
+
+AXES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
+_MIMIC = "Mimic"
 
 
 class Command(Struct, frozen=True, eq=False):
@@ -95,6 +108,38 @@ def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
 def ends(joint: Prim) -> tuple[str, ...]:
     """Return the bodies that a joint ties."""
     return tuple(path for name in BODIES for path in joint.relationships.get(name, ()))
+
+
+def told_joints(command: Command, port: str, subject: LintSubject) -> list[Prim]:
+    """Return the joints that a command surely moves: those that are named, or all of the robot.
+
+    Without names each joint gets a command only where there are as many commands as joints, and
+    none of them stands still.
+    """
+    if command.names:
+        known = joints_of(command, subject.stage)
+        return [known[name] for name in dict.fromkeys(command.names) if name in known]
+    value = effective_value(command.node, port, subject.live)
+    if isinstance(value, tuple):
+        is_moving = all(value)
+    else:
+        is_moving = controller_of(command, subject) is not None
+    joints = _axes(command, subject.stage) if is_moving and command.names == () else []
+    return joints if number_of_commands(command, port, subject) == len(joints) else []
+
+
+def _axes(command: Command, stage: StageModel) -> list[Prim]:
+    """Return the joints of the one robot of a command, none where they are not all plain axes."""
+    root = stage.prim(command.roots[0]) if len(command.roots) == 1 else None
+    links = (None if root is None else articulation_links(root, stage)) or {}
+    joints = [each for each in joints_of(command, stage).values() if set(ends(each)) & set(links)]
+    return joints if all(_is_axis(each) for each in joints) else []
+
+
+def _is_axis(joint: Prim) -> bool:
+    """Whether a joint has one axis that moves by itself, and not as another joint does."""
+    follows = any(_MIMIC in api for api in joint.apis)
+    return joint.type in AXES and not follows and not is_switched_off(joint, JOINT_ENABLED)
 
 
 def wired_commands(command: Command) -> list[str]:

@@ -8,22 +8,23 @@ from lab3_usd.check.lint.bodies import Followed, followed_bodies
 from lab3_usd.check.lint.names import did_you_mean, likely_name
 from lab3_usd.check.lint.needs import array_items
 from lab3_usd.check.lint.robots import (
+    AXES,
     Command,
     commands,
     joints_of,
     number_of_commands,
+    told_joints,
     wired_commands,
 )
 from lab3_usd.check.lint.subject import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import live_sources
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.physics import REVOLUTE, number
+from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
 
-_VELOCITY = "velocityCommand"
+_VELOCITY = "inputs:velocityCommand"
 _DRIVE = "PhysicsDriveAPI"
-_MOVES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
 
 
 @rule("K60", "no-articulation", scope="lint")
@@ -96,17 +97,17 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
     """
     told: set[str] = set()
     for command in commands(subject):
-        kinds = [port.rpartition(":")[2] for port in wired_commands(command)]
-        if command.is_open or kinds != [_VELOCITY] or not command.roots:
+        given = wired_commands(command)
+        if command.is_open or given != [_VELOCITY] or not command.roots:
             continue
-        for name, joint in joints_of(command, subject.stage).items():
-            if name in (command.names or ()) and joint.path not in told:
+        for joint in told_joints(command, _VELOCITY, subject):
+            if joint.path not in told:
                 told.add(joint.path)
                 yield from _drive_problems(command, joint)
 
 
 def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
-    drives = [api for api in joint.apis if api.startswith(f"{_DRIVE}:{_MOVES.get(joint.type, '')}")]
+    drives = [api for api in joint.apis if api.startswith(f"{_DRIVE}:{AXES.get(joint.type, '')}")]
     kind = next(iter(drives), "")
     axis = kind.partition(":")[2]
     stiffness = number(joint.attributes.get(f"drive:{axis}:physics:stiffness")) or 0.0
