@@ -80,6 +80,21 @@ class BodyOf(Struct, frozen=True, forbid_unknown_fields=True):
     source: str
 
 
+class UnitOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """The unit of length of what a node gives.
+
+    `metres` are outputs in metres. Others keep the unit of the input `passes`; where the input `by`
+    says so, metres become units of the stage (`to_stage`) or the other way (`to_metres`).
+    """
+
+    source: str
+    metres: tuple[str, ...] = ()
+    passes: str = ""
+    by: str = ""
+    to_stage: str = ""
+    to_metres: str = ""
+
+
 class IsaacTypes(Struct, frozen=True, eq=False):
     """The catalog of all public node types, with what the linter must know beside it."""
 
@@ -88,6 +103,7 @@ class IsaacTypes(Struct, frozen=True, eq=False):
     releases: Mapping[str, Release]
     sensors: Mapping[str, SensorOf]
     bodies: Mapping[str, BodyOf]
+    units: Mapping[str, UnitOf]
     application_prims: tuple[str, ...]
 
     def releases_with(self, node_type: str, port: str) -> list[str]:

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.catalog import INPUT, Catalog
 from lab3_usd.spec.files import CATALOG
-from lab3_usd.spec.isaac import BodyOf, IsaacTypes, Need, Release, SensorOf
+from lab3_usd.spec.isaac import BodyOf, IsaacTypes, Need, Release, SensorOf, UnitOf
 from lab3_usd.spec.load.catalog import parse_catalog, parse_types
 from lab3_usd.spec.load.records import record
 from lab3_usd.spec.yaml_file import read_yaml
@@ -23,6 +23,7 @@ VERSIONS = "versions.yaml"
 RENAMES = "renames.yaml"
 SENSORS = "sensors.yaml"
 BODIES = "bodies.yaml"
+UNITS = "units.yaml"
 APPLICATION = "application.yaml"
 
 
@@ -58,9 +59,10 @@ def assemble_types(folder: Path) -> IsaacTypes:
     needs = _needs(folder, catalog, releases)
     sensors = record(read_yaml(folder / SENSORS), dict[str, SensorOf], f"{folder.name}/{SENSORS}")
     bodies = record(read_yaml(folder / BODIES), dict[str, BodyOf], f"{folder.name}/{BODIES}")
+    units = record(read_yaml(folder / UNITS), dict[str, UnitOf], f"{folder.name}/{UNITS}")
     where = f"{folder.name}/{APPLICATION}"
     made = record(read_yaml(folder / APPLICATION), _Application, where)
-    return IsaacTypes(catalog, needs, releases, sensors, bodies, made.prims)
+    return IsaacTypes(catalog, needs, releases, sensors, bodies, units, made.prims)
 
 
 def _tuples(data: Any) -> Any:  # noqa: ANN401 - whatever YAML holds

@@ -14,6 +14,7 @@ from lab3_usd.check.lint.robots import (
     wired_commands,
 )
 from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.lint.units import unit_of
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import effective_value
 from lab3_usd.check.rules.graphs.limits import stopping_limits
@@ -28,6 +29,7 @@ _SQUARE = 0.999  # how far along an axis an axis must point
 _ALIKE = 0.02
 
 _RADIUS, _DISTANCE = "inputs:wheelRadius", "inputs:wheelDistance"
+_SPEED = "inputs:linearVelocity"
 _CLOSE = 0.05  # of the geometry, which a builder rounds
 _PAIR = 2
 
@@ -63,32 +65,38 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
     Why: the robot drives faster or slower, or turns more or less, than it is told; odometry that is
     computed from the commands is wrong by the same factor.
 
-    Fix: measure the wheels and set the values, in metres; in stage units where the velocity is
-    scaled to them.
+    Fix: measure the wheels and set the values, in metres; in units of the stage where the velocity
+    is scaled to them.
 
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
     for _, controller, pair in _driven_pairs(subject):
+        unit = unit_of(controller, _SPEED, subject)
+        units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
         radii = [_wheel_radius(joint, subject.stage) for joint in pair]
         found = {_RADIUS: None if radii[0] != radii[1] else radii[0]}
         found[_DISTANCE] = _wheel_distance(*pair, subject.stage)
         for port, measured in found.items():
             value = number(effective_value(controller, port, subject.live))
-            if value and measured and not _fits(value, measured, subject):
+            if value and measured and not _fits(value, measured, units):
                 yield Problem(
                     controller.path,
-                    f"{port} is {value:g}, the wheels have {measured:.4g} m",
+                    f"{port} is {value:g}, the wheels have {measured:.4g} m{_in_unit(unit)}",
                     property=port,
-                    expected=f"{measured:.4g}",
+                    expected=f"{measured / units[0]:.4g}",
                     actual=f"{value:g}",
                     related=tuple(joint.path for joint in pair),
                 )
 
 
-def _fits(value: float, measured: float, subject: LintSubject) -> bool:
-    """Whether a value is what was measured, in metres or in units of the stage."""
-    units = (1.0, subject.stage.meters_per_unit)
+def _fits(value: float, measured: float, units: tuple[float, ...]) -> bool:
+    """Whether a value is what was measured, in one of these units."""
     return any(math.isclose(value * unit, measured, rel_tol=_CLOSE) for unit in units)
+
+
+def _in_unit(unit: float | None) -> str:
+    """Return the end of a sentence about a velocity that is not in metres per second."""
+    return "" if unit in {None, 1.0} else f", and the velocity comes in units of {unit:g} m"
 
 
 def _driven_pairs(subject: LintSubject) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
