@@ -55,6 +55,15 @@ def test_a_wire_from_a_prim_is_not_said_to_come_from_nowhere() -> None:
     assert found.message == "inputs:timeStamp is wired from time, which is a prim and no port"
 
 
+def test_a_single_command_was_for_all_joints_before() -> None:
+    command = ["/World/Drive/move.inputs:velocityCommand", "double[]", [1.0]]
+    steps = [{"disconnect": command[0]}, {"declare": command}]
+    stage = broken_robot("rover", steps)
+    found = "K68 /World/Drive/move inputs:velocityCommand"
+    assert found in said_by(stage)
+    assert found not in said_by(stage, release="5.1")
+
+
 def test_two_topics_of_one_node_are_no_rivals_of_another() -> None:
     steps = CASES["K40"]["more"]["two topics of one node"]["break"]
     (found,) = linted(broken_robot("rover", steps)).findings

@@ -22,6 +22,7 @@ from lab3_usd.check.ros.running import live_sources
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
+from lab3_usd.spec.isaac import NEWEST
 
 _VELOCITY = "inputs:velocityCommand"
 _DRIVE = "PhysicsDriveAPI"
@@ -174,15 +175,17 @@ def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `jointNames = ["left_wheel"]`, and a Differential Controller gives two speeds.
     """
+    may_spread = subject.release != NEWEST  # before, a single command counts for all joints
     for command in commands(subject):
         if not command.names or subject.is_open(command.node.path):
             continue
         for port in command.ports.commands:
             given, named = number_of_commands(command, port, subject), len(command.names)
-            if given and given != named and not _has_gaps(command, subject):
+            is_right = not given or given == named or (may_spread and given == 1)
+            if not is_right and not _has_gaps(command, subject):
                 yield Problem(
                     command.node.path,
-                    f"{port} has {given} values, and {command.ports.joints} {named}",
+                    f"{port} and {command.ports.joints} differ in length: {given} and {named}",
                     property=port,
                     expected=str(named),
                     actual=str(given),
