@@ -55,6 +55,21 @@ def _declared(known: str, fact: Any) -> bool:
     return known != ("union" if isinstance(fact, list) else fact)
 
 
+def test_what_is_said_of_bodies_units_and_gates_names_ports_that_are_there() -> None:
+    types = TYPES.catalog.types
+    for name, body in TYPES.bodies.items():
+        assert types[name].port(f"inputs:{body.prim}") is not None
+        assert {f"outputs:{each}" for each in body.gives} <= set(types[name].ports)
+    for name, unit in TYPES.units.items():
+        inputs, outputs = filter(None, (unit.passes, unit.by)), unit.metres
+        ports = {*(f"inputs:{each}" for each in inputs), *(f"outputs:{each}" for each in outputs)}
+        assert ports <= set(types[name].ports)
+        allowed = types[name].ports[f"inputs:{unit.by}"].allowed if unit.by else ()
+        assert {unit.to_stage, unit.to_metres} - {""} <= set(allowed)
+    for name, port in TYPES.catalog.gates.items():
+        assert f"inputs:{port}" in types[name].ports
+
+
 def test_every_default_is_that_of_the_source(facts: dict[str, Any]) -> None:
     lab = load_lab().catalog.types
     for name, fact in facts.items():
