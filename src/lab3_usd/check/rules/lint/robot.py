@@ -90,9 +90,9 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
     """A joint is told a velocity, and its drive does not follow.
 
     Why: a drive without damping exerts no force towards a velocity. One with stiffness pulls back
-    to a position: the wheel trembles, or stands still.
+    to a position: the wheel trembles, or stands still. With a largest force of 0 it is not driven.
 
-    Fix: set stiffness to 0 and damping above 0 in the joint's drive.
+    Fix: set stiffness to 0, and damping and the largest force above 0, in the joint's drive.
 
     Example: an importer left `stiffness = 10000` on the wheel joints.
     """
@@ -110,27 +110,27 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
 def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
     drives = [api for api in joint.apis if api.startswith(f"{_DRIVE}:{AXES.get(joint.type, '')}")]
     kind = next(iter(drives), "")
-    axis = kind.partition(":")[2]
-    stiffness = number(joint.attributes.get(f"drive:{axis}:physics:stiffness")) or 0.0
-    damping = number(joint.attributes.get(f"drive:{axis}:physics:damping")) or 0.0
-    if not kind or damping <= 0.0:
-        what = "has no drive" if not kind else "has a drive without damping"
-        yield Problem(
-            joint.path,
-            f"{what}, and {command.node.path} tells it a velocity",
-            property=f"drive:{axis}:physics:damping" if kind else None,
-            expected="damping above 0",
-            related=(command.node.path,),
-        )
-    elif stiffness > 0.0:
-        yield Problem(
-            joint.path,
-            f"has a drive of stiffness {stiffness:g}, and {command.node.path} tells it a velocity",
-            property=f"drive:{axis}:physics:stiffness",
-            expected="0",
-            actual=f"{stiffness:g}",
-            related=(command.node.path,),
-        )
+    wrong = _wrong_value(joint, f"drive:{kind.partition(':')[2]}:physics:", is_driven=bool(kind))
+    if wrong is not None:
+        message = f"{wrong[0]}, and {command.node.path} tells it a velocity"
+        yield Problem(joint.path, message, *wrong[1:], related=(command.node.path,))
+
+
+def _wrong_value(
+    joint: Prim, drive: str, *, is_driven: bool
+) -> tuple[str, str | None, str, str | None] | None:
+    """Return why a joint ignores a velocity: the property, what it should be, and what it is."""
+    names = [f"{drive}{word}" for word in ("damping", "stiffness", "maxForce")]
+    damping, stiffness, force = (number(joint.attributes.get(name)) for name in names)
+    if not is_driven:
+        return "has no drive", None, "damping above 0", None
+    if damping is None or damping <= 0.0:
+        return "has a drive without damping", names[0], "damping above 0", None
+    if stiffness is not None and stiffness > 0.0:
+        return f"has a drive of stiffness {stiffness:g}", names[1], "0", f"{stiffness:g}"
+    if force is not None and force <= 0.0:
+        return "has a drive without force", names[2], "above 0", f"{force:g}"
+    return None
 
 
 @rule("K67", "no-body-to-follow", scope="lint")
