@@ -11,6 +11,7 @@ from layerings import copied
 from linting import linted, said_by
 from menu_graphs import MENUS, with_menus
 from pxr import Sdf
+from scene_changes import deactivate
 from second_author import author_lab
 from test_indifference import MIXED, STYLES
 
@@ -78,6 +79,18 @@ def test_another_author_of_the_lab_makes_no_fault(starter: Path, style: object) 
     assert said_by(stage, "error") == []
     warnings = {each.split()[0] for each in said_by(stage, "warning")}
     assert warnings <= {"K64"}  # the handout's wheel radius
+
+
+def test_a_graph_that_others_inherit_is_judged_where_it_is_inherited() -> None:
+    stage = with_menus("clock")
+    layer, graph = stage.GetRootLayer(), "/Graph/ROS_Clock"
+    Sdf.PrimSpec(layer, "Templates", Sdf.SpecifierClass)
+    Sdf.CopySpec(layer, graph, layer, "/Templates/Clock")
+    stage.RemovePrim(graph)
+    stage.DefinePrim(graph, "OmniGraph").GetInherits().AddInherit("/Templates/Clock")
+    assert said_by(stage, "error", "warning") == []
+    deactivate(f"{graph}/OnPlaybackTick")(stage)
+    assert {each.split()[1] for each in said_by(stage, "error")} == {f"{graph}/PublishClock"}
 
 
 def test_missing_connections_of_a_vendor_are_named() -> None:

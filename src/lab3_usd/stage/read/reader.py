@@ -96,10 +96,14 @@ class _Scan:
         self._namespaces: dict[str, str] = {"/": ""}
 
     def run(self) -> None:
-        """Look at every prim; at those that the application made for itself only for scripts."""
+        """Look at every prim; at those that the application made for itself only for scripts.
+
+        Classes are left out: they are in no scene, and what inherits them is looked at there.
+        """
         form = self._lab.catalog.graph
         for top in self._stage.GetPseudoRoot().GetFilteredChildren(EVERYTHING):
-            self._tree(top, is_ignored=form.ignores(str(top.GetPath())))
+            if not top.IsAbstract():
+                self._tree(top, is_ignored=form.ignores(str(top.GetPath())))
         if self._stage.GetPrototypes():
             everything = Usd.PrimRange(self._stage.GetPseudoRoot(), EVERYTHING)
             self.instances += (str(prim.GetPath()) for prim in everything if prim.IsInstance())
