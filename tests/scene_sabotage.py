@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pxr import Gf, Usd, UsdGeom, UsdPhysics
+import math
+
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scene_changes import (
     FLOOR,
     JOINTS,
@@ -275,10 +277,39 @@ def _world() -> list[Sabotage]:
             put(*_GRAVITY, 0.0),
             _GRAVITY,
         ),
+        Sabotage("gravity in centimetres", "01", put(*_GRAVITY, 981.0), _GRAVITY),
+        Sabotage("gravity without end", "01", put(*_GRAVITY, math.inf), _GRAVITY),
+        Sabotage("gravity of a number that is none", "01", put(*_GRAVITY, math.nan), _GRAVITY),
+        Sabotage("links without weight", "01", _weightless_links, (ROBOT, _NO_WEIGHT)),
+        Sabotage("robot in a scene without gravity", "01", _other_owner, ("/other", _GRAVITY[1])),
+        Sabotage("ground to the side", "00", put(FLOOR, "axis", "X"), (FLOOR, "axis")),
+        Sabotage("ground upside down", "00", turned_floor(180), (FLOOR, _TURNED)),
+        Sabotage("ground on a slope", "00", turned_floor(6), (FLOOR, _TURNED)),
         Sabotage("gravity up", "02", put(*_PULL, Gf.Vec3f(0, 0, 1)), _PULL),
         Sabotage("gravity tilted", "02", put(*_PULL, Gf.Vec3f(0.2, 0, -1)), _PULL),
         Sabotage("wheel sunk", "00", _sink_wheel, (f"{ROBOT}/wheel_left_link", None)),
     ]
+
+
+_NO_WEIGHT, _TURNED = "physxRigidBody:disableGravity", "xformOp:rotateXYZ"
+
+
+def _weightless_links(stage: Usd.Stage) -> None:
+    for link in LINKS:
+        prim = stage.GetPrimAtPath(f"{ROBOT}/{link}")
+        prim.CreateAttribute(_NO_WEIGHT, Sdf.ValueTypeNames.Bool).Set(True)  # noqa: FBT003
+
+
+def _other_owner(stage: Usd.Stage) -> None:
+    several(define("/other", "PhysicsScene"), put("/other", _GRAVITY[1], 0.0))(stage)
+    for link in LINKS:
+        aim(f"{ROBOT}/{link}", "physics:simulationOwner", "/other")(stage)
+
+
+def turned_floor(degrees: float) -> Change:
+    return lambda stage: void(
+        UsdGeom.Xformable(stage.GetPrimAtPath(FLOOR)).AddRotateXYZOp().Set(Gf.Vec3f(degrees, 0, 0))
+    )
 
 
 def _lower_floor(stage: Usd.Stage) -> None:

@@ -39,11 +39,12 @@ from scene_changes import (
     switch,
     turn,
     undefine,
+    void,
     weld,
     with_api,
     without_api,
 )
-from scene_sabotage import scene_sabotage
+from scene_sabotage import scene_sabotage, turned_floor
 from scene_stages import built, findings_of, stage_rules, told
 
 from lab3_usd.check.scene_item import is_met
@@ -406,6 +407,12 @@ WITHOUT_EFFECT = {
     "gravity of the moon": put(SCENE, "physics:gravityMagnitude", 1.62),
     "gravity down by default": put(SCENE, "physics:gravityDirection", Gf.Vec3f(0, 0, 0)),
     "gravity nearly down": put(SCENE, "physics:gravityDirection", Gf.Vec3f(0.01, 0, -2)),
+    "a ground that leans a little": turned_floor(1),
+    "one link without weight": lambda stage: void(
+        stage.GetPrimAtPath(LINK_LEFT)
+        .CreateAttribute("physxRigidBody:disableGravity", Sdf.ValueTypeNames.Bool)
+        .Set(True)  # noqa: FBT003
+    ),
     "a second scene without gravity": several(
         define("/other", "PhysicsScene"), put("/other", "physics:gravityMagnitude", 0.0)
     ),

@@ -138,12 +138,21 @@ def _wheel_items(lab: Lab) -> Iterator[SceneItem]:
             yield SceneItem(f"Scene/{part}/{name}", SCENE, title, path, where, handout, rules, also)
 
 
+_GROUND = ("physics:collisionEnabled", "axis", "xformOp")
+
+
 def _world_items(lab: Lab) -> Iterator[SceneItem]:
     world = lab.scene.world
     parts = (
-        ("ground", world.ground, "a ground with collision", "S13", ("physics:collisionEnabled",)),
+        ("ground", world.ground, "a ground with collision", "S13", _GROUND),
         ("light", world.light, "a light", "S14", ()),
-        ("physics_scene", world.physics_scene, "a physics scene", "S15", ("physics:gravity",)),
+        (
+            "physics_scene",
+            world.physics_scene,
+            "a physics scene",
+            "S15",
+            ("physics:gravity", "physxRigidBody"),
+        ),
     )
     for part, spec, title, rule, also in parts:
         if spec is not None:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 
 from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.scene.gravity import TILT
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import (
     BODY_API,
@@ -21,16 +22,38 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Collider, Prim
 from lab3_usd.model.stage import StageModel
+from lab3_usd.model.transform_math import Vector, angle_between, decompose
 
 # A shape as high as a wall is ground and wall in one; how high its ground is, no box says.
 _STEP = 0.15  # metres
+AXIS, UP = "axis", (0.0, 0.0, 1.0)
+_AXES = ("X", "Y", "Z")
 _LIGHT = re.compile(r"Light(_\d+)?$")
 _LIGHT_API = re.compile(r"^(Mesh|Volume)?LightAPI$")
 
 
 def planes(stage: StageModel, robot: str) -> Iterator[Prim]:
-    """Yield the endless fixed planes beside the robot that other shapes bump into."""
-    return (each for each in _solid_planes(stage, robot) if moving_body(stage, each.path) is None)
+    """Yield the endless fixed planes beside the robot that face up and that others bump into."""
+    fixed = (each for each in _solid_planes(stage, robot) if moving_body(stage, each.path) is None)
+    return (each for each in fixed if not _is_steep(each))
+
+
+def steep_planes(stage: StageModel, robot: str) -> Iterator[Prim]:
+    """Yield the planes that would carry the robot if they faced up."""
+    return (each for each in _solid_planes(stage, robot) if _is_steep(each))
+
+
+def _is_steep(plane: Prim) -> bool:
+    faces = facing(plane)
+    return faces is not None and not angle_between(faces, UP) <= TILT
+
+
+def facing(plane: Prim) -> Vector | None:
+    """Return where the front of a plane faces, None where nothing says how it is turned."""
+    axis = plane.attributes.get(AXIS, "Z")
+    if plane.world is None or axis not in _AXES:
+        return None
+    return decompose(plane.world).rotation[_AXES.index(axis)]
 
 
 def _solid_planes(stage: StageModel, robot: str) -> Iterator[Prim]:

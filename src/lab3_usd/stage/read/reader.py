@@ -96,13 +96,10 @@ class _Scan:
         self._namespaces: dict[str, str] = {"/": ""}
 
     def run(self) -> None:
-        """Look at every prim; at those that the application made for itself only for scripts.
-
-        Classes are left out: they are in no scene, and what inherits them is looked at there.
-        """
+        """Look at every prim; at those that the application made for itself only for scripts."""
         form = self._lab.catalog.graph
         for top in self._stage.GetPseudoRoot().GetFilteredChildren(EVERYTHING):
-            if not top.IsAbstract():
+            if not top.IsAbstract():  # classes are judged where they are inherited
                 self._tree(top, is_ignored=form.ignores(str(top.GetPath())))
         if self._stage.GetPrototypes():
             everything = Usd.PrimRange(self._stage.GetPseudoRoot(), EVERYTHING)

@@ -4,10 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.scene.ground import boxes, falling_ground, has_ground, lights
-from lab3_usd.check.scene.pose_errors import vector_text
+from lab3_usd.check.scene.gravity import gravity_faults
+from lab3_usd.check.scene.ground import (
+    AXIS,
+    UP,
+    boxes,
+    facing,
+    falling_ground,
+    has_ground,
+    lights,
+    steep_planes,
+)
+from lab3_usd.check.scene.pose_errors import pose_property, vector_text
 from lab3_usd.model.absent_prims import absence_reason, has_unresolved_outside
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below
@@ -16,19 +28,11 @@ from lab3_usd.model.physics import (
     BODY_ENABLED,
     COLLISION_API,
     COLLISION_ENABLED,
-    GRAVITY,
-    GRAVITY_DIRECTION,
     PLANE,
     SCENE,
-    number,
-    vector,
 )
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.transform_math import angle_between
 from lab3_usd.spec.scene import WorldPart
-
-_DOWN = (0.0, 0.0, -1.0)
-_TILT = 5.0  # degrees from which on a robot slides or rolls
 
 
 @rule("S13", "ground", scope="stage")
@@ -37,8 +41,9 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
 
     Why: at Play the robot falls for ever. A ground that is a rigid body falls with it.
 
-    Fix: activate the ground plane, tick Collision Enabled on it, or remove its Rigid Body. Restore
-    a deleted ground from the supplied file, or create one with Create > Physics > Ground Plane.
+    Fix: activate the ground plane, tick Collision Enabled on it, turn it so that it faces up, or
+    remove its Rigid Body. Restore a deleted ground from the supplied file, or create one with
+    Create > Physics > Ground Plane.
 
     Example: the collision plane below `/Environment` deactivated.
     """
@@ -48,6 +53,10 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
     falling = falling_ground(subject)
     if falling is not None:
         yield _falls(asked, *falling)
+        return
+    steep = next(steep_planes(subject.stage, subject.lab.scene.robot.path), None)
+    if steep is not None:
+        yield _faces_elsewhere(asked, steep)
         return
     off = _silent_ground(subject)
     if off is not None:
@@ -74,6 +83,21 @@ def _falls(asked: WorldPart, ground: Prim, body: Prim) -> Problem:
         asked.handout,
         related=tuple(sorted({asked.usual, ground.path} - {body.path})),
         hint=f"remove Rigid Body from {body.name} in the Property panel",
+    )
+
+
+def _faces_elsewhere(asked: WorldPart, plane: Prim) -> Problem:
+    faces, up = vector_text(facing(plane) or UP), vector_text(UP)
+    is_turned = plane.attributes.get(AXIS, "Z") == "Z"
+    return Problem(
+        plane.path,
+        f"the ground does not carry the robot: {plane.name} faces {faces}, expected {up}",
+        pose_property(plane, "rotate") if is_turned else AXIS,
+        up,
+        faces,
+        asked.handout,
+        related=(asked.usual,),
+        hint=f"turn {plane.name}, or the prim that holds it, so that its front faces up",
     )
 
 
@@ -112,7 +136,7 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
     Without weight the wheels do not grip the ground.
 
     Fix: activate or restore `physicsScene`, or choose Create > Physics > Physics Scene. Restore its
-    gravity: Magnitude -inf or 9.81, and Direction (0, 0, -1) or (0, 0, 0).
+    gravity: Magnitude 9.81, and Direction (0, 0, -1). Clear Disable Gravity on the links.
 
     Example: `/physicsScene` deleted, or `physics:gravityMagnitude` 0 on it.
     """
@@ -120,30 +144,11 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
     asked = _asked(subject, subject.lab.scene.world.physics_scene)
     if asked is None:
         return
-    present = [prim for prim in found if prim.present]
-    wrong = [each for prim in present for each in _wrong_gravity(prim, asked)]
-    if present and len(wrong) == len(present):
-        yield wrong[0]
-    elif not present and not _is_elsewhere(subject):
+    for wrong in gravity_faults(subject):
+        related = (asked.usual,) if wrong.prim != asked.usual else ()
+        yield replace(wrong, handout=asked.handout, related=related)
+    if not any(prim.present for prim in found) and not _is_elsewhere(subject):
         yield _missing(subject, asked, "a physics scene", found)
-
-
-def _wrong_gravity(scene: Prim, asked: WorldPart) -> Iterator[Problem]:
-    """Say that the gravity of a scene does not hold the robot on the ground.
-
-    A negative magnitude is that of the earth, and a direction of zeros is down (UsdPhysics).
-    """
-    strength = number(scene.attributes.get(GRAVITY))
-    along = vector(scene.attributes.get(GRAVITY_DIRECTION))
-    usual = (asked.usual,) if scene.path != asked.usual else ()
-    if strength == 0:
-        message, expected = "there is no gravity: its magnitude is 0", "-inf or 9.81"
-        yield Problem(scene.path, message, GRAVITY, expected, "0", asked.handout, usual)
-    elif any(along) and not angle_between(along, _DOWN) <= _TILT:
-        is_ = vector_text(along)
-        message = f"gravity pulls along {is_}, expected {vector_text(_DOWN)}"
-        down = vector_text(_DOWN)
-        yield Problem(scene.path, message, GRAVITY_DIRECTION, down, is_, asked.handout, usual)
 
 
 @rule("S16", "observation-camera", scope="stage", severity="warning")
