@@ -231,6 +231,19 @@ def test_why_a_node_is_absent_is_said(step: dict[str, Any], reason: str) -> None
     assert len(finding.related) == 1
 
 
+def test_a_node_in_another_graph_is_named_and_not_added_again() -> None:
+    node, other = "ROS_Drive/ros2_subscribe_twist", "/World/Listening"
+    steps = [{"define": [other, "OmniGraph"]}, {"move": [node, f"{other}/ros2_subscribe_twist"]}]
+    found = [each for each in judged(broken("02", steps), "02").findings if each.rule == "N01"]
+    assert [each.related for each in found] == [(f"{other}/ros2_subscribe_twist",)]
+    assert_words(found[0], f"{other}/ros2_subscribe_twist is in another graph")
+    assert found[0].fix is None
+
+
+def test_a_node_of_a_type_that_other_graphs_have_is_not_sought_there() -> None:
+    assert the_only({"remove": "ROS_Clock/ros2_context"}).related == ()
+
+
 def test_the_asset_that_could_have_brought_a_node_is_named() -> None:
     stage = broken("01", [{"over": "ROS_Clock/ros2_context"}])
     stage.GetPrimAtPath("/World/ROS_Clock").GetPayloads().AddPayload("clock.usd")

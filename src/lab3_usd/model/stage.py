@@ -82,6 +82,7 @@ class Node(Struct, frozen=True):
 
 
 DEACTIVATED, OVER, OUTSIDE = "deactivated", "an over without a def", "outside every graph"
+ELSEWHERE = "in another graph"
 
 
 class AbsentPrim(Struct, frozen=True):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.absent_nodes import absent_nodes
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import live_nodes, severity_if_uncertain
 from lab3_usd.check.ros.topics import Endpoint, endpoints
-from lab3_usd.check.rules.graphs.nodes import absent_nodes
 from lab3_usd.check.scene.wheel_commands import is_doubtful, second_commanders
 from lab3_usd.model.absent_prims import nodes_outside_graphs
 from lab3_usd.model.finding import Problem

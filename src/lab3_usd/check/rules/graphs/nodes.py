@@ -6,50 +6,13 @@ from collections.abc import Iterator
 
 from lab3_usd.check.harmless_faults import without_node
 from lab3_usd.check.hints import shown_graph
-from lab3_usd.check.match.result import Roles
+from lab3_usd.check.match.absent_nodes import absent_nodes, in_another_graph, missing_roles
 from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.model.absent_prims import nodes_outside_graphs
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.formatting import role_title
-from lab3_usd.model.stage import DEACTIVATED, OUTSIDE, OVER, AbsentPrim, Node, StageModel
-from lab3_usd.spec.catalog import Catalog
-from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef
-
-
-def _missing(spec: GraphSpec, roles: Roles) -> list[NodeSpec]:
-    """Return the roles that no node plays and no node of another type stands in for."""
-    if roles.graph is None:
-        return []
-    return [
-        each
-        for role, each in spec.nodes.items()
-        if roles.node_of[role] is None and role not in roles.retyped
-    ]
-
-
-def absent_nodes(
-    spec: GraphSpec, roles: Roles, stage: StageModel, catalog: Catalog
-) -> dict[str, AbsentPrim]:
-    """Pair missing roles with prims of their type that are in the file but not in the graph.
-
-    A prim that is named like a role is that role's before it may be another's.
-    """
-    outside = (
-        AbsentPrim(node.path, node.type_name, OUTSIDE) for node in nodes_outside_graphs(stage)
-    )
-    offers = [*(() if roles.graph is None else roles.graph.absent), *outside]
-    found: dict[str, AbsentPrim] = {}
-    for must_be_named in (True, False):
-        for each in _missing(spec, roles):
-            for offer in offers if each.role not in found else ():
-                is_named = offer.path.endswith(f"/{each.role}")
-                fits = catalog.get(offer.type_name) is each.type
-                if fits and (is_named or not must_be_named):
-                    found[each.role] = offer
-                    offers.remove(offer)
-                    break
-    return found
+from lab3_usd.model.stage import DEACTIVATED, ELSEWHERE, OUTSIDE, OVER, AbsentPrim, Node
+from lab3_usd.spec.graph import NodeSpec, PortRef
 
 
 @rule("N01", "missing-node", scope="graph")
@@ -69,7 +32,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
     if graph is None:
         return
     absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.catalog)
-    missing = _missing(subject.spec, subject.roles)
+    missing = missing_roles(subject.spec, subject.roles)
     overs = [each for each in absent.values() if each.reason == OVER]
     asset = subject.stage.unresolved_above(graph.path)
     if asset is not None and len(overs) > 1:
@@ -77,7 +40,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
         missing = [each for each in missing if each.role in absent]
         missing = [each for each in missing if absent[each.role] not in overs]
     for spec in missing:
-        there = absent.get(spec.role)
+        there = absent.get(spec.role) or in_another_graph(spec, subject)
         why = "" if there is None else f": {there.path} is {there.reason}{_below(there, subject)}"
         spared = without_node(subject, spec.role)
         yield Problem(
@@ -121,7 +84,7 @@ def _way_back(subject: GraphSubject, spec: NodeSpec, there: AbsentPrim | None) -
         return f"add {role_title(spec)} to {name} and {_wiring(subject, spec)}"
     if there.reason == DEACTIVATED:
         return f"right-click {there.path} in the Stage panel and choose Activate"
-    if there.reason == OUTSIDE and graph is not None:
+    if there.reason in {OUTSIDE, ELSEWHERE} and graph is not None:
         return f"drag {there.path} back below {graph.path} in the Stage panel and check its wires"
     define = "write def instead of over for" if there.reason == OVER else "delete"
     otherwise = ", or delete it" if there.reason == OVER else ""
