@@ -200,7 +200,7 @@ def _joint(name: str) -> list[Sabotage]:
         ),
         *(
             Sabotage(f"{name} with a {end}", "02", put(path, end, at), (path, end))
-            for end, at in (("physics:lowerLimit", -90.0), ("physics:upperLimit", 720.0))
+            for end, at in (("physics:lowerLimit", -90.0), ("physics:upperLimit", 90.0))
         ),
         Sabotage(f"{name} undriven", "02", without_api(path, api), (path, drive("damping"))),
         Sabotage(

@@ -396,6 +396,14 @@ def test_a_value_of_another_type_counts_for_nothing(tmp_path: Path) -> None:
     assert behaviour(path)["verdict"] == "ok"
 
 
+def test_a_value_of_another_precision_is_read(tmp_path: Path) -> None:
+    path = saved(correct_stage("02"), tmp_path, "Lab3_02.usda")
+    words = path.read_text()
+    assert "double inputs:wheelRadius" in words
+    path.write_text(words.replace("double inputs:wheelRadius", "float inputs:wheelRadius"))
+    assert behaviour(path)["verdict"] == "ok"
+
+
 @pytest.mark.parametrize("unit", [0.0, -1.0, math.nan, 1e-12])
 def test_a_unit_that_is_none_is_a_metre(tmp_path: Path, unit: float) -> None:
     stage = correct_stage("02")

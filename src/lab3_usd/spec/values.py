@@ -73,6 +73,20 @@ def fits_type(value: Any, usd_type: str) -> bool:  # noqa: ANN401
     return check is not None and check(value)
 
 
+# Types of which each can hold the values of the others. Isaac Sim reads them for one another: files
+# of earlier releases declare some inputs so.
+_ALIKE = (
+    frozenset({"float", "double", "half"}),
+    frozenset({"int", "uint", "int64", "uint64", "uchar"}),
+    frozenset({"string", "token"}),
+)
+
+
+def are_alike(one: str, other: str) -> bool:
+    """Whether values of two USD types stand for one another."""
+    return one == other or any(one in types and other in types for types in _ALIKE)
+
+
 def typed_value(value: Any, usd_type: str, where: str) -> Value:  # noqa: ANN401
     """Return `value` as it is stored: lists become tuples, numbers of float types floats.
 

@@ -16,6 +16,7 @@ from lab3_usd.sim.execution.registry import CONSTANT, FRAME, STEP, event_of, fun
 from lab3_usd.sim.execution.running import Running, initial, push
 from lab3_usd.sim.execution.world import World
 from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_connect
+from lab3_usd.spec.values import are_alike
 
 _USD = {"execution": "uint"}
 _UNLISTED = {  # outputs of types that the catalog does not describe, as far as they run here
@@ -151,7 +152,7 @@ def value_of(port: Port, state: Input, node: Running) -> Any:  # noqa: ANN401 - 
     """Return the value of an input without a wire: as saved, else the default."""
     if port.is_union:
         return state.literal if state.literal is not None else state.value
-    if state.value is not None and state.type in {port.usd_type, ""}:
+    if state.value is not None and (not state.type or are_alike(state.type, port.usd_type)):
         return state.value
     return node.type.default(port.name, node.node.version or None)
 

@@ -18,12 +18,7 @@ from lab3_usd.model.formatting import display, role_title, short_source
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.catalog import Port, Value
 from lab3_usd.spec.graph import NodeSpec, Setting
-
-_FAMILIES = (
-    ("float", "double", "half"),
-    ("int", "uint", "int64", "uint64", "uchar"),
-    ("string", "token"),
-)
+from lab3_usd.spec.values import are_alike
 
 
 class Found(Struct, frozen=True):
@@ -72,12 +67,9 @@ def _wrong_type(node: Node, port: Port | None) -> str | None:
     state = None if port is None else node.state(port.name)
     if port is None or state is None or port.is_union:
         return None
-    if state.usd_type in {"", port.usd_type}:  # no type is told of a port without a value
-        return None
-    for family in _FAMILIES:
-        if state.usd_type in family and port.usd_type in family:
-            return None
-    return state.usd_type
+    # No type is told of a port without a value.
+    is_right = not state.usd_type or are_alike(state.usd_type, port.usd_type)
+    return None if is_right else state.usd_type
 
 
 def _frames_forbidden(subject: GraphSubject, found: Found) -> bool:
