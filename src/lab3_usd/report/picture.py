@@ -153,13 +153,18 @@ def port_id(prim: str, prop: str | None = None) -> str:
 
 @lru_cache(maxsize=4096)
 def _encoded(text: str) -> str:
-    # After a `-` comes `-`, `c-` or `x`: the code can be read back, so it is never ambiguous.
-    codes = {"/": "--", ":": "-c-"}
-    return "".join(
-        char if char == "_" or (char.isascii() and char.isalnum()) else codes.get(char, _hex(char))
-        for char in text
-    )
+    return text.translate(_CODES)
 
 
-def _hex(char: str) -> str:
-    return f"-x{ord(char):x}-"
+class _Codes(dict[int, str]):
+    """What stands for each character, by its number."""
+
+    def __missing__(self, number: int) -> str:
+        char = chr(number)
+        # After a `-` comes `-`, `c-` or `x`: the code can be read back, so it is never ambiguous.
+        kept = char == "_" or (char.isascii() and char.isalnum())
+        self[number] = code = char if kept else f"-x{number:x}-"
+        return code
+
+
+_CODES = _Codes({ord("/"): "--", ord(":"): "-c-"})
