@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from msgspec import Struct
 from rosbags.interfaces import Connection, Qos, QosDurability
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -14,14 +15,20 @@ from rosbags.typesys import Stores, get_typestore
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
-class Sent(NamedTuple):
-    """A message on its way into a recording."""
+class Sent(Struct):
+    """A message on its way into a recording, which is decoded where somebody looks into it."""
 
     time: int
     topic: str
     type: str
-    said: Any  # a message, or bytes
+    held: Any  # a message, or its bytes
     qos: tuple[Qos, ...] = ()
+
+    @property
+    def said(self) -> Any:
+        if isinstance(self.held, bytes):
+            self.held = STORE.deserialize_cdr(self.held, self.type)
+        return self.held
 
 
 Change = Callable[[Sent], Iterator[Sent]]
@@ -33,9 +40,8 @@ def keep(sent: Sent) -> Iterator[Sent]:
 
 def messages(bag: Path) -> Iterator[Sent]:
     for connection, time, data in stored(bag):
-        said = STORE.deserialize_cdr(data, connection.msgtype)
         qos = tuple(connection.ext.offered_qos_profiles)
-        yield Sent(time, connection.topic, connection.msgtype, said, qos)
+        yield Sent(time, connection.topic, connection.msgtype, data, qos)
 
 
 @cache
@@ -65,7 +71,7 @@ def rewritten(
                 connections[key] = writer.add_connection(
                     *key, typestore=STORE, offered_qos_profiles=each.qos
                 )
-            data = each.said
+            data = each.held
             if not isinstance(data, bytes):
                 data = bytes(STORE.serialize_cdr(data, each.type))
             writer.write(connections[key], each.time, data)
