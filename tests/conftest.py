@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from browser import Browser, started
+from parsed_once import yaml_parsed_once
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SHARED = REPOSITORY.parent / "shared"
@@ -17,6 +18,12 @@ def pytest_collection_finish() -> None:
     """Leave out of every later search for garbage what is there for good: thousands of tests."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _yaml_parsed_once() -> Iterator[None]:
+    with yaml_parsed_once():
+        yield
 
 
 @pytest.fixture(scope="session")
