@@ -23,6 +23,7 @@ from lab3_usd import build_checkpoint
 from lab3_usd.model.dry_run.scene import Scene
 from lab3_usd.sim.behaviour.ros_interface import interface
 from lab3_usd.sim.execution.drive import Session, fixed_drive
+from lab3_usd.sim.lidar.rays import sweep
 from lab3_usd.sim.outcome import outcome
 from lab3_usd.sim.play import record
 from lab3_usd.spec.load.loader import load_lab
@@ -51,6 +52,7 @@ class Figure(Struct, frozen=True):
 def measured(scene: Scene, drive: Sequence[Session]) -> Figure:
     """Play a scene once and judge it."""
     lab = load_lab()
+    sweep.cache_clear()  # what the run before has seen
     start = time.process_time()
     evidence = record(scene, lab.catalog, drive, interface(lab, lab.checkpoints[CHECKPOINT]))
     played = time.process_time()

@@ -169,12 +169,12 @@ def test_a_mesh_is_what_its_faces_say() -> None:
     assert height_at(triangles(mesh), 1.5, 0.5, 9.0) is None
 
 
-ROOM = [
+ROOM = (
     (-1.0, -1.0, 1.0, -1.0),
     (1.0, -1.0, 1.0, 1.0),
     (1.0, 1.0, -1.0, 1.0),
     (-1.0, 1.0, -1.0, -1.0),
-]
+)
 
 
 def test_rays_in_a_square_room() -> None:
@@ -185,8 +185,8 @@ def test_rays_in_a_square_room() -> None:
 def test_rays_begin_at_the_near_range_and_end_at_the_far() -> None:
     near = [(0.5, -0.2, 0.5, 0.2)]
     quarter = math.pi / 2
-    assert sweep(Beam(-math.pi, quarter, 4, 0.1, 10.0), [*ROOM, *near])[2] == pytest.approx(0.5)
-    assert sweep(Beam(-math.pi, quarter, 4, 0.6, 10.0), [*ROOM, *near])[2] == pytest.approx(1.0)
+    assert sweep(Beam(-math.pi, quarter, 4, 0.1, 10.0), (*ROOM, *near))[2] == pytest.approx(0.5)
+    assert sweep(Beam(-math.pi, quarter, 4, 0.6, 10.0), (*ROOM, *near))[2] == pytest.approx(1.0)
     assert sweep(Beam(-math.pi, quarter, 4, 0.1, 0.9), ROOM) == (-1.0,) * 4
 
 

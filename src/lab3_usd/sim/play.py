@@ -127,7 +127,7 @@ def record(
             scan.range_min / unit,
             scan.range_max / unit,
         )
-        seen = sweep(beam, world.surroundings.around(in_metres(at, 1.0 / unit)))
+        seen = sweep(beam, tuple(world.surroundings.around(in_metres(at, 1.0 / unit))))
         return tuple(each if each < 0 else each * unit for each in seen)
 
     causes = RunCauses(player.program, recording.messages, robot, wanted.commands)

@@ -65,7 +65,7 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
     )
     known, sensor = world.surroundings, writer.product.sensor
     own = [*known.carried(sensor, world.machines), *known.beside(sensor, world.machines)]
-    seen = sweep(beam, [*known.around(at), *own])
+    seen = sweep(beam, (*known.around(at), *own))
     ranges = [each if each < 0 else each * unit for each in seen]
     if writer.covered < 1.0:
         first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 
 from msgspec import Struct
 
 from lab3_usd.model.dry_run.behaviour import Segment
 
+_MOST_KEPT = 128  # sweeps: a lidar that stands, or comes there again, sees the same
 NOTHING = -1.0  # what Isaac Sim writes for a ray without return
 EDGE_ON = 1e-12
 
@@ -31,7 +31,8 @@ def directions(start: float, step: float, count: int) -> tuple[list[float], list
     return [math.cos(each) for each in angles], [math.sin(each) for each in angles]
 
 
-def sweep(beam: Beam, segments: Sequence[Segment]) -> tuple[float, ...]:
+@lru_cache(maxsize=_MOST_KEPT)
+def sweep(beam: Beam, segments: tuple[Segment, ...]) -> tuple[float, ...]:
     """Return the distance along each direction to the nearest segment in range."""
     ranges = [math.inf] * beam.count
     near, count = beam.near, beam.count
