@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -25,9 +25,11 @@ from in_process import lab3
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from lab3_usd import cli
+from lab3_usd import cli, data
 from lab3_usd.check.registry import all_rules
 from lab3_usd.report.formats.registry import FORMATS
+from lab3_usd.spec.load import loader
+from lab3_usd.spec.load.isaac_types import load_isaac_types
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -35,6 +37,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *DOCS.glob("*.md"), ROOT / "schema" / "READM
 BEFORE = re.compile(r"<!-- before:\s+(.+?)\s*-->", re.DOTALL)
 # A command that needs no shell, and what a page may ask of it afterwards.
 ALONE = re.compile(r"""lab3 ([^$&*;<>?`|~\\\n]+)(; echo "exit code \$\?")?""")
+RUN = re.compile(r"(?m)^\s*```(console|python)\b")
 RULE = re.compile(r"`([A-Z]{1,2}\d\d)`|\b([A-Z]{1,2}\d\d) [a-z]+-[a-z-]+\b")
 
 
@@ -73,12 +76,26 @@ def blocks(page: Path) -> Iterator[Block]:
 # ---- what a page shows is run, in a copy of what the program needs, one block after the other
 
 
+@contextmanager
+def data_in(checkout: Path) -> Iterator[None]:
+    """Make this process find its files as one of another checkout does, and read them anew."""
+    kept = (data.data_folder, loader._bundled, loader._load, load_isaac_types)
+    with patch.object(data, "PACKAGE", checkout / "src" / "lab3_usd"):
+        for each in kept:
+            each.cache_clear()
+        try:
+            yield
+        finally:
+            for each in kept:
+                each.cache_clear()
+
+
 @dataclass(frozen=True)
 class Sandbox:
     """A folder where a page's commands run; `environment` makes them those of this checkout.
 
-    As in a terminal, `cd` holds for the commands that follow. Where `has_own_lab`, all of them are
-    processes, which use the lab of this folder.
+    As in a terminal, `cd` holds for the commands that follow. Where `has_own_lab`, they use the lab
+    of this folder.
     """
 
     folder: Path
@@ -114,9 +131,10 @@ class Sandbox:
         What it says goes first, as through a pipe.
         """
         alone = ALONE.fullmatch(command)
-        if alone is None or self.has_own_lab:
+        if alone is None:
             return self.bash(command)
-        with self.entered():
+        own = data_in(self.folder) if self.has_own_lab else nullcontext()
+        with self.entered(), own:
             done = lab3(*shlex.split(alone[1]))
         code = f"exit code {done.returncode}\n" if alone[2] else ""
         return done.stderr + done.stdout + code
@@ -244,7 +262,7 @@ def run_blocks(page: Path, sandbox: Sandbox) -> None:
 
 
 def is_run(page: Path) -> bool:
-    return any(block.language in {"console", "python"} for block in blocks(page))
+    return RUN.search(page.read_text(encoding="utf-8")) is not None
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if is_run(page)], ids=name_of)
