@@ -129,14 +129,14 @@ def a_million_prims(folder: Path, kit: Kit) -> None:
 @hostile
 def a_huge_array(folder: Path, kit: Kit) -> None:
     del kit
-    numbers = ", ".join(["1"] * 4_000_000)
+    numbers = ", ".join(["1"] * 1_000_000)
     text(folder, f'#usda 1.0\ndef "World" {{\n int[] x = [{numbers}]\n}}\n')
 
 
 @hostile
 def an_enormous_string(folder: Path, kit: Kit) -> None:
     del kit
-    text(folder, '#usda 1.0\ndef "World" {\n string s = "' + "x" * 30_000_000 + '"\n}\n')
+    text(folder, '#usda 1.0\ndef "World" {\n string s = "' + "x" * 10_000_000 + '"\n}\n')
 
 
 @hostile

@@ -90,7 +90,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     rows = []
     for book, limits in (("class", LIMITS), ("endless", SOON)):
         out = place / "out" / book
-        rows += grade_class(ClassSettings(place / book, starter(), out, limits=limits, jobs=2))
+        rows += grade_class(ClassSettings(place / book, starter(), out, limits=limits))
     return Run(kit, place / "out", before, {row["student"]: row for row in rows})
 
 
