@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from browser import Browser, started
 from parsed_once import yaml_parsed_once
+from starter_once import starter_made_once
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SHARED = REPOSITORY.parent / "shared"
@@ -21,8 +22,8 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _yaml_parsed_once() -> Iterator[None]:
-    with yaml_parsed_once():
+def _made_once() -> Iterator[None]:
+    with yaml_parsed_once(), starter_made_once():
         yield
 
 
