@@ -87,6 +87,14 @@ def test_each_fault_is_one_error_at_its_place(
     assert [(each.prim, each.property) for each in found] == [fault.site]
 
 
+@pytest.mark.parametrize(
+    ("name", "rule"),
+    [("base_link no body", "S05"), ("no physics", "S15"), ("lidar link moved", "S17")],
+)
+def test_a_fault_is_said_by_its_rule(name: str, rule: str, said: dict[str, list[Finding]]) -> None:
+    assert [each.rule for each in errors(said[name])] == [rule]
+
+
 def costs_an_item(fault: Sabotage, found: list[Finding]) -> bool:
     lab = load_lab()
     items = scene_items(lab, lab.checkpoints[fault.checkpoint])
