@@ -79,11 +79,11 @@ _NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
 
 def with_value(text: str, value: str, at: int | None = None) -> str:
     """Put a value in the place of the one with this number, or of every one."""
+    if at is None:
+        return _VALUE.sub(lambda place: place["key"] + value, text)
     places = list(_VALUE.finditer(text))
-    chosen = places if at is None else [places[at % len(places)]]
-    for place in reversed(chosen):
-        text = f"{text[: place.start('value')]}{value}{text[place.end('value') :]}"
-    return text
+    chosen = places[at % len(places)]
+    return f"{text[: chosen.start('value')]}{value}{text[chosen.end('value') :]}"
 
 
 def submitted(folder: Path, map_text: str, params: str, outputs: dict[str, str]) -> Path:

@@ -183,9 +183,9 @@ def test_blocks_have_their_places() -> None:
     assert text[slice(*statement.value or ())] == "1"
 
 
-@pytest.mark.parametrize("seed", range(0, 400, 40))
+@pytest.mark.parametrize("seed", range(0, 200, 20))
 def test_random_edits_of_random_layers_change_nothing_else(seed: int, tmp_path: Path) -> None:
-    found = [fault_of(each, tmp_path) for each in range(seed, seed + 40)]
+    found = [fault_of(each, tmp_path) for each in range(seed, seed + 20)]
     assert [each for each in found if each] == []
 
 
