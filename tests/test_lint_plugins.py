@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
@@ -40,13 +41,13 @@ from pxr import Usd, UsdValidation
 registry = UsdValidation.ValidationRegistry()
 names = [each.name for each in registry.GetValidatorMetadataForKeyword("Lab3")]
 context = UsdValidation.ValidationContext(registry.GetOrLoadValidatorsByName(names))
-told = []
-stage = Usd.Stage.Open(sys.argv[1])
-for error in context.Validate(stage):
-    (site,) = error.GetSites()
-    prim = site.GetPrim() if site.IsPrim() else site.GetProperty().GetPrim()
-    told.append((error.GetName(), str(prim.GetPath())))
-print(json.dumps(told))
+def told(path):
+    stage = Usd.Stage.Open(path)
+    for error in context.Validate(stage):
+        (site,) = error.GetSites()
+        prim = site.GetPrim() if site.IsPrim() else site.GetProperty().GetPrim()
+        yield error.GetName(), str(prim.GetPath())
+print(json.dumps([[*told(path)] for path in sys.argv[1:]]))
 """
 NVIDIA = """
 import json, sys
@@ -54,31 +55,34 @@ import usd_validation_nvidia as module
 from lab3_usd.plugins.nvidia import rule_class
 engine = module.ValidationEngine(init_rules=False, variants=False)
 engine.enable_rule(rule_class(module))
-issues = engine.validate(sys.argv[1]).issues()
-print(json.dumps([(each.message.split()[0], str(each.at.path)) for each in issues]))
+def told(path):
+    for each in engine.validate(path).issues():
+        yield each.message.split()[0], str(each.at.path)
+print(json.dumps([[*told(path)] for path in sys.argv[1:]]))
 """
 
 
-def by_openusd(path: Path) -> Told:
+def by_openusd(paths: list[Path]) -> list[Told]:
     validation = pytest.importorskip("pxr.UsdValidation")
     if not hasattr(validation.ValidationRegistry, "RegisterPluginStageValidator"):
         pytest.skip("this usd-core takes no validators of Python")
-    return told_in(OPENUSD, path, PXR_PLUGINPATH_NAME=str(PLUGIN))
+    return told_in(OPENUSD, paths, PXR_PLUGINPATH_NAME=str(PLUGIN))
 
 
-def by_nvidia(path: Path) -> Told:
+def by_nvidia(paths: list[Path]) -> list[Told]:
     if find_spec("usd_validation_nvidia") is None:
         pytest.skip("the extra 'nvidia' is not installed")
-    return told_in(NVIDIA, path)
+    return told_in(NVIDIA, paths)
 
 
-def told_in(code: str, path: Path, **environment: str) -> Told:
-    """Return what another validator tells in a process of its own."""
-    command = [sys.executable, "-c", code, str(path)]
+def told_in(code: str, paths: list[Path], **environment: str) -> list[Told]:
+    """Return what another validator tells of each stage in a process of its own."""
+    command = [sys.executable, "-c", code, *map(str, paths)]
     done = subprocess.run(
         command, capture_output=True, text=True, check=True, env={**os.environ, **environment}
     )
-    return sorted((rule, prim) for rule, prim in json.loads(done.stdout.splitlines()[-1]))
+    said = json.loads(done.stdout.splitlines()[-1])
+    return [sorted((rule, prim) for rule, prim in told) for told in said]
 
 
 FAULTS = quick_yaml.load(Path(__file__).with_name("lint_faults.yaml").read_text())
@@ -92,22 +96,31 @@ MANY = (
 )
 
 
-@pytest.fixture(params=["vendor", "menus", "faults"])
-def stage(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    if request.param == "vendor":
-        return EXAMPLE
-    path = tmp_path / "stage.usda"
+STAGES = ("vendor", "menus", "faults")
+
+
+@pytest.fixture(scope="module")
+def stages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("stages")
     steps = [step for name in MANY for step in FAULTS[name]["rover"]["break"]]
-    made = with_menus(*MENUS) if request.param == "menus" else broken_robot("rover", steps)
-    made.GetRootLayer().Export(str(path))
-    return path
+    made = {"menus": with_menus(*MENUS), "faults": broken_robot("rover", steps)}
+    for name, stage in made.items():
+        stage.GetRootLayer().Export(str(folder / f"{name}.usda"))
+    return [EXAMPLE, *(folder / f"{name}.usda" for name in made)]
 
 
-@pytest.mark.parametrize("door", [by_openusd, by_nvidia])
-def test_every_door_shows_the_same(door: Any, stage: Path) -> None:
-    told = by_command(stage)
+@pytest.fixture(scope="module", params=[by_openusd, by_nvidia])
+def shown(request: pytest.FixtureRequest, stages: list[Path]) -> list[Told]:
+    """What another door shows of each stage."""
+    door: Callable[[list[Path]], list[Told]] = request.param
+    return door(stages)
+
+
+@pytest.mark.parametrize("number", range(len(STAGES)), ids=STAGES)
+def test_every_door_shows_the_same(number: int, shown: list[Told], stages: list[Path]) -> None:
+    told = by_command(stages[number])
     assert len(told) > 3
-    assert door(stage) == told
+    assert shown[number] == told
 
 
 def test_a_stage_that_is_open_elsewhere_stays_as_it_is() -> None:
