@@ -29,7 +29,6 @@ from lab3_usd import cli, data
 from lab3_usd.check.registry import all_rules
 from lab3_usd.report.formats.registry import FORMATS
 from lab3_usd.spec.load import loader
-from lab3_usd.spec.load.isaac_types import load_isaac_types
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -79,16 +78,23 @@ def blocks(page: Path) -> Iterator[Block]:
 
 @contextmanager
 def data_in(checkout: Path) -> Iterator[None]:
-    """Make this process find its files as one of another checkout does, and read them anew."""
-    kept = (data.data_folder, loader._bundled, loader._load, load_isaac_types)
-    with patch.object(data, "PACKAGE", checkout / "src" / "lab3_usd"):
-        for each in kept:
-            each.cache_clear()
+    """Make this process find its files as one of another checkout does, and read the lab anew.
+
+    The lab that was loaded before stays what it is: others hold it.
+    """
+    loaders = {
+        name: functools.lru_cache(getattr(loader, name).__wrapped__)
+        for name in ("_bundled", "_load")
+    }
+    with (
+        patch.object(data, "PACKAGE", checkout / "src" / "lab3_usd"),
+        patch.multiple(loader, **loaders),
+    ):
+        data.data_folder.cache_clear()
         try:
             yield
         finally:
-            for each in kept:
-                each.cache_clear()
+            data.data_folder.cache_clear()
 
 
 @dataclass(frozen=True)
