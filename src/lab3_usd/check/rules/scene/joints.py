@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.scene.axles import anchor
+from lab3_usd.check.scene.axles import anchor, axle
 from lab3_usd.check.scene.wheel_joints import (
     WheelJoint,
     base_side,
@@ -210,7 +210,9 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     apart = distance(one, other)
     units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
     if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
-        yield from _exchanged(places, wheels)
+        axles = [axle(joint, subject) for joint in places]
+        if all(found and dot(found, wheels.axle) > 0 for found in axles):  # else S09 speaks
+            yield from _exchanged(places, wheels)
         return
     half = wheels.distance / 2
     is_first = abs(abs(one[1]) - half) >= abs(abs(other[1]) - half)
