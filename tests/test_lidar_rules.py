@@ -130,6 +130,8 @@ def test_a_lidar_inside_an_xform_at_its_path_is_misplaced() -> None:
     move_prim(LIDAR, inner)(stage)
     move_prim(f"{ROBOT}/base_scan/Example", LIDAR)(stage)
     assert told(stage, "03") == [("L02", f"{LIDAR}/Lidar2D", None)]
+    move_prim(f"{LIDAR}/Lidar2D/ROS_Lidar2D", f"{LIDAR}/ROS_Lidar2D")(stage)
+    assert told(stage, "03") == [("L02", f"{LIDAR}/Lidar2D", None)]
 
 
 def test_a_lidar_below_a_missing_link_is_not_told_again() -> None:
