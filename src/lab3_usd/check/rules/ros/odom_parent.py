@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.running import effective_value
+from lab3_usd.check.ros.running import effective_value, running_nodes
 from lab3_usd.check.tf.lab_frames import TfView
 from lab3_usd.check.tf.target_frames import tf_ports
 from lab3_usd.model.finding import Problem
@@ -21,12 +21,12 @@ _DELETED = "deactivated"
 
 
 class _Placement(Struct, frozen=True):
-    """A node that places `odom`: below which frame, and whether anything drives it."""
+    """A node that places `odom`: below which frame, and why nobody hears of it, if so."""
 
     node: str
     parent: str | None
     port: str | None
-    driven: bool
+    unheard: str = ""
 
 
 @rule("T07", "odom-below-another-frame", scope="frames")
@@ -65,7 +65,7 @@ def _placements(view: TfView) -> Iterator[_Placement]:
         if edge.child == view.odom and edge.cause not in seen:
             seen.add(edge.cause)
             port = _wrong_port(edge.parent, tf_ports(view.live_nodes[edge.cause]), view)
-            yield _Placement(edge.cause, edge.parent, port, driven=True)
+            yield _Placement(edge.cause, edge.parent, port)
     for path, node in view.live_nodes.items():
         names = tf_ports(node).names
         if (
@@ -75,7 +75,9 @@ def _placements(view: TfView) -> Iterator[_Placement]:
         ):
             parent = effective_value(node, names[0], view.live_nodes)
             parent = parent if isinstance(parent, str) else None
-            yield _Placement(path, parent, _wrong_port(parent, tf_ports(node), view), driven=False)
+            runs = path in running_nodes(view.subject.stage, view.subject.lab)
+            unheard = ", though not on a topic of tf2" if runs else ", though nothing drives it"
+            yield _Placement(path, parent, _wrong_port(parent, tf_ports(node), view), unheard)
 
 
 def _wrong_port(parent: str | None, ports: TfPorts, view: TfView) -> str | None:
@@ -103,11 +105,10 @@ def _placed(placement: _Placement, view: TfView) -> Problem:
     frames = view.subject.lab.frames
     parent = "an unknown frame" if placement.parent is None else placement.parent
     asked, hint = _asked(placement, view)
-    undriven = "" if placement.driven else ", though nothing drives it"
     may = f"only {frames.localization.by} may" if frames.localization else "nothing may"
     return Problem(
         placement.node,
-        f"publishes {parent} -> {view.odom}{undriven}; {may} place '{view.odom}'",
+        f"publishes {parent} -> {view.odom}{placement.unheard}; {may} place '{view.odom}'",
         property=placement.port,
         expected=asked,
         actual=f"{parent} -> {view.odom}",
