@@ -221,6 +221,7 @@ def _loose() -> list[Sabotage]:
     held = weld(hold, body1=f"{ROBOT}/base_footprint")
     lock, cross = f"{JOINTS}/lock", "/World/cross"
     left, right = (f"{ROBOT}/{link}" for link in WHEELS.values())
+    scan, place = f"{JOINTS}/scan_joint", "physics:localPos0"
     seconds = {
         "wheel locked": (lock, weld(lock, body0=f"{ROBOT}/base_link", body1=left)),
         "wheels coupled": (cross, weld(cross, "PhysxPhysicsGearJoint", body0=left, body1=right)),
@@ -238,6 +239,12 @@ def _loose() -> list[Sabotage]:
             ("scan_joint", "base_scan"),
             ("caster_back_joint", "caster_back_link"),
         )
+    ]
+    found += [
+        Sabotage("lidar link on a hinge", "02", retype(scan, "PhysicsRevoluteJoint"), (scan, None)),
+        Sabotage(
+            "lidar link held elsewhere", "05", put(scan, place, Gf.Vec3f(0.2, 0, 0)), (scan, place)
+        ),
     ]
     left_joint, right_joint = (f"{JOINTS}/{name}" for name in WHEELS)
     exchanged = several(

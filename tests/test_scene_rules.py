@@ -33,6 +33,7 @@ from scene_changes import (
     put,
     refer,
     remove,
+    retype,
     rotated,
     several,
     slab,
@@ -410,6 +411,7 @@ WITHOUT_EFFECT = {
     "limits that exclude each other": several(
         put(LEFT_JOINT, "physics:lowerLimit", 1.0), put(LEFT_JOINT, "physics:upperLimit", -1.0)
     ),
+    "a caster that rolls": retype(f"{JOINTS}/caster_back_joint", "PhysicsSphericalJoint"),
     "endless force": put(LEFT_JOINT, drive("maxForce"), math.inf),
     "gravity of the earth": put(SCENE, "physics:gravityMagnitude", -math.inf),
     "gravity of the moon": put(SCENE, "physics:gravityMagnitude", 1.62),

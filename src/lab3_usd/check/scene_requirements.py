@@ -105,7 +105,8 @@ def _link_items(name: str, robot: RobotSpec) -> Iterator[SceneItem]:
             path,
             None,
             link.handout,
-            ("S12", "S07"),
+            ("S12", "S07", "S17"),
+            ("physics:localPos",),
         )
 
 

@@ -99,11 +99,11 @@ def _base(subject: StageSubject) -> str:
 def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
     """Map the base, and each body that fixed joints tie to it, to where it stands on the base."""
     found = {_base(subject): IDENTITY}
-    welds = [joint for joint in joints(subject.stage) if _is_weld(joint, subject)]
+    fixed = welds(subject)
     is_growing = True
     while is_growing:
         is_growing = False
-        for weld in welds:
+        for weld in fixed:
             ends = bodies(weld)
             for side, other in ((0, 1), (1, 0)):
                 if ends[side] not in found or not ends[other] or ends[other] in found:
@@ -114,6 +114,11 @@ def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
                     found[ends[other]] = multiply(seen, found[ends[side]])
                     is_growing = True
     return found
+
+
+def welds(subject: StageSubject) -> list[Prim]:
+    """Return the joints that hold two bodies where they say."""
+    return [joint for joint in joints(subject.stage) if _is_weld(joint, subject)]
 
 
 def _is_weld(joint: Prim, subject: StageSubject) -> bool:

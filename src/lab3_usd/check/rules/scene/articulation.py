@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.scene.axles import rest_frames
 from lab3_usd.check.scene.wheel_joints import could_hide_joints, has_no_joints, wheel_joints
 from lab3_usd.model.absent_prims import is_unresolved
 from lab3_usd.model.finding import Problem
@@ -15,6 +16,7 @@ from lab3_usd.model.physics import (
     ARTICULATION_ENABLED,
     BODIES,
     BODY_API,
+    FIXED,
     JOINT_ENABLED,
     bodies,
     is_articulated,
@@ -69,10 +71,11 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("S12", "loose-link", scope="stage")
 def loose_link(subject: StageSubject) -> Iterator[Problem]:
-    """No joint ties a link of the robot to the other links.
+    """No joint ties a link of the robot to the other links, or one lets the lidar's link move.
 
     Why: the robot separates at Play: the link stays behind or rolls away. Other rules check the
-    wheels. If several links come off together, the finding names the first.
+    wheels. If several links come off together, the finding names the first. A link whose place on
+    the robot the handout gives must be held there, by a fixed joint.
 
     Fix: undo the deletion of the joint, or start again from the supplied file. The handout says not
     to recreate the robot's physics.
@@ -101,6 +104,17 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
                 message += f": {off[0]} is switched off"
                 hint = f"select {off[0]} and set Joint Enabled in the Property panel"
             yield Problem(path, message, None, base, None, link.handout, off, hint=hint)
+        elif path in present and link.offset is not None and groups[path] == groups[base]:
+            yield from _movable(subject, path, link.handout)
+
+
+def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem]:
+    """Say that a link with a place on the robot hangs on a joint that moves."""
+    for joint in joints(subject.stage) if link not in rest_frames(subject) else ():
+        is_known = not is_unresolved(subject.stage, joint.path)
+        if link in bodies(joint) and joint.type != FIXED and is_known:
+            message = f"{joint.name} lets {link} move on the robot: it is a {joint.type}"
+            yield Problem(joint.path, message, None, FIXED, joint.type, handout, (link,))
 
 
 @rule("S21", "held-by-the-world", scope="stage")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec import Struct
+
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.scene.axles import rest_frames, welds
 from lab3_usd.check.scene.pose_errors import (
     is_near,
     pose_errors,
@@ -15,10 +18,17 @@ from lab3_usd.check.scene.pose_errors import (
     vector_text,
 )
 from lab3_usd.check.scene.robot_location import same_named_prims
-from lab3_usd.model.absent_prims import absence_reason, is_unresolved, missing_graphs_text
+from lab3_usd.model.absent_prims import (
+    absence_reason,
+    is_pose_unresolved,
+    is_unresolved,
+    missing_graphs_text,
+)
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.transform_math import IDENTITY, decompose, relative_transform
+from lab3_usd.model.physics import bodies
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.transform_math import IDENTITY, Vector, decompose, relative_transform
 
 
 @rule("S01", "missing-prim", scope="stage")
@@ -145,31 +155,64 @@ def scan_offset(subject: StageSubject) -> Iterator[Problem]:
     """A link, as the one that carries the lidar, is not at its place on the robot.
 
     Why: a scan is taken at the height of its link and published in that frame. At another place the
-    lidar sees parts of the robot, or the walls do not match the map. Only the first checkpoint is
-    judged, because a later stage may have been saved during a run.
+    lidar sees parts of the robot, or the walls do not match the map. The link's own transform is
+    judged in the first checkpoint only, because a later stage may have been saved during a run. At
+    Play the link goes where its joint holds it.
 
     Fix: select the link and set Translate to the value expected here in the Property panel, or
-    start again from the supplied file.
+    restore the local positions of its joint, or start again from the supplied file.
 
     Example: `{robot}/{link}` 3 cm beside its place.
     """
-    spec, stage = subject.lab.scene.robot, subject.stage
-    root = stage.prim(spec.path)
-    if subject.checkpoint.id != subject.lab.first or root is None or root.world is None:
-        return
-    tolerance = subject.lab.scene.tolerance.link_position
-    for name, link in spec.links.items():
-        prim, expected = stage.prim(f"{root.path}/{name}"), link.offset
-        if prim is None or prim.world is None or expected is None:
+    scene, stage = subject.lab.scene, subject.stage
+    units, robot = units_of(scene, stage), scene.robot
+    for name, link in robot.links.items():
+        prim, expected = stage.prim(f"{robot.path}/{name}"), link.offset
+        if prim is None or expected is None:
             continue
-        seen = relative_transform(prim.world, root.world)
-        if seen is None or (prim.local is None and is_unresolved(stage, prim.path)):
-            continue
-        actual = decompose(seen).translation
-        units = units_of(subject.lab.scene, stage)
-        if not is_near(actual, expected, tolerance, units):
-            is_, should = vector_text(actual), vector_text(units.shown(expected))
-            message = f"{name} sits at {is_} on the robot, expected {should}"
-            where = pose_property(prim, "translate")
-            hint = f"in the Property panel of {name}, set Translate to {should}"
-            yield Problem(prim.path, message, where, should, is_, link.handout, hint=hint)
+        for found in _link_places(subject, prim):
+            if not is_near(found.at, expected, scene.tolerance.link_position, units):
+                is_, should = vector_text(found.at), vector_text(units.shown(expected))
+                message = f"{name} {found.how} at {is_} on the robot, expected {should}"
+                related = () if found.prim == prim.path else (prim.path,)
+                hint = f"{found.hint} {should}"
+                yield Problem(
+                    found.prim,
+                    message,
+                    found.property,
+                    should,
+                    is_,
+                    link.handout,
+                    related,
+                    hint=hint,
+                )
+
+
+class _LinkPlace(Struct, frozen=True):
+    """Where a link is on the robot, which property says so, and how that is repaired."""
+
+    prim: str
+    property: str
+    at: Vector
+    how: str
+    hint: str
+
+
+def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
+    """Yield where a link stands in the first checkpoint, and where its joint holds it."""
+    robot = subject.lab.scene.robot
+    root, base = subject.stage.prim(robot.path), robot.links.get(robot.base_frame)
+    is_first = subject.checkpoint.id == subject.lab.first
+    if is_first and not is_pose_unresolved(subject.stage, link) and root is not None:
+        seen = root.world and link.world and relative_transform(link.world, root.world)
+        if seen:
+            hint = f"in the Property panel of {link.name}, set Translate to"
+            where = pose_property(link, "translate")
+            yield _LinkPlace(link.path, where, decompose(seen).translation, "sits", hint)
+    joint = next((each for each in welds(subject) if link.path in bodies(each)), None)
+    rest = rest_frames(subject).get(link.path)
+    if joint is not None and rest is not None and base is not None and base.offset is None:
+        side = 1 - bodies(joint).index(link.path)
+        hint = f"restore the local positions of {joint.name}, so that it holds {link.name} at"
+        at = decompose(rest).translation
+        yield _LinkPlace(joint.path, f"physics:localPos{side}", at, "is held", hint)
