@@ -116,6 +116,7 @@ def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
     return found
 
 
+@once_per_stage
 def welds(subject: StageSubject) -> list[Prim]:
     """Return the joints that hold two bodies where they say."""
     return [joint for joint in joints(subject.stage) if _is_weld(joint, subject)]
