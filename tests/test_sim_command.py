@@ -18,7 +18,7 @@ from jsonschema import Draft202012Validator
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 from report_schema import assert_valid
-from scene_changes import put
+from scene_changes import put, switch
 
 from lab3_usd.check.registry import all_rules
 from lab3_usd.cli import main
@@ -205,6 +205,17 @@ def test_a_wheel_at_its_limit_is_behind_a_drive_that_goes_wrong(tmp_path: Path) 
     put("/turtlebot3_burger/joints/wheel_left_joint", "physics:upperLimit", 90.0)(stage)
     found = behaviour(saved(stage, tmp_path, "Lab3_02.usda"))
     assert [each["rule"] for each in bad(found).values()] == ["S07"]
+
+
+def test_a_wheel_that_is_left_out_of_the_articulation_is_not_known_to_its_controller(
+    tmp_path: Path,
+) -> None:
+    stage = correct_stage("02")
+    joint = "/turtlebot3_burger/joints/wheel_left_joint"
+    switch(joint, "physics:excludeFromArticulation", on=True)(stage)
+    found = bad(behaviour(saved(stage, tmp_path, "Lab3_02.usda")))["follows"]
+    assert found["message"].startswith("does not move")
+    assert found["rule"] == "S07"
 
 
 def test_every_check_is_put_into_words() -> None:

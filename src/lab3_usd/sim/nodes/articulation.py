@@ -31,17 +31,23 @@ def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None
     names = node.items("jointNames", world)
     if names and names != known["names"]:
         known["names"] = names
-        found = [machine.joints.get(str(each)) for each in names]
+        found = [machine.articulated.get(str(each)) for each in names]
         known["joints"] = None if None in found else found
         if known["joints"] is None:
-            odd = next(each for each in names if str(each) not in machine.joints)
-            node.fails(f"the robot has no joint '{odd}' that turns", "P01")
-    every = list(machine.joints.values())
+            _say_unknown(node, machine, str(names[found.index(None)]))
+    every = list(machine.articulated.values())
     indices = node.items("jointIndices", world)
     if any(indices) and not known["names"]:
         known["joints"] = [every[int(each)] for each in indices if int(each) < len(every)]
     joints: list[Joint] | None = known["joints"]
     return every if joints is None and not known["names"] else joints
+
+
+def _say_unknown(node: Running, machine: Machine, name: str) -> None:
+    if name in machine.joints:
+        node.fails(f"'{name}' is excluded from the articulation", "S07")
+    else:
+        node.fails(f"the robot has no joint '{name}' that turns", "P01")
 
 
 def _command(node: Running, world: World, joints: list[Joint]) -> bool:

@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.model.dry_run.affine import Affine, Quaternion
 from lab3_usd.model.dry_run.scene import Prim, Scene
+from lab3_usd.model.physics import EXCLUDED
 
 if TYPE_CHECKING:
     from lab3_usd.sim.execution.world import World
@@ -105,6 +106,8 @@ def _joint_parents(scene: Scene, robot: Prim) -> dict[str, str]:
     found: dict[str, str] = {}
     for path in robot.targets.get("isaac:physics:robotJoints", ()):
         joint = scene.prims.get(path)
+        if joint is not None and joint.values.get(EXCLUDED) is True:
+            continue  # robot_schema.h:638
         ends = [joint.targets.get(f"physics:body{n}", ()) for n in (0, 1)] if joint else [(), ()]
         if ends[0] and ends[1]:
             found[ends[1][0]] = ends[0][0]

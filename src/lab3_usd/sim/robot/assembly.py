@@ -7,7 +7,7 @@ from collections import deque
 
 from lab3_usd.model.dry_run.affine import AXES, HERE, Affine, rotation
 from lab3_usd.model.dry_run.scene import Prim, Scene
-from lab3_usd.model.physics import LIMITS, number
+from lab3_usd.model.physics import EXCLUDED, LIMITS, number
 from lab3_usd.sim.robot.joints import DRIVE, FIXED, HINGE, JOINTS, Joint
 from lab3_usd.sim.robot.machine import Machine
 
@@ -74,6 +74,7 @@ class Bodies:
             said("damping"),
             0.0,
             authored=(said("targetVelocity") * unit, said("targetPosition") * unit),
+            excluded=prim.values.get(EXCLUDED) is True,
             limits=_limits(prim, unit),
         )
 

@@ -29,6 +29,7 @@ class Joint(Struct, eq=False):
     target_position: float = 0.0
     position: float = 0.0
     locked: bool = False  # by another joint between its bodies
+    excluded: bool = False  # from the articulation, whose controller does not know it
     authored: tuple[float, float] = (0.0, 0.0)  # the targets that the stage gives
     limits: tuple[float, float] = (-math.inf, math.inf)  # of its position
 

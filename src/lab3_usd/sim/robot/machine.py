@@ -43,6 +43,11 @@ class Machine(Struct):
     clearance: float = 0.0
     walls: list[Segment] = field(default_factory=list)
 
+    @property
+    def articulated(self) -> dict[str, Joint]:
+        """The joints that the articulation knows."""
+        return {name: each for name, each in self.joints.items() if not each.excluded}
+
     def reset(self) -> None:
         """Go back to where playing starts."""
         self.x = self.y = self.yaw = self.fall = self.clearance = 0.0
