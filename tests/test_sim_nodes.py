@@ -339,6 +339,17 @@ def test_a_clock_opens_first_and_then_publishes() -> None:
 
 
 @pytest.mark.parametrize(
+    ("space", "topic"), [("/", "/clock"), (" ", "/clock"), ("~/a/b/", "/a/b/clock")]
+)
+def test_a_namespace_loses_what_is_no_letter_at_its_ends(space: str, topic: str) -> None:
+    here = world()
+    clock = node(f"{ROS}ROS2PublishClock", {"nodeNamespace": space})
+    for _ in range(2):
+        clock.compute(here)
+    assert [each.topic for each in here.network.sent] == [topic]
+
+
+@pytest.mark.parametrize(
     "values", [{"topicName": ""}, {"topicName": "a b"}, {"context": 5}, {"qosProfile": "fast"}]
 )
 def test_a_publisher_that_cannot_open_stays_silent(values: dict[str, Any]) -> None:

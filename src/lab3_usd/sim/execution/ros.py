@@ -78,7 +78,7 @@ def namespace_of(node: Running, world: World, start: str = "") -> str:
 def open_endpoint(node: Running, world: World, start: str = "") -> Endpoint | None:
     """Open a publisher or subscriber as its inputs say now, or return None where it fails."""
     domain = world.network.domain(int(node.number("context", world)))
-    space = namespace_of(node, world, start)
+    space = trimmed(namespace_of(node, world, start))  # Ros2Node.h:139
     name = node.text("topicName", world)
     topic = f"{'/' + space if space else ''}/{trimmed(name)}" if name else ""
     profile = profile_of(node.text("qosProfile", world), int(node.number("queueSize", world)))
