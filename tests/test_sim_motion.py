@@ -6,7 +6,7 @@ import math
 
 import pytest
 from breaking import correct_stage
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom
 from scene_changes import FLOOR, JOINTS, ROBOT, Change, deactivate, put, remove, several, weld
 
 from lab3_usd.model.dry_run.affine import AXES, Affine, about, rotation
@@ -212,6 +212,15 @@ def test_a_lidar_stands_where_usd_says_though_usd_does_not_know_its_type() -> No
     assert read_scene(stage).prims[str(lidar.GetPath())].world.origin == pytest.approx(
         (1.768, 0.0, 0.282)
     )
+
+
+def test_a_version_that_is_no_number_is_none() -> None:
+    stage = correct_stage("05")
+    clock = stage.GetPrimAtPath("/World/ROS_Clock/ros2_publish_clock")
+    clock.RemoveProperty("node:typeVersion")
+    clock.CreateAttribute("node:typeVersion", Sdf.ValueTypeNames.String).Set("two")
+    nodes = (each for graph in read_scene(stage).graphs for each in graph.nodes)
+    assert next(each for each in nodes if each.path == str(clock.GetPath())).version == 0
 
 
 def test_samples_at_the_start_are_what_plays() -> None:

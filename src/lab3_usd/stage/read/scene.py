@@ -83,10 +83,11 @@ def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> Node:
             inputs[name] = _input(attribute, time)
         else:
             targets[name] = tuple(map(str, prim.GetRelationship(name).GetTargets()))
+    version = _value(prim, "node:typeVersion")
     return Node(
         path,
         str(_value(prim, "node:type") or ""),
-        int(_value(prim, "node:typeVersion") or 0),
+        version if isinstance(version, int) else 0,
         inputs,
         targets,
         str(_value(prim, "isaac:namespace") or ""),
