@@ -490,6 +490,47 @@ def test_a_transform_publisher_with_targets_of_its_own(stage: World) -> None:
     assert said.translation == pytest.approx((1.768, 0.0, 0.182))
 
 
+JOINED = [
+    ("base_footprint", "base_link"),
+    ("base_link", "base_scan"),
+    ("base_link", "caster_back_link"),
+    ("base_link", "wheel_left_link"),
+    ("base_link", "wheel_right_link"),
+]
+
+
+@pytest.mark.parametrize(
+    ("parent", "target", "known"),
+    [
+        ("/base_footprint", "", [("base_footprint", "turtlebot3_burger")]),
+        ("/base_footprint", "/base_footprint", JOINED),
+        ("", "/base_footprint", [("turtlebot3_burger", "base_footprint"), *JOINED]),
+        ("/base_link", "/base_link", []),
+        ("/base_footprint/Camera_1", "/base_footprint/Camera_1", [("Camera_1", "Camera_1")]),
+    ],
+)
+def test_a_transform_publisher_expands_articulations_only_and_leaves_out_own_parents(
+    stage: World, parent: str, target: str, known: list[tuple[str, str]]
+) -> None:
+    name = f"{ROS}ROS2PublishTransformTree"
+    publish = node(name, parentPrim=ROBOT + parent, targetPrims=ROBOT + target)
+    publish.compute(stage)
+    publish.compute(stage)
+    sent = stage.network.sent[0].data
+    assert sorted((each.parent, each.child) for each in sent) == sorted(known)
+
+
+def test_a_frame_name_that_is_taken_becomes_the_path(stage: World) -> None:
+    stage.scene.prims[f"{ROBOT}/base_scan"].values["isaac:nameOverride"] = "base_link"
+    publish = node(f"{ROS}ROS2PublishTransformTree")
+    targets = tuple(f"{ROBOT}/base_{each}" for each in ("link", "scan"))
+    publish.node.targets["inputs:targetPrims"] = targets
+    publish.compute(stage)
+    publish.compute(stage)
+    known = ["base_link", "turtlebot3_burger_base_scan"]
+    assert [each.child for each in stage.network.sent[0].data] == known
+
+
 @pytest.mark.parametrize(
     ("name", "known"), [("/scan", "scan"), ("//scan/", "scan"), ("~/a/b_", "a/b"), ("_", "")]
 )

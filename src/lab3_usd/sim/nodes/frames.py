@@ -58,7 +58,7 @@ class Tree(Struct, frozen=True):
                 parents[each.path] = above
         names = _names(found)
         by_path = {prim.path: name for prim, name in zip(found, names, strict=True)}
-        top = _name(scene.prims[parent]) if parent in scene.prims else "world"
+        top = frame_name(scene.prims[parent]) if parent in scene.prims else "world"
         top_prim = parent if parent in scene.prims else ""
 
         def pair(prim: Prim, name: str) -> Pair:
@@ -119,7 +119,8 @@ def _link_above(scene: Scene, prim: Prim) -> str:
     return next(above, "")
 
 
-def _name(prim: Prim) -> str:
+def frame_name(prim: Prim) -> str:
+    """Return the frame of a prim: its override, else the prim's own name."""
     return str(prim.values.get("isaac:nameOverride") or "") or prim.path.rpartition("/")[2]
 
 
@@ -127,11 +128,12 @@ def _names(prims: Sequence[Prim]) -> list[str]:
     """Return the names of frames; of several that want one, the longest path has it (:889-945)."""
     deepest: dict[str, int] = {}
     for number, prim in enumerate(prims):
-        other = deepest.setdefault(_name(prim), number)
+        other = deepest.setdefault(frame_name(prim), number)
         if len(prim.path) > len(prims[other].path):
-            deepest[_name(prim)] = number
+            deepest[frame_name(prim)] = number
     names = [
-        _name(prim) if deepest[_name(prim)] == number else "" for number, prim in enumerate(prims)
+        frame_name(prim) if deepest[frame_name(prim)] == number else ""
+        for number, prim in enumerate(prims)
     ]
     for number, prim in enumerate(prims):
         if not names[number]:

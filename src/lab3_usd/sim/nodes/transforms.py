@@ -10,6 +10,7 @@ from lab3_usd.sim.execution.ros import Endpoint, opened_endpoint, send
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.execution.world import World
 from lab3_usd.sim.nodes.frames import Tree
+from lab3_usd.sim.nodes.pose_tree import pose_tree
 from lab3_usd.sim.nodes.quaternions import wxyz, xyzw
 
 TF = "tf2_msgs/msg/TFMessage"
@@ -102,7 +103,7 @@ def _decide(node: Running, world: World) -> bool:
         if not targets or not set(targets) <= world.scene.prims.keys():
             # Tried again at the next tick: there is no publisher yet.
             return node.fails("no frames reach it, and it has no target prims", "W01")
-        known["tree"] = Tree.of(world.scene, parents[0] if parents else "", targets)
+        known["tree"] = pose_tree(world, parents[0] if parents else "", targets)
     endpoint, _ = opened_endpoint(node, world)
     return endpoint is not None
 
