@@ -14,7 +14,7 @@ from breaking import correct_stage, the_lab
 
 from lab3_usd.model.dry_run.scene import Graph, Input, Node, Scene
 from lab3_usd.sim.execution.program import compile_graphs, type_of
-from lab3_usd.sim.execution.record import Odometry, Profile, Scan, Transform, View
+from lab3_usd.sim.execution.record import Message, Odometry, Profile, Scan, Transform, View
 from lab3_usd.sim.execution.registry import function_of, functions
 from lab3_usd.sim.execution.ros import Endpoint, Network, profile_of, trimmed
 from lab3_usd.sim.execution.running import Running
@@ -421,6 +421,13 @@ def test_a_raw_transform_is_as_given_and_once_if_static() -> None:
         assert len(here.network.sent) == count
         said = Transform("odom", "base_link", (1.0, 2.0, 0.0), (HALF, 0.0, 0.0, HALF))
         assert here.network.sent[0].data == (said,)
+
+
+def test_tf2_takes_a_slash_off_before_the_frames_of_a_transform() -> None:
+    said = Transform("/odom", "//base_link", (1.0, 2.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    (taken,) = Message("tf2_msgs/msg/TFMessage", 0.0, data=(said,)).transforms
+    assert (taken.parent, taken.child) == ("odom", "/base_link")
+    assert (taken.translation, taken.rotation) == (said.translation, said.rotation)
 
 
 TREE = f"{ISAAC}IsaacComputeTransformTree"

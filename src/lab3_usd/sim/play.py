@@ -140,7 +140,7 @@ def _kept(messages: Iterable[Message], topics: frozenset[str]) -> Iterator[tuple
     """Yield the transforms that tf2 takes from the topics of static ones: those that are kept."""
     for message in messages:
         if message.topic in topics and message.static and message.away is None:
-            for each in message.data if isinstance(message.data, tuple) else ():
+            for each in message.transforms:
                 yield each, message.node
 
 

@@ -170,7 +170,7 @@ def _keep(found: Gathered, message: Message, topics: Topics) -> None:
     if message.topic in {wanted.transforms, *topics.static} and isinstance(data, tuple):
         found.listed += len(data)
         static = message.topic in topics.static
-        inner = _links(found, data, message.at, wanted.root, static=static)
+        inner = _links(found, message.transforms, message.at, wanted.root, static=static)
         if static or not inner:
             return
         message.data = inner

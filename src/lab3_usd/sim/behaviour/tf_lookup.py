@@ -17,7 +17,7 @@ def _frames_at(evidence: Evidence, message: Message) -> dict[str, tuple[str, Tra
     for each in evidence.recording.topic(evidence.wanted.transforms, message.session):
         if each.at > message.at and found:
             break
-        for transform in each.data if isinstance(each.data, tuple) else ():
+        for transform in each.transforms:
             found[transform.child] = (transform.parent, transform)
     held = {each.child: (each.parent, each) for each, _ in evidence.recording.static}
     return {**held, **found}

@@ -43,7 +43,7 @@ def _parents(
     """Return for each frame its parents, who says so, and when it was said last."""
     parents: dict[str, dict[tuple[str, str], float]] = {}
     for message in messages:
-        for each in message.data if isinstance(message.data, tuple) else ():
+        for each in message.transforms:
             parents.setdefault(each.child, {})[each.parent, message.node] = message.at
     for each, node in evidence.recording.static:
         parents.setdefault(each.child, {})[each.parent, node] = math.inf

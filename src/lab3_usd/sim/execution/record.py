@@ -72,6 +72,19 @@ class Message(Struct):
     static: bool = False
     profile: Profile = Profile()
 
+    @property
+    def transforms(self) -> tuple[Transform, ...]:
+        """The transforms of a TF message, as tf2 takes them."""
+        return tuple(map(_taken, self.data)) if isinstance(self.data, tuple) else ()
+
+
+def _taken(said: Transform) -> Transform:
+    """Take a slash off before the frames (geometry2, humble: tf2/src/buffer_core.cpp)."""
+    if not said.parent.startswith("/") and not said.child.startswith("/"):
+        return said
+    parent, child = said.parent.removeprefix("/"), said.child.removeprefix("/")
+    return Transform(parent, child, said.translation, said.rotation)
+
 
 class Pose(Struct, frozen=True):
     """Where the robot was: session, seconds since Play, and the way it had gone by then."""
