@@ -36,6 +36,7 @@ INTERFACE = Interface(
     image_rate=10.0,
     limits=(0.22, 1.0),
     looks=(1.0, 0.0, 0.0),
+    upward=(0.0, 0.0, 1.0),
     static=frozenset({"/tf_static"}),
 )
 DRIVE = fixed_drive()

@@ -8,7 +8,8 @@ import pytest
 from breaking import Step, broken, correct_stage, the_lab
 from dry_runs import DRIVE, driven, faults
 from layerings import one_text_file
-from pxr import Usd
+from pxr import Gf, Usd
+from scene_changes import CAMERA
 from second_author import Style
 
 from lab3_usd.sim.behaviour.judge import CHECKS, judge
@@ -79,6 +80,7 @@ CASES: list[tuple[Step, str]] = [
     ({"set": ["ROS_OdomTF/ros2_publish_raw_transform_tree.inputs:childFrameId", "x"]}, "tree"),
     ({"set": ["ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:frameId", "lidar"]}, "tree"),
     ({"set": ["ROS_Camera/ros2_camera_info_helper.inputs:frameSkipCount", 2]}, "camera"),
+    ({"set": [f"{CAMERA}.xformOp:orient", Gf.Quatd(0.5, -0.5, -0.5, 0.5)]}, "camera"),
     (
         {
             "set": [

@@ -18,7 +18,7 @@ LOOKS = {
     "moving frames": "TF moves the base as odometry does",
     "mounted": "lidar and camera go with the robot",
     "scan": "scans come at their rate and show the walls where they are",
-    "camera": "image and info belong together, in the frame of a camera that looks ahead",
+    "camera": "image and info belong together, in the frame of an upright camera that looks ahead",
     "again": "drives again after Stop and Play, whatever ROS_DOMAIN_ID says",
 }
 

@@ -32,7 +32,8 @@ PHYSICAL = Tolerance(0.5, (0.02, math.radians(2.0)), (0.1, math.radians(10.0)))
 class Interface(Struct, frozen=True):
     """What is asked for over ROS: topics, frames, rates and limits; '' is not asked for.
 
-    `limits` are metres and radians a second, `looks` is where the camera looks from the base.
+    `limits` are metres and radians a second, `looks` is where the camera looks from the base,
+    `upward` what is up in its image.
     """
 
     types: dict[str, str]  # message type by topic
@@ -50,6 +51,7 @@ class Interface(Struct, frozen=True):
     image_rate: float
     limits: tuple[float, float]
     looks: tuple[float, float, float]
+    upward: tuple[float, float, float]
     profile: dict[str, Any] = {}  # of a lidar whose own cannot be read
     static: frozenset[str] = frozenset()  # topics of transforms that are kept
 

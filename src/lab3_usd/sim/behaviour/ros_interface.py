@@ -34,6 +34,7 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
     odometry = [each for each in lab.topics.values() if each.type == _PARTS["odometry"]]
     frames = odometry[0].fields or {} if odometry else {}
     lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
+    view = camera.looks if camera else None
     return Interface(
         types={each.name: each.type for each in asked if not each.subscribed},
         domain=lab.ros.system.domain,
@@ -44,7 +45,8 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         scan_rate=_rate(lidar),
         image_rate=_rate(camera),
         limits=_limits(lab),
-        looks=camera.looks.along if camera and camera.looks else (0.0, 0.0, 0.0),
+        looks=view.along if view else (0.0, 0.0, 0.0),
+        upward=view.up if view else (0.0, 0.0, 0.0),
         profile={name: said.value for name, said in lidar.attributes.items()} if lidar else {},
         static=static_topics(lab),
     )

@@ -72,7 +72,7 @@ def _lasts(evidence: Evidence, *streams: Sequence[Message]) -> bool:
 
 
 def camera(evidence: Evidence) -> Iterator[Fault]:
-    """Image and info belong together, in the frame of the camera, which looks ahead."""
+    """Image and info belong together, in the frame of the camera, upright and looking ahead."""
     wanted = evidence.wanted
     images, infos = (evidence.recording.topic(each, 0) for each in (wanted.image, wanted.info))
     if images and infos:
@@ -109,6 +109,8 @@ def _view(evidence: Evidence, image: Message) -> Iterator[Fault]:
     wanted = evidence.wanted
     base = in_root(evidence, Message("", 0.0, wanted.base, at=image.at, session=image.session))
     if base is not None and any(wanted.looks):
-        ahead = base.inverse().then(there).turn((0.0, 0.0, 1.0))
-        if length(minus(ahead, wanted.looks)) > AHEAD:
+        seen = base.inverse().then(there)
+        if length(minus(seen.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
             yield Fault("the camera does not look ahead", "C05", image.node)
+        elif length(minus(seen.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
+            yield Fault("the camera is not upright", "C05", image.node)
