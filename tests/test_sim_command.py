@@ -218,6 +218,36 @@ def test_a_wheel_that_is_left_out_of_the_articulation_is_not_known_to_its_contro
     assert found["rule"] == "S07"
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("gravityMagnitude", 0.0),
+        ("gravityDirection", (0.0, 0.0, 1.0)),
+        ("gravityDirection", (0.0, -0.5, -1.0)),
+    ],
+)
+def test_without_gravity_nothing_holds_the_robot(tmp_path: Path, name: str, value: object) -> None:
+    stage = correct_stage("02")
+    put("/physicsScene", f"physics:{name}", value)(stage)
+    found = bad(behaviour(saved(stage, tmp_path, "Lab3_02.usda")))["follows"]
+    assert found["rule"] == "S15"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("gravityMagnitude", 9.81),
+        ("gravityMagnitude", -math.inf),
+        ("gravityDirection", (0.0, 0.0, -2.0)),
+        ("gravityDirection", (0.0, 0.0, 0.0)),
+    ],
+)
+def test_gravity_is_told_in_several_ways(tmp_path: Path, name: str, value: object) -> None:
+    stage = correct_stage("02")
+    put("/physicsScene", f"physics:{name}", value)(stage)
+    assert behaviour(saved(stage, tmp_path, "Lab3_02.usda"))["verdict"] == "ok"
+
+
 def test_every_check_is_put_into_words() -> None:
     assert list(LOOKS) == list(CHECKS)
 

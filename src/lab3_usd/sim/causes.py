@@ -89,6 +89,8 @@ class RunCauses(Struct, frozen=True):
             return Cause("", "the stage has no robot with joints that turn", "S07")
         if robot.held:
             return Cause(robot.base, "a joint ties the robot to the world", "S21")
+        if not robot.pulled:
+            return Cause(robot.base, "gravity does not hold the robot on the ground", "S15")
         if not robot.grounded:
             return Cause(robot.base, "no ground is below the robot", "S13")
         if not robot.wheels:

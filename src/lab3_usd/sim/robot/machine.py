@@ -32,6 +32,7 @@ class Machine(Struct):
     middle: tuple[float, float] = (0.0, 0.0)
     radius: float = 0.0
     grounded: bool = True
+    pulled: bool = True  # down, by gravity
     home: float = 0.0  # how far it drops when playing starts
     x: float = 0.0
     y: float = 0.0
