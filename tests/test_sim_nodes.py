@@ -84,6 +84,22 @@ def test_a_physics_step_is_an_execution() -> None:
     assert step.outputs["deltaSimulationTime"] == 0.5
 
 
+@pytest.mark.parametrize(
+    ("values", "passed"), [({"step": 0}, []), ({}, [1, 2, 3, 4, 5, 6, 7]), ({"step": 3}, [3, 6])]
+)
+def test_a_gate_lets_every_so_many_signals_pass_and_counts_on_over_stop(
+    values: dict[str, int], passed: list[int]
+) -> None:
+    gate = node(f"{ISAAC}IsaacSimulationGate", values)
+    found = []
+    for signal in range(1, 8):
+        gate.compute(world())
+        found += [signal] if gate.enabled == ["execOut"] else []
+        if signal == 4:
+            gate.reset()
+    assert found == passed
+
+
 def test_system_time_is_that_of_the_wall() -> None:
     read = node(f"{ISAAC}IsaacReadSystemTime")
     assert read.compute(world())

@@ -19,7 +19,7 @@ from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_co
 from lab3_usd.spec.values import are_alike
 
 _USD = {"execution": "uint"}
-_UNLISTED = {  # outputs of types that the catalog does not describe, as far as they run here
+_UNLISTED = {  # ports of types that the catalog does not describe, as far as they run here
     "OnTick": {
         "outputs:tick": "execution",
         "outputs:deltaSeconds": "double",
@@ -32,7 +32,13 @@ _UNLISTED = {  # outputs of types that the catalog does not describe, as far as 
         "outputs:deltaSystemTime": "double",
     },
     "IsaacReadSystemTime": {"outputs:systemTime": "double"},
+    "IsaacSimulationGate": {
+        "inputs:execIn": "execution",
+        "inputs:step": "uint",
+        "outputs:execOut": "execution",
+    },
 }
+_DEFAULTS = {"inputs:step": 1}  # of the ports of those types, where there is one
 
 _STAGES = {FRAME: "pipelineStageSimulation", STEP: "pipelineStageOnDemand"}
 _PUSH = ("push", "dirty_push")
@@ -193,7 +199,10 @@ def _families(catalog: Catalog) -> frozenset[str]:
 
 
 def _made(name: str, ports: dict[str, str]) -> NodeType:
-    made = {each: Port(each, kind, _USD.get(kind, kind)) for each, kind in ports.items()}
+    made = {
+        each: Port(each, kind, _USD.get(kind, kind), _DEFAULTS.get(each))
+        for each, kind in ports.items()
+    }
     return NodeType(name, 1, name, name, name, made)
 
 

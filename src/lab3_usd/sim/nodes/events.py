@@ -1,4 +1,4 @@
-"""Events, time and contexts: CN is core nodes, RN ROS 2 nodes."""
+"""Events, gates, time and contexts: CN is core nodes, RN ROS 2 nodes."""
 
 from __future__ import annotations
 
@@ -21,6 +21,17 @@ def on_physics_step(node: Running, world: World) -> bool:
     """CN/nodes/OgnOnPhysicsStep.cpp:72-149."""
     node.outputs.update(deltaSimulationTime=world.dt)
     node.enabled.append("step")
+    return True
+
+
+@computes("IsaacSimulationGate")
+def simulation_gate(node: Running, world: World) -> bool:
+    """CN/nodes/OgnIsaacSimulationGate.cpp:46-66: every so many signals; it counts on over Stop."""
+    step = int(node.number("step", world))
+    if step <= 0:
+        return node.fails("its step is 0", "P01")
+    if node.count % step == 0:
+        node.enabled.append("execOut")
     return True
 
 
