@@ -12,8 +12,10 @@ from lab3_usd.model.finding import Finding, Site, site_of
 Repaired = Callable[[frozenset[str]], list[str]]
 
 
-def fault(name: str) -> Finding:
-    return Finding(rule=name, name="fault", severity="error", prim="/World", message="")
+def fault(name: str, prim: str = "/World", *related: str) -> Finding:
+    return Finding(
+        rule=name, name="fault", severity="error", prim=prim, message="", related=related
+    )
 
 
 def site(name: str) -> Site:
@@ -59,6 +61,17 @@ def test_one_that_cannot_be_written_is_left_out() -> None:
 
 def test_one_that_brings_another_fault_to_light_is_made() -> None:
     assert chosen("ab", lambda kept: without("ab", kept, a="x"))[:2] == ("x", {})
+
+
+@pytest.mark.parametrize(
+    "brought", [fault("x", "/Other"), fault("x", "/World", "/Other"), fault("x", "/Worlds")]
+)
+def test_one_that_brings_a_fault_elsewhere_is_left_out(brought: Finding) -> None:
+    def attempt(kept: frozenset[Site]) -> Attempt:
+        return Attempt((brought,) if kept else (fault("a"),))
+
+    found = most_helpful([site("a")], attempt)
+    assert (found.attempt.after, found.left_out) == ((fault("a"),), {site("a"): WORSE})
 
 
 def test_without_repairs_nothing_is_tried() -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 
 from msgspec import Struct
 
 from lab3_usd.model.finding import Finding, Site, site_of
-from lab3_usd.model.repair import Repair
+from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.repair import MovePrim, Repair
 
 WORSE = "would make the stage worse"
 
@@ -50,7 +51,7 @@ def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Att
     while waiting:
         some = waiting.pop(0)
         tried = attempt(kept.union(some))
-        if _helps(tried, best) or (len(some) == 1 and _is_harmless(tried, best)):
+        if _helps(tried, best) or (len(some) == 1 and _is_harmless(tried, best, some[0])):
             kept, best = kept.union(some), tried
         elif len(some) == 1:
             left_out[some[0]] = tried.error or WORSE
@@ -67,5 +68,31 @@ def _helps(tried: Attempt, best: Attempt) -> bool:
     return not (tried.error or is_new) and weight(tried.after) < weight(best.after)
 
 
-def _is_harmless(tried: Attempt, best: Attempt) -> bool:
-    return not tried.error and weight(tried.after) <= weight(best.after)
+def _is_harmless(tried: Attempt, best: Attempt, site: Site) -> bool:
+    """Whether no more is found than before, and no error away from what was repaired.
+
+    An error there may have been hidden behind the repaired one; elsewhere the repair brought it.
+    """
+    if tried.error or weight(tried.after) > weight(best.after):
+        return False
+    known = {site_of(each) for each in best.after if each.severity == "error"}
+    repaired = {*_repaired(each for each in best.after if site_of(each) == site)}
+    return all(
+        site_of(each) in known or _is_among(each, repaired)
+        for each in tried.after
+        if each.severity == "error"
+    )
+
+
+def _repaired(findings: Iterable[Finding]) -> Iterable[str]:
+    """Yield the prims that findings are about, and those which their repairs edit."""
+    for finding in findings:
+        yield finding.prim
+        for edit in finding.fix.edits if finding.fix else ():
+            yield edit.to if isinstance(edit, MovePrim) else edit.prim
+
+
+def _is_among(finding: Finding, prims: Collection[str]) -> bool:
+    """Whether a finding, with all that it relates to, is about these prims or some below them."""
+    paths = (finding.prim, *(each.partition(".")[0] for each in finding.related))
+    return all(any(is_at_or_below(path, each) for each in prims) for path in paths)
