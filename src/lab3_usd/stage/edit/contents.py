@@ -23,11 +23,25 @@ def layer_from(text: str) -> Sdf.Layer | None:
 
 def same_content(one: Sdf.Layer, other: Sdf.Layer) -> bool:
     """Whether two layers hold the same, in whatever order."""
-    return _lines(one) == _lines(other)
+    mine, theirs = (each.ExportToString() for each in (one, other))
+    if mine == theirs:
+        return True
+    # Two prims that have exchanged a value have the same lines.
+    is_alike = sorted(mine.split("\n")) == sorted(theirs.split("\n"))
+    return is_alike and _fields(one) == _fields(other)
 
 
-def _lines(layer: Sdf.Layer) -> list[str]:
-    return sorted(layer.ExportToString().split("\n"))
+def _fields(layer: Sdf.Layer) -> dict[Sdf.Path, dict[str, str]]:
+    """Return what a layer says of each prim and property, as text: no NaN equals another."""
+    found: dict[Sdf.Path, dict[str, str]] = {}
+
+    def keep(path: Sdf.Path) -> None:
+        spec = layer.GetObjectAtPath(path)  # None for a target or a source
+        names = spec.ListInfoKeys() if spec else ()
+        found[path] = {each: str(spec.GetInfo(each)) for each in names}
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, keep)
+    return found
 
 
 def is_text(layer: Sdf.Layer) -> bool:
