@@ -255,6 +255,38 @@ def test_what_somebody_else_would_do_is_repaired(tmp_path: Path, fault: str) -> 
     assert check_stage(path).verdict == "pass"
 
 
+JOINTS = "/turtlebot3_burger/joints"
+LEFT, RIGHT = f"{JOINTS}/wheel_left_joint", f"{JOINTS}/wheel_right_joint"
+EXCHANGED: dict[str, list[Step]] = {
+    "places": [{"swap": [f"{LEFT}.physics:localPos0", f"{RIGHT}.physics:localPos0"]}],
+    "names": [
+        {"move": [LEFT, f"{JOINTS}/other"]},
+        {"move": [RIGHT, LEFT]},
+        {"move": [f"{JOINTS}/other", RIGHT]},
+    ],
+}
+
+
+@pytest.mark.parametrize("exchanged", EXCHANGED)
+def test_wheels_that_are_exchanged_are_both_put_back(tmp_path: Path, exchanged: str) -> None:
+    path = saved(tmp_path, *EXCHANGED[exchanged])
+    assert fix(path, "--in-place").exit_code == 0
+    assert check_stage(path).verdict == "pass"
+
+
+def test_a_node_that_works_in_another_graph_is_not_added_again(tmp_path: Path) -> None:
+    graph, other = "/turtlebot3_burger/ROS_OdomTF", "/turtlebot3_burger/ROS_RawTF"
+    gone = ("ros2_publish_odometry", "isaac_compute_transform_tree", "ros2_publish_transform_tree")
+    steps: list[Step] = [{"copy": [graph, other]}, {"remove": f"{graph}/{TREE.rpartition('/')[2]}"}]
+    path = tmp_path / "Lab3_05_odometry_tf.usda"
+    stage = broken("05", [*steps, *({"remove": f"{other}/{each}"} for each in gone)])
+    stage.GetRootLayer().Export(str(path))
+    old = path.read_bytes()
+    result = fix(path, "--in-place", "--unsafe")
+    assert (result.exit_code, path.read_bytes()) == (1, old)
+    assert "left out (its repair would make the stage worse) error N01" in result.stdout
+
+
 WALL, CRATE = "/Environment/Walls/North", "/Environment/Furniture/CrateA"
 TYRE = "/turtlebot3_burger/wheel_left_link/collisions/tyre"
 CHANGES: dict[str, Step] = {

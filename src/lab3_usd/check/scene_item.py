@@ -49,7 +49,8 @@ def is_met(item: SceneItem, findings: Iterable[Finding]) -> bool:
 
 
 def _concerns(item: SceneItem, found: Finding) -> bool:
-    if found.rule in item.rules and (item.anywhere or item.prim in (found.prim, *found.related)):
+    prims = (found.prim, *(each.partition(".")[0] for each in found.related))
+    if found.rule in item.rules and (item.anywhere or item.prim in prims):
         is_site = item.anywhere or found.property == item.property
         return is_site or _is_other_name(item, found.property)
     # What stands elsewhere relates to the place where it is expected, and is not gone.

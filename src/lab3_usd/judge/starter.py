@@ -121,7 +121,11 @@ def open_against_starter(
 
 
 def _causes(finding: Finding) -> Iterator[Site]:
-    """Yield what may cause a fault besides its site: the related prims and those above them."""
+    """Yield what may cause a fault besides its site: related properties, prims and those above."""
+    for each in finding.related:
+        prim, dot, name = each.partition(".")
+        if dot:
+            yield prim, name
     for path in finding.related if finding.rule in _CAUSES else ():
         above = path
         while above:

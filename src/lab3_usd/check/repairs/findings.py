@@ -171,8 +171,11 @@ def _scene_edits(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
         yield RemoveSchema(finding.prim, finding.actual or "")
     elif finding.rule == _WHEEL_SHAPE and len(off := _deactivated(finding, whole)) == 1:
         yield Activate(off[0])
+    elif finding.property and schema is None:
+        for prim, name in _sites(finding):
+            yield Restore(prim, name)
     else:
-        yield Restore(finding.prim, finding.property if schema is None else None)
+        yield Restore(finding.prim)
         for each in finding.related if not finding.property else ():
             yield Restore(each)
 

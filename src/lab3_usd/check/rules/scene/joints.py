@@ -233,6 +233,6 @@ def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterat
         return
     name = f"physics:localPos{base_side(left)}"
     message = f"{left.name} is on the right of {right.name}: the wheels are exchanged"
-    related = (*left.related, right.site)
+    related = (*left.related, f"{right.site}.physics:localPos{base_side(right)}")
     sides = ("on the left", "on the right")
     yield Problem(left.site, message, name, *sides, wheels.handout, related)
