@@ -11,6 +11,7 @@ from lab3_usd.model.changes import Change, Difference
 from lab3_usd.model.physics import BODY_ENABLED, KINEMATIC, SCENE
 from lab3_usd.stage.compare.terms import Terms, applied_schemas, is_physical, pattern
 from lab3_usd.stage.compare.values import display_value, same_value
+from lab3_usd.stage.read.properties import targets_of
 
 _BINDING = "material:binding"
 _PURPOSE = "physics"
@@ -64,7 +65,7 @@ def _counts(prim: Usd.Prim, twin: Usd.Prim, name: str, terms: Terms) -> bool:
 def _property(twin: Usd.Prim, name: str, prim: Usd.Prim, terms: Terms) -> Iterator[Difference]:
     relationship = twin.GetRelationship(name)
     if relationship:
-        targets = relationship.GetTargets()
+        targets = targets_of(relationship)
         if targets and not _is_only_scene(targets, twin.GetStage()):
             shown = ", ".join(map(str, targets))
             yield Difference("added", name, "", f"{name} {shown} was added", physics=False)
@@ -170,5 +171,4 @@ def _value(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401 - what USD holds
 
 
 def _targets(prim: Usd.Prim, name: str) -> list[str]:
-    relationship = prim.GetRelationship(name)
-    return [str(path) for path in relationship.GetTargets()] if relationship else []
+    return [str(path) for path in targets_of(prim.GetRelationship(name))]

@@ -22,6 +22,7 @@ from lab3_usd.stage.compare.terms import (
     is_physical,
 )
 from lab3_usd.stage.read.missing_assets import IS_PRESENT
+from lab3_usd.stage.read.properties import targets_of
 
 _Added = dict[tuple[str, str], list[Usd.Prim]]
 
@@ -149,7 +150,7 @@ def _gone(prim: Usd.Prim, pair: Pair) -> Change:
         str(target)
         for each in below
         for relationship in each.GetAuthoredRelationships()
-        for target in relationship.GetTargets()
+        for target in targets_of(relationship)
     ]
     rules = pair.terms.rules
     return Change(

@@ -25,6 +25,7 @@ from lab3_usd.stage.compare.terms import (
     pattern,
 )
 from lab3_usd.stage.compare.values import display_value, same_value
+from lab3_usd.stage.read.properties import targets_of
 from lab3_usd.stage.read.transforms import ORDER
 
 _SCHEMAS = "apiSchemas"
@@ -54,7 +55,7 @@ def read_starter_prim(prim: Usd.Prim) -> StarterPrim:
         prim.GetPrimTypeInfo(),
         prim.GetAuthoredPropertyNames(),
         {each.GetName(): each.Get() for each in prim.GetAuthoredAttributes()},
-        {each.GetName(): each.GetTargets() for each in prim.GetAuthoredRelationships()},
+        {each.GetName(): targets_of(each) for each in prim.GetAuthoredRelationships()},
     )
 
 
@@ -132,7 +133,7 @@ def _unequal(was: StarterPrim, twin: Usd.Prim, others: list[str]) -> Iterator[st
             yield from (name for (name, value), other in pairs if value != other)
         for name, paths in was.targets.items():
             other = Usd.Prim.GetRelationship(twin, name)
-            if not other or paths != Usd.Relationship.GetTargets(other):
+            if not other or paths != targets_of(other):
                 yield name
         return
     for name in was.names:
@@ -215,8 +216,7 @@ def _targets(prim: Usd.Prim, twin: Usd.Prim, name: str, kind: Class) -> Iterator
     if not relationship or not relationship.HasAuthoredTargets():
         return
     other = twin.GetRelationship(name)
-    was = relationship.GetTargets()
-    now = other.GetTargets() if other else []
+    was, now = targets_of(relationship), targets_of(other)
     if was == now or (kind == "look" and not is_light_or_camera(prim)):
         return
     if sorted(_found(was, now, twin.GetStage())) != sorted(map(str, now)):

@@ -16,6 +16,7 @@ from lab3_usd.stage.compare.placement import matrix_of, shown_place
 from lab3_usd.stage.compare.terms import applied_schemas, pattern
 from lab3_usd.stage.compare.values import display_value, same_place, same_value
 from lab3_usd.stage.read.opening import quiet
+from lab3_usd.stage.read.properties import targets_of
 
 _PRECISION = 1e-6  # of a number that a file holds in single precision
 _PLACE = (1e-5, 0.01, 1e-5)  # a length in stage units, degrees, and a scale
@@ -158,7 +159,7 @@ def _unequal(was: Usd.Prim, now: Usd.Prim) -> list[str]:
 def _content(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401 - what USD holds
     relationship = prim.GetRelationship(name)
     if relationship:
-        return relationship.GetTargets()
+        return targets_of(relationship)
     attribute = prim.GetAttribute(name)
     return attribute.Get() if attribute else None
 

@@ -33,6 +33,17 @@ def authored_data(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401 - whatever 
     return Usd.Attribute.Get(attribute)
 
 
+def targets_of(relationship: Usd.Relationship) -> list[Sdf.Path]:
+    """Return where a relationship leads: nowhere if it is none, or if a layer has an attribute.
+
+    Whatever layers say, what a schema calls a relationship is one; usd-core then fails to compose.
+    """
+    stack = relationship.GetPropertyStack() if relationship else ()
+    if any(type(each) is not Sdf.RelationshipSpec for each in stack):
+        return []
+    return list(relationship.GetTargets()) if relationship else []
+
+
 class AuthoredProperty(Struct, frozen=True, eq=False):
     """A property of a prim as its layers have it, the strongest first; without any, it is empty."""
 

@@ -10,6 +10,7 @@ from lab3_usd.model.dry_run.affine import HERE, Affine
 from lab3_usd.model.dry_run.scene import Graph, Input, Node, Prim, Scene
 from lab3_usd.stage.read.missing_assets import find_unresolved
 from lab3_usd.stage.read.plain_values import CENTIMETRES, stage_number
+from lab3_usd.stage.read.properties import targets_of
 
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"
 IGNORED = ("Replicator", "Render")
@@ -82,7 +83,7 @@ def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> Node:
         if attribute:
             inputs[name] = _input(attribute, time)
         else:
-            targets[name] = tuple(map(str, prim.GetRelationship(name).GetTargets()))
+            targets[name] = tuple(map(str, targets_of(prim.GetRelationship(name))))
     version = _value(prim, "node:typeVersion")
     return Node(
         path,
@@ -124,7 +125,7 @@ def _prim(
             if type(value) is type(each.GetTypeName().defaultValue):
                 values[name] = plain(value)
         else:
-            targets[name] = tuple(map(str, each.GetTargets()))
+            targets[name] = tuple(map(str, targets_of(each)))
     if shape:
         values.update(_shape_values(prim, kind, time))
     parent = before.get(path.rpartition("/")[0])
