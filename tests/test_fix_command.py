@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from lab3_usd.commands.fix import command
 from lab3_usd.errors import Lab3Error
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
+from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.starter import build_starter
 
@@ -272,6 +274,57 @@ def test_wheels_that_are_exchanged_are_both_put_back(tmp_path: Path, exchanged: 
     path = saved(tmp_path, *EXCHANGED[exchanged])
     assert fix(path, "--in-place").exit_code == 0
     assert check_stage(path).verdict == "pass"
+
+
+LIDAR = "/turtlebot3_burger/base_scan/Lidar2D"
+PRODUCT = f"{LIDAR}/ROS_Lidar2D/isaac_create_render_product"
+
+
+def as_attribute(stage: Usd.Stage, path: str, value: str) -> None:
+    prim = stage.GetPrimAtPath(Sdf.Path(path).GetPrimPath())
+    prim.RemoveProperty(Sdf.Path(path).name)
+    prim.CreateAttribute(Sdf.Path(path).name, Sdf.ValueTypeNames.String).Set(value)
+
+
+def as_relationship(stage: Usd.Stage, path: str, target: str) -> None:
+    prim = stage.GetPrimAtPath(Sdf.Path(path).GetPrimPath())
+    prim.RemoveProperty(Sdf.Path(path).name)
+    prim.CreateRelationship(Sdf.Path(path).name).SetTargets([target])
+
+
+OF_ANOTHER_KIND: dict[str, tuple[Callable[[Usd.Stage, str, str], None], str]] = {
+    "a relationship of a node": (as_attribute, f"{PRODUCT}.inputs:cameraPrim"),
+    "a relationship of the scene": (as_attribute, f"{LEFT}.physics:body1"),
+    "an input": (as_relationship, f"{CLOCK}/ros2_context.inputs:domain_id"),
+    "an input with a wire": (as_relationship, f"{CLOCK}/ros2_publish_clock.inputs:execIn"),
+    "a value of the scene": (as_relationship, f"{LEFT}.physics:localPos0"),
+}
+
+
+@pytest.mark.parametrize("case", OF_ANOTHER_KIND)
+def test_an_attribute_for_a_relationship_is_repaired_and_the_reverse(
+    tmp_path: Path, case: str
+) -> None:
+    write, site = OF_ANOTHER_KIND[case]
+    stage = correct_stage("05")
+    write(stage, site, LIDAR)
+    path = tmp_path / "Lab3_05_odometry_tf.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert [each.fix is not None for each in check_stage(path).findings if each.fix] == [True]
+    assert fix(path, "--in-place").exit_code == 0
+    assert check_stage(path).verdict == "pass"
+
+
+def test_a_stage_with_an_attribute_for_a_relationship_is_compared_and_played(
+    tmp_path: Path, starter: Path
+) -> None:
+    stage = correct_stage("05")
+    as_attribute(stage, f"{LEFT}.physics:body1", "/turtlebot3_burger/wheel_left_link")
+    path = tmp_path / "Lab3_05_odometry_tf.usda"
+    stage.GetRootLayer().Export(str(path))
+    result = against_starter(check_stage(path), open_starter(starter, load_lab()), load_lab())
+    assert [each.rule for each in result.findings if each.severity == "error"] == ["S08"]
+    assert dry_run(path, load_lab(), "05").behaviour.verdict == "bad"
 
 
 def test_a_node_that_works_in_another_graph_is_not_added_again(tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ def set_typed(session: EditSession, prim: str, name: str, type_name: str, value:
 
 
 def _attribute(session: EditSession, path: str, name: str, type_name: str) -> Sdf.AttributeSpec:
+    _remove_others(session, path, name, Sdf.AttributeSpec)
     layer = session.property_layer(path, name)
     prim = session.prim_spec(layer, path)
     found = layer.GetAttributeAtPath(f"{path}.{name}")
@@ -55,6 +56,15 @@ def _attribute(session: EditSession, path: str, name: str, type_name: str) -> Sd
     for source in sources:
         made.connectionPathList.prependedItems.append(source)
     return made
+
+
+def _remove_others(session: EditSession, path: str, name: str, kind: type) -> None:
+    """Remove what says that a property is of another kind, a relationship or an attribute."""
+    for prim in session.specs(path):
+        found = prim.properties.get(name)
+        if found is not None and not isinstance(found, kind):
+            session.touch(prim.layer, path)
+            prim.RemoveProperty(found)
 
 
 def _kept(found: Sdf.AttributeSpec | None) -> tuple[list[Sdf.Path], Any]:
@@ -114,6 +124,7 @@ def connect(session: EditSession, edit: Connect) -> None:
 
 def set_targets(session: EditSession, edit: Retarget) -> None:
     """Let a relationship name what is asked for, and nothing else."""
+    _remove_others(session, edit.prim, edit.property, Sdf.RelationshipSpec)
     layer = session.property_layer(edit.prim, edit.property)
     prim = session.prim_spec(layer, edit.prim)
     spec = layer.GetRelationshipAtPath(f"{edit.prim}.{edit.property}")

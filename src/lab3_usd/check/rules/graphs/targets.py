@@ -57,7 +57,10 @@ def missing_target(subject: GraphSubject) -> Iterator[Problem]:
     """
     for node, _, target in _targets(subject):
         if not node.targets(target.port):
-            message = f"{target.port} names no prim, expected {format_paths(target.prims)}"
+            state, asked = node.state(target.port), format_paths(target.prims)
+            message = f"{target.port} names no prim, expected {asked}"
+            if state is not None and state.usd_type != "rel":
+                message = f"{target.port} is an attribute, expected a relationship to {asked}"
             yield _problem(node, target, message)
 
 
