@@ -248,6 +248,19 @@ FAULTS: dict[str, Step] = {
 }
 
 
+ROBOT = "/turtlebot3_burger"
+FAULTS |= {
+    "a link stands below another": {
+        "move": [f"{ROBOT}/wheel_left_link", f"{ROBOT}/base_link/wheel_left_link"]
+    },
+    "a link with graphs stands below another": {
+        "move": [f"{ROBOT}/base_scan", f"{ROBOT}/base_link/base_scan"]
+    },
+    "a link has another name": {"move": [f"{ROBOT}/wheel_left_link", f"{ROBOT}/wheel_left"]},
+    "the robot stands below another prim": {"move": [ROBOT, f"/World{ROBOT}"]},
+}
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_what_somebody_else_would_do_is_repaired(tmp_path: Path, fault: str) -> None:
     path = tmp_path / "Lab3_05_odometry_tf.usda"
@@ -276,7 +289,18 @@ def test_wheels_that_are_exchanged_are_both_put_back(tmp_path: Path, exchanged: 
     assert check_stage(path).verdict == "pass"
 
 
-LIDAR = "/turtlebot3_burger/base_scan/Lidar2D"
+def test_a_link_that_two_prims_could_be_is_not_added_again(tmp_path: Path) -> None:
+    link = f"{ROBOT}/wheel_left_link"
+    copies: list[Step] = [
+        {"copy": [link, f"{ROBOT}/{each}/wheel_left_link"]} for each in ("base_link", "base_scan")
+    ]
+    path = saved(tmp_path, *copies, {"remove": link})
+    old = path.read_bytes()
+    assert fix(path, "--in-place", "--unsafe").exit_code == 1
+    assert path.read_bytes() == old
+
+
+LIDAR = f"{ROBOT}/base_scan/Lidar2D"
 PRODUCT = f"{LIDAR}/ROS_Lidar2D/isaac_create_render_product"
 
 

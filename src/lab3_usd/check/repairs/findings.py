@@ -36,7 +36,8 @@ _MISSING_GRAPH = "G01"
 _MISSING_NODE = "N01"
 _UNWANTED = ("N02", "N07", "N08", "N09", "N12", "S21", "S23", "L07")
 _EARLY = ("G04", "S18", "L08", "C09", "D07")
-_MOVED = ("S07", "L02", "C02", _GRAPH_PLACE)
+_MISSING_PRIM = "S01"
+_MOVED = (_MISSING_PRIM, "S07", "L02", "C02", _GRAPH_PLACE)
 _ARTICULATION = "S11"
 _WHEEL_SHAPE = "S06"
 _SCENE = ("S", "L", "C")
@@ -171,13 +172,22 @@ def _scene_edits(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
         yield RemoveSchema(finding.prim, finding.actual or "")
     elif finding.rule == _WHEEL_SHAPE and len(off := _deactivated(finding, whole)) == 1:
         yield Activate(off[0])
-    elif finding.property and schema is None:
+    elif schema is not None:
+        yield Restore(finding.prim)
+    else:
+        yield from _restores(finding)
+
+
+def _restores(finding: Finding) -> Iterator[Edit]:
+    """Yield how to restore the properties that a finding names, else its prims."""
+    if finding.property:
         for prim, name in _sites(finding):
             yield Restore(prim, name)
+    elif finding.rule == _MISSING_PRIM and finding.related:  # where the prim seems to be
+        if len(finding.related) == 1:
+            yield MovePrim(finding.related[0], finding.prim)
     else:
-        yield Restore(finding.prim)
-        for each in finding.related if not finding.property else ():
-            yield Restore(each)
+        yield from map(Restore, (finding.prim, *finding.related))
 
 
 def _deactivated(finding: Finding, whole: StageSubject) -> list[str]:
