@@ -109,7 +109,21 @@ def add_things(stage: Usd.Stage) -> None:
     stage.DefinePrim("/World/Cone", "Cone")
 
 
+def block(stage: Usd.Stage) -> None:
+    joint = stage.GetPrimAtPath(JOINT)
+    joint.GetAttribute("drive:angular:physics:stiffness").Block()
+    UsdPhysics.RevoluteJoint(joint).CreateLowerLimitAttr().Block()
+
+
+def turn_as_far_as_floats_go(stage: Usd.Stage) -> None:
+    joint = UsdPhysics.RevoluteJoint(stage.GetPrimAtPath(JOINT))
+    joint.CreateLowerLimitAttr(-3.4028235e38)
+    joint.CreateUpperLimitAttr(3.4028235e38)
+
+
 SAME: dict[str, Edit] = {
+    "a block of what a schema says as well": block,
+    "limits as large as floats are": turn_as_far_as_floats_go,
     "noise of single precision": put(SCENE, "physics:gravityMagnitude", 9.81 * (1 + 5e-7)),
     "a mass that is near": put(BASE, "physics:mass", 0.825735 * 1.0009),
     "a wall by a hair": put(WALL, "xformOp:translate", Gf.Vec3d(2.42509, 0.75, 0.25)),

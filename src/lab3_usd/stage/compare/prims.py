@@ -190,6 +190,8 @@ def _property(
         return
     other = twin.GetAttribute(name)
     was, now = attribute.Get(), other.Get() if other else None
+    if now is None and other.HasAuthoredValueOpinion():  # a block leaves what the schema says
+        now = twin.GetPrimDefinition().GetAttributeFallbackValue(name)
     if was is None or was == now:
         return
     tolerance = terms.mass if name in terms.rules.masses else terms.number

@@ -15,6 +15,7 @@ from lab3_usd.stage.read.plain_values import plain_value
 
 _LONGEST = 60  # characters of a value in a message
 _QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
+_LARGEST = 3.4028234e38  # that a float holds: as a limit it is none, as infinity is
 _NEAR_ZERO = 1e-3  # of the tolerance: below it a lone number is as good as zero
 
 
@@ -60,7 +61,7 @@ def _close(one: Sequence[float], other: Sequence[float], tolerance: float) -> bo
 def _numbers(value: Any) -> Iterator[float]:  # noqa: ANN401
     """Yield every number of a value; what holds none yields a value that equals nothing."""
     if isinstance(value, (int, float)):
-        yield float(value)
+        yield math.copysign(math.inf, value) if abs(value) >= _LARGEST else float(value)
     elif isinstance(value, _QUATERNIONS):
         yield from (float(value.GetReal()), *map(float, value.GetImaginary()))
     elif isinstance(value, (str, Sdf.AssetPath)):
