@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from breaking import Step, broken, correct_stage
 from click.testing import CliRunner, Result
-from pxr import Sdf, Usd, UsdUtils
+from pxr import Sdf, Usd, UsdPhysics, UsdUtils
 
 from lab3_usd.commands.fix import command
 from lab3_usd.errors import Lab3Error
@@ -393,6 +393,35 @@ def test_with_the_starter_what_was_changed_of_it_is_restored(
     assert against_starter(check_stage(path), compared, load_lab()).verdict == "fail"
     assert fix(path, "--in-place", "--unsafe", "--starter", str(starter)).exit_code == 0
     assert against_starter(check_stage(path), compared, load_lab()).verdict == "pass"
+
+
+SHAPE = "/turtlebot3_burger/colliders/wheel/tyre"
+
+
+def test_what_is_wrong_where_others_refer_to_is_taken_away_there(
+    tmp_path: Path, starter: Path
+) -> None:
+    stage = correct_stage("02")
+    UsdPhysics.CollisionAPI(stage.GetPrimAtPath(SHAPE)).CreateCollisionEnabledAttr(False)  # noqa: FBT003
+    path = tmp_path / "Lab3_02_ros_drive.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert fix(path, "--in-place", "--starter", str(starter)).exit_code == 0
+    assert "collisionEnabled" not in path.read_text()
+
+
+def test_what_is_wrong_in_another_file_is_overridden_by_the_right_value(tmp_path: Path) -> None:
+    (tmp_path / "files").mkdir()
+    other = Sdf.Layer.CreateNew(str(tmp_path / "files/other.usda"))
+    shape = Sdf.CreatePrimInLayer(other, "/tyre")
+    Sdf.AttributeSpec(shape, "physics:collisionEnabled", Sdf.ValueTypeNames.Bool).default = False
+    other.Save()
+    stage = correct_stage("02")
+    stage.GetPrimAtPath(SHAPE).GetReferences().AddReference("files/other.usda", "/tyre")
+    path = tmp_path / "Lab3_02_ros_drive.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert check_stage(path).verdict == "fail"
+    assert fix(path, "--in-place").exit_code == 0
+    assert path.read_text().count("bool physics:collisionEnabled = 1") == 2
 
 
 def test_a_binary_stage_is_repaired(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ def _restore_metadata(session: EditSession, name: str) -> None:
 def _restore_property(session: EditSession, path: str, name: str) -> None:
     found = session.reference().GetPropertyAtPath(f"{path}.{name}")
     source = path if found else session.source(path, name)
-    if source != path and session.reference().GetPropertyAtPath(f"{source}.{name}"):
+    if source != path and session.reference().GetPrimAtPath(source):
         _restore_property(session, source, name)
     elif isinstance(found, Sdf.AttributeSpec):
         set_typed(session, path, name, str(found.typeName), found.default)
@@ -52,7 +52,8 @@ def _restore_property(session: EditSession, path: str, name: str) -> None:
 def _erase(session: EditSession, path: str, name: str) -> None:
     """Remove a property that no layer of the reference has at this prim.
 
-    What a weaker layer says is blocked, unless the reference refers to something that says it.
+    Over what a weaker layer says the value of the reference is written, or a block where it has
+    none, unless the reference refers to something that says it.
     """
     for spec in session.specs(path):
         found = spec.properties.get(name)
@@ -63,7 +64,11 @@ def _erase(session: EditSession, path: str, name: str) -> None:
     attribute = prim.GetAttribute(name)
     asked = session.reference_stage().GetAttributeAtPath(f"{path}.{name}")
     if attribute and attribute.HasAuthoredValue() and not (asked and asked.HasAuthoredValue()):
-        clear_value(session, ClearValue(path, name))
+        value = asked.Get() if asked else None
+        if value is None:
+            clear_value(session, ClearValue(path, name))
+        else:
+            set_typed(session, path, name, str(asked.GetTypeName()), value)
 
 
 def _restore_pose(session: EditSession, path: str, name: str) -> None:
