@@ -6,15 +6,22 @@ from collections.abc import Callable
 
 import pytest
 
-from lab3_usd.fix.attempts import WORSE, Attempt, most_helpful
+from lab3_usd.fix.attempts import USELESS, WORSE, Attempt, most_helpful
 from lab3_usd.model.finding import Finding, Site, site_of
+from lab3_usd.model.repair import Repair
 
 Repaired = Callable[[frozenset[str]], list[str]]
 
 
 def fault(name: str, prim: str = "/World", *related: str) -> Finding:
     return Finding(
-        rule=name, name="fault", severity="error", prim=prim, message="", related=related
+        rule=name,
+        name="fault",
+        severity="error",
+        prim=prim,
+        message="",
+        related=related,
+        fix=Repair("", ()),
     )
 
 
@@ -61,6 +68,12 @@ def test_one_that_cannot_be_written_is_left_out() -> None:
 
 def test_one_that_brings_another_fault_to_light_is_made() -> None:
     assert chosen("ab", lambda kept: without("ab", kept, a="x"))[:2] == ("x", {})
+
+
+@pytest.mark.parametrize("vain", "abcde")
+def test_one_that_changes_nothing_that_is_found_is_left_out(vain: str) -> None:
+    after, left_out, _ = chosen("abcde", lambda kept: without("abcde", kept, **{vain: vain}))
+    assert (after, left_out) == (vain, {vain: USELESS})
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.repair import MovePrim, Repair
 
 WORSE = "would make the stage worse"
+USELESS = "does not help"
 
 
 class Attempt(Struct, frozen=True):
@@ -42,8 +43,8 @@ def weight(findings: Iterable[Finding]) -> tuple[int, int]:
 def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Attempt]) -> Chosen:
     """Repair as many of these findings as do no harm.
 
-    All are tried at once. Where that brings something new to find, or cannot be written, each
-    half is tried by itself, and so on down to a single repair.
+    All are tried at once. Where that brings something new to find, leaves one of them as it was,
+    or cannot be written, each half is tried by itself, and so on down to a single repair.
     """
     kept: frozenset[Site] = frozenset()
     best, left_out = attempt(kept), {}
@@ -51,14 +52,21 @@ def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Att
     while waiting:
         some = waiting.pop(0)
         tried = attempt(kept.union(some))
-        if _helps(tried, best) or (len(some) == 1 and _is_harmless(tried, best, some[0])):
+        useless = any(_said(each, tried) == _said(each, best) != [] for each in some)
+        is_right = _helps(tried, best) or (len(some) == 1 and _is_harmless(tried, best, some[0]))
+        if is_right and not useless:
             kept, best = kept.union(some), tried
         elif len(some) == 1:
-            left_out[some[0]] = tried.error or WORSE
+            left_out[some[0]] = tried.error or (USELESS if is_right else WORSE)
         else:
             half = len(some) // 2
             waiting[:0] = [some[:half], some[half:]]
     return Chosen(best, left_out)
+
+
+def _said(site: Site, attempt: Attempt) -> list[str]:
+    """Return what is said at a site of which there is a repair."""
+    return [each.message for each in attempt.after if each.fix and site_of(each) == site]
 
 
 def _helps(tried: Attempt, best: Attempt) -> bool:

@@ -14,6 +14,7 @@ from lab3_usd.commands.steps.options import checkpoint_number
 from lab3_usd.commands.steps.reporting import selected_findings
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
+from lab3_usd.fix.attempts import USELESS
 from lab3_usd.fix.repairing import Fixed, FixOptions, check_result, fix_linted, fix_stage
 from lab3_usd.judge.entries import JudgeSettings, checkpoint_at
 from lab3_usd.model.finding import Finding, site_of
@@ -122,18 +123,21 @@ def _tell(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
     for each in fixed.repaired:
         click.echo(f"repaired {_line(each)}")
     for each in fixed.left:
-        click.echo(f"{_why_left(each, fixed)} {each.severity} {_line(each)}")
+        why = _why_left(each, fixed, unsafe=options["unsafe"])
+        click.echo(f"{why} {each.severity} {_line(each)}")
     written = options["output"] is not None or options["in_place"]
     hint = "" if written or not fixed.files else "; give --diff, --output or --in-place"
     counts = f"{len(fixed.repaired)} repaired, {len(fixed.left)} left"
     click.echo(f"{_shown(stage)}: {counts}{hint}")
 
 
-def _why_left(finding: Finding, fixed: Fixed) -> str:
+def _why_left(finding: Finding, fixed: Fixed, *, unsafe: bool) -> str:
     why = fixed.left_out.get(site_of(finding))
-    if why is not None:
-        return f"left out (its repair {why})"
-    return "needs --unsafe" if finding.fix and not finding.fix.safe else "left"
+    if why is None and finding.fix is None:
+        return "left"
+    if why is None and finding.fix and not (unsafe or finding.fix.safe):
+        return "needs --unsafe"
+    return f"left out (its repair {why or USELESS})"
 
 
 def _line(finding: Finding) -> str:
