@@ -248,8 +248,11 @@ FAULTS: dict[str, Step] = {
 }
 
 
-ROBOT = "/turtlebot3_burger"
+ROBOT, JOINTS = "/turtlebot3_burger", "/turtlebot3_burger/joints"
 FAULTS |= {
+    "a joint is switched off": {
+        "declare": [f"{JOINTS}/base_joint.physics:jointEnabled", "bool", False]
+    },
     "a link stands below another": {
         "move": [f"{ROBOT}/wheel_left_link", f"{ROBOT}/base_link/wheel_left_link"]
     },
@@ -270,7 +273,6 @@ def test_what_somebody_else_would_do_is_repaired(tmp_path: Path, fault: str) -> 
     assert check_stage(path).verdict == "pass"
 
 
-JOINTS = "/turtlebot3_burger/joints"
 LEFT, RIGHT = f"{JOINTS}/wheel_left_joint", f"{JOINTS}/wheel_right_joint"
 EXCHANGED: dict[str, list[Step]] = {
     "places": [{"swap": [f"{LEFT}.physics:localPos0", f"{RIGHT}.physics:localPos0"]}],

@@ -10,6 +10,7 @@ import pytest
 from breaking import Step, broken, judged
 from click.testing import CliRunner
 from msgspec.structs import replace
+from pxr import Usd
 
 from lab3_usd.commands.check import command
 from lab3_usd.grade.workers.submission_grading import _without_repairs
@@ -125,6 +126,34 @@ def test_a_finding_has_the_edits_that_settle_it(case: str) -> None:
     step, edits, is_safe = CASES[case]
     findings = [each for each in judged(broken("02", [step]), "02").findings if each.fix]
     assert [(each.fix.edits, each.fix.safe) for each in findings if each.fix] == [(edits, is_safe)]
+
+
+def offers(stage: Usd.Stage, checkpoint: str) -> list[tuple[str, bool]]:
+    found = judged(stage, checkpoint).findings
+    return [(each.rule, each.fix is not None) for each in found if each.severity != "note"]
+
+
+def test_the_frame_of_a_joint_that_was_turned_round_is_not_restored() -> None:
+    steps: list[Step] = []
+    for side in ("left", "right"):
+        joint = f"/turtlebot3_burger/joints/wheel_{side}_joint"
+        ends = ("base_link", f"wheel_{side}_link")
+        steps += [
+            {"targets": [f"{joint}.physics:body{number}", f"/turtlebot3_burger/{ends[1 - number]}"]}
+            for number in (0, 1)
+        ]
+        steps += [
+            {"swap": [f"{joint}.physics:local{name}0", f"{joint}.physics:local{name}1"]}
+            for name in ("Pos", "Rot")
+        ]
+    assert offers(broken("02", steps), "02") == [("S09", False), ("S09", False)]
+
+
+def test_an_asset_that_is_not_here_is_not_restored() -> None:
+    stage = broken("03", [])
+    lidar = stage.GetPrimAtPath("/turtlebot3_burger/base_scan/Lidar2D")
+    lidar.GetReferences().AddReference("elsewhere/Example_Rotary.usda")
+    assert ("L11", False) in offers(stage, "03")
 
 
 def test_notes_have_no_repair() -> None:

@@ -9,8 +9,10 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.repairs.nodes import modern_types, property_edits
+from lab3_usd.check.scene.wheel_joints import base_side, wheel_joints
 from lab3_usd.check.tf.frame_names import NAME_OVERRIDE
 from lab3_usd.model.finding import Finding
+from lab3_usd.model.physics import JOINT_ENABLED
 from lab3_usd.model.repair import (
     Activate,
     AddGraph,
@@ -40,6 +42,9 @@ _MISSING_PRIM = "S01"
 _MOVED = (_MISSING_PRIM, "S07", "L02", "C02", _GRAPH_PLACE)
 _ARTICULATION = "S11"
 _WHEEL_SHAPE = "S06"
+_LOOSE_LINK = "S12"
+_OTHER_ASSET = "L11"  # a reference to an asset that is not here
+_FRAMES = "physics:local"
 _SCENE = ("S", "L", "C")
 _NEEDS_CONSENT = (AddGraph, AddNode, RemovePrim, MovePrim)
 
@@ -175,19 +180,28 @@ def _scene_edits(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
     elif schema is not None:
         yield Restore(finding.prim)
     else:
-        yield from _restores(finding)
+        yield from _restores(finding, whole)
 
 
-def _restores(finding: Finding) -> Iterator[Edit]:
+def _restores(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
     """Yield how to restore the properties that a finding names, else its prims."""
     if finding.property:
-        for prim, name in _sites(finding):
-            yield Restore(prim, name)
+        sites = () if _is_turned_round(finding, whole) else _sites(finding)
+        yield from (Restore(*each) for each in sites)
     elif finding.rule == _MISSING_PRIM and finding.related:  # where the prim seems to be
         if len(finding.related) == 1:
             yield MovePrim(finding.related[0], finding.prim)
-    else:
+    elif finding.rule == _LOOSE_LINK and finding.related:  # joints that are switched off
+        yield from (Restore(each, JOINT_ENABLED) for each in finding.related)
+    elif finding.rule != _OTHER_ASSET:
         yield from map(Restore, (finding.prim, *finding.related))
+
+
+def _is_turned_round(finding: Finding, whole: StageSubject) -> bool:
+    """Whether it is about the frame of a joint whose bodies are the other way round."""
+    return (finding.property or "").startswith(_FRAMES) and any(
+        each.site == finding.prim and base_side(each) == 1 for each in wheel_joints(whole)
+    )
 
 
 def _deactivated(finding: Finding, whole: StageSubject) -> list[str]:
