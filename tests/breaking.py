@@ -182,6 +182,11 @@ def _schema_off(stage: Usd.Stage, where: str, name: str) -> None:
     stage.GetPrimAtPath(place(where)).RemoveAppliedSchema(name)
 
 
+def _remove_property(stage: Usd.Stage, where: str) -> None:
+    path = Sdf.Path(place(where))
+    stage.GetPrimAtPath(path.GetPrimPath()).RemoveProperty(path.name)
+
+
 def _copy(stage: Usd.Stage, source: str, target: str) -> None:
     layer = stage.GetRootLayer()
     Sdf.CopySpec(layer, place(source), layer, place(target))
@@ -231,6 +236,7 @@ STEPS: dict[str, Callable[..., None]] = {
     "swap": _swap,
     "targets": _targets,
     "remove": _remove,
+    "remove property": _remove_property,
     "deactivate": _deactivate,
     "over": _over,
     "type of prim": _untype,

@@ -37,7 +37,7 @@ def _restore_metadata(session: EditSession, name: str) -> None:
 
 def _restore_property(session: EditSession, path: str, name: str) -> None:
     found = session.reference().GetPropertyAtPath(f"{path}.{name}")
-    source = path if found else session.source(path, name)
+    source = path if found else _source(session, path, name)
     if source != path and session.reference().GetPrimAtPath(source):
         _restore_property(session, source, name)
     elif isinstance(found, Sdf.AttributeSpec):
@@ -47,6 +47,22 @@ def _restore_property(session: EditSession, path: str, name: str) -> None:
         set_targets(session, Retarget(path, name, targets))
     else:
         _erase(session, path, name)
+
+
+def _source(session: EditSession, path: str, name: str) -> str:
+    """Return the prim at which a property is said; where it is gone, at which it should be.
+
+    That may be one which is referred to.
+    """
+    found, asked = (
+        each.GetPropertyAtPath(f"{path}.{name}")
+        for each in (session.stage, session.reference_stage())
+    )
+    if not asked or (found and found.IsAuthored()):
+        return session.source(path, name)
+    specs = (each for each in asked.GetPropertyStack() if each.layer == session.reference())
+    sources = (str(each.path.GetPrimPath()) for each in specs)
+    return next(filter(session.stands, sources), path)
 
 
 def _erase(session: EditSession, path: str, name: str) -> None:
