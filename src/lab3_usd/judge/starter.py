@@ -11,6 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
+from lab3_usd.check.repairs.findings import repair_by
 from lab3_usd.check.repairs.starter import with_starter_repairs
 from lab3_usd.check.requirements import with_other_faults
 from lab3_usd.check.rule_runs import RuleResults, run_family
@@ -100,6 +101,7 @@ def open_against_starter(
     beside = _Beside(starter, stage, Path(result.path), result.checkpoint or "", lab)
     try:
         judged = _compared(beside, reported)
+        kept = tuple(_undone(kept, beside, frozenset(blamed)))
     except StageError as error:  # of a prim that nothing else asks for
         return unreadable(result.path, result.checkpoint, str(error))
     kept = tuple(each for each in kept if not _follows(each, judged.findings))
@@ -131,6 +133,19 @@ def _causes(finding: Finding) -> Iterator[Site]:
         while above:
             yield above, _CAUSES[finding.rule]
             above = above.rpartition("/")[0]
+
+
+def _undone(
+    findings: Collection[Finding], beside: _Beside, blamed: frozenset[Site]
+) -> Iterator[Finding]:
+    """Yield the findings; what a change of the starter causes is repaired by undoing the change."""
+    caused = [each for each in findings if each.rule in _CAUSES and each.severity != "note"]
+    changes = _compared(beside, _ReportedSites(blamed)).findings if caused else ()
+    for each in findings:
+        sites = {*_causes(each)} if each in caused else ()
+        fixes = [change.fix for change in changes if (change.prim, change.property) in sites]
+        edits = tuple(edit for fix in fixes if fix for edit in fix.edits)
+        yield replace(each, fix=repair_by(edits)) if edits else each
 
 
 def _follows(finding: Finding, changes: Collection[Finding]) -> bool:
