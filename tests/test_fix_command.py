@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from breaking import Step, broken, correct_stage
 from click.testing import CliRunner, Result
-from pxr import Sdf, Usd, UsdPhysics, UsdUtils
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from lab3_usd.commands.fix import command
 from lab3_usd.errors import Lab3Error
@@ -376,6 +376,15 @@ CHANGES: dict[str, Step] = {
     "a crate collides no more": {"schema off": [CRATE, "PhysicsCollisionAPI"]},
     "a tyre is larger": {"set": [f"{TYRE}.radius", 0.05]},
     "both tyres are larger": {"set": ["/turtlebot3_burger/colliders/wheel/tyre.radius", 0.05]},
+    "both tyres have lost their size": {
+        "remove property": "/turtlebot3_burger/colliders/wheel/tyre.radius"
+    },
+    "both tyres have lost their material": {
+        "remove property": "/turtlebot3_burger/colliders/wheel/tyre.material:binding:physics"
+    },
+    "a joint is switched off": {
+        "declare": [f"{JOINTS}/scan_joint.physics:jointEnabled", "bool", False]
+    },
 }
 
 
@@ -395,6 +404,27 @@ def test_with_the_starter_what_was_changed_of_it_is_restored(
     assert against_starter(check_stage(path), compared, load_lab()).verdict == "fail"
     assert fix(path, "--in-place", "--unsafe", "--starter", str(starter)).exit_code == 0
     assert against_starter(check_stage(path), compared, load_lab()).verdict == "pass"
+
+
+def test_with_the_starter_a_ground_that_was_lowered_is_raised(
+    tmp_path: Path, starter: Path
+) -> None:
+    stage = correct_stage("02")
+    ground = UsdGeom.Xformable(stage.GetPrimAtPath("/Environment/GroundPlane"))
+    ground.AddTranslateOp().Set((0.0, 0.0, -0.1))
+    path = tmp_path / "Lab3_02_ros_drive.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert fix(path, "--in-place", "--starter", str(starter)).exit_code == 0
+    assert check_stage(path).verdict == "pass"
+
+
+def test_what_stands_elsewhere_than_in_the_starter_is_offered_no_repair(
+    tmp_path: Path, starter: Path
+) -> None:
+    path = saved(tmp_path, {"move": [LEFT, f"{ROBOT}/base_link/wheel_left_joint"]})
+    compared = open_starter(starter, load_lab())
+    (found,) = against_starter(check_stage(path), compared, load_lab()).findings
+    assert (found.rule, found.fix) == ("U05", None)
 
 
 SHAPE = "/turtlebot3_burger/colliders/wheel/tyre"

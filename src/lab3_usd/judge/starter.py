@@ -189,6 +189,10 @@ class _Beside(Struct, frozen=True, eq=False):
     checkpoint: str
     lab: Lab
 
+    def has_supplied(self, path: str) -> bool:
+        """Whether something stands at a path of the starter, or the layer itself is meant."""
+        return bool(self.starter.stage.GetPrimAtPath(path))
+
 
 def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
     from lab3_usd.stage.compare.starter import compare_starter  # noqa: PLC0415 - pxr, only when needed
@@ -201,5 +205,6 @@ def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
         found, faulty_sites=reported.faulty_sites, related_prims=reported.related_prims
     )
     judged = run_family("starter", _FAMILY, subject, lab)
-    findings = located(tuple(with_starter_repairs(judged.findings)), beside.path, stage)
+    repaired = with_starter_repairs(judged.findings, beside.has_supplied)
+    findings = located(tuple(repaired), beside.path, stage)
     return replace(judged, findings=tuple(findings))

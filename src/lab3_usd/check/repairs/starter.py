@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from msgspec.structs import replace
 
@@ -15,13 +15,17 @@ _ABSENT = "missing"
 _POSE = "xformOpOrder"
 
 
-def with_starter_repairs(findings: Iterable[Finding]) -> Iterator[Finding]:
+def with_starter_repairs(
+    findings: Iterable[Finding], is_supplied: Callable[[str], bool]
+) -> Iterator[Finding]:
     """Yield the findings, those that have one right repair together with it.
 
+    What stands elsewhere than in the starter has none: nothing is supplied at its path.
     Of several differences of a prim the first is repaired; the next one is found after that.
     """
     for each in findings:
-        edits = tuple(_edits(each))
+        is_there = each.rule == _ADDED or is_supplied(each.prim)
+        edits = tuple(_edits(each)) if is_there else ()
         yield replace(each, fix=repair_by(edits)) if edits and each.severity != "note" else each
 
 
