@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from breaking import Step, broken, judged
+from breaking import Step, broken, correct_stage, judged
 from click.testing import CliRunner
 from msgspec.structs import replace
-from pxr import Usd
+from pxr import Usd, UsdGeom
 
 from lab3_usd.commands.check import command
 from lab3_usd.grade.workers.submission_grading import _without_repairs
@@ -154,6 +154,14 @@ def test_an_asset_that_is_not_here_is_not_restored() -> None:
     lidar = stage.GetPrimAtPath("/turtlebot3_burger/base_scan/Lidar2D")
     lidar.GetReferences().AddReference("elsewhere/Example_Rotary.usda")
     assert ("L11", False) in offers(stage, "03")
+
+
+@pytest.mark.parametrize(("lowered", "is_offered"), [("", False), ("/CollisionPlane", True)])
+def test_a_ground_is_restored_where_it_was_moved_itself(lowered: str, *, is_offered: bool) -> None:
+    stage = correct_stage("02")
+    ground = UsdGeom.Xformable(stage.GetPrimAtPath(f"/Environment/GroundPlane{lowered}"))
+    ground.AddTranslateOp().Set((0.0, 0.0, -0.1))
+    assert offers(stage, "02") == [("S19", is_offered)]
 
 
 def test_notes_have_no_repair() -> None:

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.repairs.nodes import modern_types, property_edits
+from lab3_usd.check.scene.pose_errors import ORDER
 from lab3_usd.check.scene.wheel_joints import base_side, wheel_joints
 from lab3_usd.check.tf.frame_names import NAME_OVERRIDE
 from lab3_usd.model.finding import Finding
@@ -43,6 +44,7 @@ _MOVED = (_MISSING_PRIM, "S07", "L02", "C02", _GRAPH_PLACE)
 _ARTICULATION = "S11"
 _WHEEL_SHAPE = "S06"
 _LOOSE_LINK = "S12"
+_NOT_AT_REST = "S19"
 _OTHER_ASSET = "L11"  # a reference to an asset that is not here
 _FRAMES = "physics:local"
 _SCENE = ("S", "L", "C")
@@ -193,8 +195,16 @@ def _restores(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
             yield MovePrim(finding.related[0], finding.prim)
     elif finding.rule == _LOOSE_LINK and finding.related:  # joints that are switched off
         yield from (Restore(each, JOINT_ENABLED) for each in finding.related)
-    elif finding.rule != _OTHER_ASSET:
+    elif not _is_out_of_reach(finding, whole):
         yield from map(Restore, (finding.prim, *finding.related))
+
+
+def _is_out_of_reach(finding: Finding, whole: StageSubject) -> bool:
+    """Whether a fault is in what a prim refers to, or in a prim above the one that is named."""
+    if finding.rule == _NOT_AT_REST and finding.prim == whole.lab.scene.robot.path:
+        grounds = map(whole.stage.prim, finding.related)
+        return not any(ORDER in each.attributes for each in grounds if each)
+    return finding.rule == _OTHER_ASSET
 
 
 def _is_turned_round(finding: Finding, whole: StageSubject) -> bool:
