@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import Any
 
 from msgspec import Struct
-from pxr import Sdf, Usd
+from pxr import Sdf, Tf, Usd
 
 from lab3_usd.spec.catalog import Value
 from lab3_usd.stage.read.plain_values import plain_value
@@ -37,11 +37,19 @@ def targets_of(relationship: Usd.Relationship) -> list[Sdf.Path]:
     """Return where a relationship leads: nowhere if it is none, or if a layer has an attribute.
 
     Whatever layers say, what a schema calls a relationship is one; usd-core then fails to compose.
+
+    Raises:
+        Tf.ErrorException: the file is damaged there.
     """
-    stack = relationship.GetPropertyStack() if relationship else ()
-    if any(type(each) is not Sdf.RelationshipSpec for each in stack):
+    if not relationship:
         return []
-    return list(relationship.GetTargets()) if relationship else []
+    try:
+        targets: list[Sdf.Path] = Usd.Relationship.GetTargets(relationship)
+    except Tf.ErrorException:
+        if all(type(each) is Sdf.RelationshipSpec for each in relationship.GetPropertyStack()):
+            raise
+        return []
+    return targets
 
 
 class AuthoredProperty(Struct, frozen=True, eq=False):
