@@ -8,15 +8,10 @@ from typing import Any
 from pxr import Sdf
 
 from lab3_usd.model.repair import ClearValue, Connect, RenameProperty, Retarget, SetValue
+from lab3_usd.spec.values import are_alike
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.write.author import catalog_value
 
-# Types of which each can hold the values of the others.
-_FAMILIES = (
-    {"float", "double", "half"},
-    {"int", "uint", "int64", "uint64", "uchar"},
-    {"string", "token"},
-)
 _PORTS = ("inputs:", "outputs:")
 
 
@@ -38,10 +33,10 @@ def _attribute(session: EditSession, path: str, name: str, type_name: str) -> Sd
     layer = session.property_layer(path, name)
     prim = session.prim_spec(layer, path)
     found = layer.GetAttributeAtPath(f"{path}.{name}")
-    if found is not None and _holds(str(found.typeName), type_name):
+    if found is not None and are_alike(str(found.typeName), type_name):
         return found
     composed = session.stage.GetPrimAtPath(path).GetAttribute(name)
-    if found is None and composed and _holds(str(composed.GetTypeName()), type_name):
+    if found is None and composed and are_alike(str(composed.GetTypeName()), type_name):
         type_name = str(composed.GetTypeName())
     is_custom = bool(composed.IsCustom()) if composed else name.startswith(_PORTS)
     sources, data = _kept(found)
@@ -72,10 +67,6 @@ def _kept(found: Sdf.AttributeSpec | None) -> tuple[list[Sdf.Path], Any]:
     if found is None:
         return [], None
     return list(found.connectionPathList.GetAddedOrExplicitItems()), found.GetInfo("customData")
-
-
-def _holds(own: str, asked: str) -> bool:
-    return own == asked or any(own in family and asked in family for family in _FAMILIES)
 
 
 def clear_value(session: EditSession, edit: ClearValue) -> None:
