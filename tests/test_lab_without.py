@@ -92,6 +92,8 @@ def metres(files: dict[str, dict[str, Any]]) -> None:
     no_wheels(files)
     no_world(files)
     files["scene"]["stage"]["meters_per_unit"] = 0.01
+    joints = jetbot(files)["chassis"]["children"]
+    joints["mast_joint"]["set"]["physics:localPos0"] = [4.0, 0.0, 12.0]
 
 
 def nothing_forbidden(files: dict[str, dict[str, Any]]) -> None:

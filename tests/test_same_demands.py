@@ -27,7 +27,7 @@ ASKED = {"graphs", "sensors", "frames", "topics", "localization", "id"}
 # Whether it is the first, and whether the robot may have driven before it.
 NUMBERS = {
     "checkpoint.id == lab.first",
-    "subject.checkpoint.id != subject.lab.first",
+    "subject.checkpoint.id == subject.lab.first",
     "subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until)",
 }
 
