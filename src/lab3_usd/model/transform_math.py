@@ -15,6 +15,7 @@ Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]  # where X, Y and Z of the prim point in its parent
 
 IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+_UNTURNED = IDENTITY[:12]  # without the translation
 AXES: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -99,7 +100,9 @@ def angle_between(one: Vector, other: Vector) -> float:
 
 
 def multiply(one: Matrix, other: Matrix) -> Matrix:
-    """Return the transform that does `one` first, then `other`."""
+    """Return the transform that does `one` first, then `other`, which most often only moves."""
+    if other[:12] == _UNTURNED:
+        return (*one[:12], one[12] + other[12], one[13] + other[13], one[14] + other[14], 1.0)
     a, b, c, d, e, f, g, h, i, j, k, m, n, o, p, q = other
     numbers: list[float] = []
     for x, y, z, w in (one[:4], one[4:8], one[8:12], one[12:]):
