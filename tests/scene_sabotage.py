@@ -287,7 +287,9 @@ def _world() -> list[Sabotage]:
         Sabotage("gravity in centimetres", "01", put(*_GRAVITY, 981.0), _GRAVITY),
         Sabotage("gravity without end", "01", put(*_GRAVITY, math.inf), _GRAVITY),
         Sabotage("gravity of a number that is none", "01", put(*_GRAVITY, math.nan), _GRAVITY),
-        Sabotage("links without weight", "01", _weightless_links, (ROBOT, _NO_WEIGHT)),
+        Sabotage(
+            "links without weight", "01", _weightless_links, (f"{ROBOT}/{LINKS[0]}", _NO_WEIGHT)
+        ),
         Sabotage("robot in a scene without gravity", "01", _other_owner, ("/other", _GRAVITY[1])),
         Sabotage("ground to the side", "00", put(FLOOR, "axis", "X"), (FLOOR, "axis")),
         Sabotage("ground upside down", "00", turned_floor(180), (FLOOR, _TURNED)),

@@ -13,7 +13,7 @@ from lab3_usd.check.scene.pose_errors import ORDER
 from lab3_usd.check.scene.wheel_joints import base_side, wheel_joints
 from lab3_usd.check.tf.frame_names import NAME_OVERRIDE
 from lab3_usd.model.finding import Finding
-from lab3_usd.model.physics import JOINT_ENABLED
+from lab3_usd.model.physics import FIXED, JOINT_ENABLED
 from lab3_usd.model.repair import (
     Activate,
     AddGraph,
@@ -193,6 +193,8 @@ def _restores(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
     elif finding.rule == _MISSING_PRIM and finding.related:  # where the prim seems to be
         if len(finding.related) == 1:
             yield MovePrim(finding.related[0], finding.prim)
+    elif finding.expected == FIXED:  # a joint of another type
+        yield Restore(finding.prim)
     elif finding.rule == _LOOSE_LINK and finding.related:  # joints that are switched off
         yield from (Restore(each, JOINT_ENABLED) for each in finding.related)
     elif not _is_out_of_reach(finding, whole):

@@ -24,7 +24,8 @@ def gravity_faults(subject: StageSubject) -> Iterator[Problem]:
     links = _links(subject)
     if links and all(link.attributes.get(_DISABLED) is True for link in links):
         message = "gravity is switched off for all links of the robot"
-        yield Problem(subject.lab.scene.robot.path, message, _DISABLED, "False", "True")
+        site, switches = links[0].path, tuple(f"{link.path}.{_DISABLED}" for link in links[1:])
+        yield Problem(site, message, _DISABLED, "False", "True", related=switches)
     for scene in _scenes(subject, links):
         yield from _faults_of(scene, subject.stage.meters_per_unit or 1.0)
 

@@ -145,8 +145,8 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
     if asked is None:
         return
     for wrong in gravity_faults(subject):
-        related = (asked.usual,) if wrong.prim != asked.usual else ()
-        yield replace(wrong, handout=asked.handout, related=related)
+        usual = (asked.usual,) if wrong.prim != asked.usual else ()
+        yield replace(wrong, handout=asked.handout, related=(*usual, *wrong.related))
     if not any(prim.present for prim in found) and not _is_elsewhere(subject):
         yield _missing(subject, asked, "a physics scene", found)
 
