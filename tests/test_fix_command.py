@@ -291,6 +291,22 @@ def test_wheels_that_are_exchanged_are_both_put_back(tmp_path: Path, exchanged: 
     assert check_stage(path).verdict == "pass"
 
 
+def test_a_link_on_a_hinge_is_held_again(tmp_path: Path) -> None:
+    path = saved(tmp_path, {"type of prim": [f"{ROBOT}/joints/scan_joint", "PhysicsRevoluteJoint"]})
+    assert fix(path, "--in-place", "--unsafe").exit_code == 0
+    assert check_stage(path).verdict == "pass"
+
+
+def test_all_links_have_their_weight_again(tmp_path: Path) -> None:
+    links = [f"{ROBOT}/{each}" for each in load_lab().scene.robot.links]
+    steps: list[Step] = [
+        {"declare": [f"{link}.physxRigidBody:disableGravity", "bool", True]} for link in links
+    ]
+    path = saved(tmp_path, *steps)
+    assert fix(path, "--in-place").exit_code == 0
+    assert check_stage(path).verdict == "pass"
+
+
 def test_a_link_that_two_prims_could_be_is_not_added_again(tmp_path: Path) -> None:
     link = f"{ROBOT}/wheel_left_link"
     copies: list[Step] = [
