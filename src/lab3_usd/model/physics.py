@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 from lab3_usd.model.derived import once_per_stage
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel
+from lab3_usd.model.transform_math import angle_between
 from lab3_usd.spec.catalog import Value
 
 BODY_API = "PhysicsRigidBodyAPI"
@@ -21,6 +24,10 @@ STIFFNESS = "drive:angular:physics:stiffness"
 DAMPING = "drive:angular:physics:damping"
 MAX_FORCE = "drive:angular:physics:maxForce"
 SCENE = "PhysicsScene"
+GRAVITY, GRAVITY_DIRECTION = "physics:gravityMagnitude", "physics:gravityDirection"
+DOWN = (0.0, 0.0, -1.0)
+TILT = 5.0  # degrees from which on a robot slides or rolls
+_LEAST, _MOST = 1.0, 30.0  # metres per second squared: less than the moon's, more than Jupiter's
 PLANE = "Plane"
 MASS = "physics:mass"
 BODY_ENABLED = "physics:rigidBodyEnabled"
@@ -89,10 +96,31 @@ def joints(stage: StageModel) -> tuple[Prim, ...]:
     )
 
 
-def limits(joint: Prim) -> tuple[float, float]:
-    """Return the degrees between which a revolute joint turns, infinite where it has no limit."""
-    low, high = (number(joint.attributes.get(name)) for name in LIMITS)
-    return -math.inf if low is None else low, math.inf if high is None else high
+def limits(joint: Mapping[str, Any]) -> tuple[float, float]:
+    """Return between which positions a joint with these values turns, infinite without a limit.
+
+    What PhysX makes of a lower limit above the upper one is not known: it counts for nothing.
+    """
+    low, high = (number(joint.get(name)) for name in LIMITS)
+    low, high = -math.inf if low is None else low, math.inf if high is None else high
+    return (low, high) if low <= high else (-math.inf, math.inf)
+
+
+def is_felt(scene: Mapping[str, Any], meters_per_unit: float) -> bool:
+    """Whether the gravity of a scene with these values holds a robot, and does not crush it.
+
+    A negative one is the earth's (UsdPhysics). A stage whose units are wrong may mean metres.
+    """
+    strength = number(scene.get(GRAVITY))
+    if strength is None or strength < 0:
+        return True
+    return any(_LEAST <= strength * unit <= _MOST for unit in (1.0, meters_per_unit))
+
+
+def is_down(scene: Mapping[str, Any]) -> bool:
+    """Whether the gravity of a scene with these values pulls down, as one without direction."""
+    along = vector(scene.get(GRAVITY_DIRECTION))
+    return not any(along) or angle_between(along, DOWN) <= TILT
 
 
 def number(value: Value | None) -> float | None:

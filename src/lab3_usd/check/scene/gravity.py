@@ -8,15 +8,20 @@ from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.scene.pose_errors import vector_text
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.physics import BODY_API, SCENE, number, vector
+from lab3_usd.model.physics import (
+    BODY_API,
+    DOWN,
+    GRAVITY,
+    GRAVITY_DIRECTION,
+    SCENE,
+    is_down,
+    is_felt,
+    number,
+    vector,
+)
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.transform_math import angle_between
 
-TILT = 5.0  # degrees from which on a robot slides or rolls
-_DOWN = (0.0, 0.0, -1.0)
-_MAGNITUDE, _DIRECTION = "physics:gravityMagnitude", "physics:gravityDirection"
 _OWNER, _DISABLED = "physics:simulationOwner", "physxRigidBody:disableGravity"
-_LEAST, _MOST = 1.0, 30.0  # metres per second squared: less than the moon's, more than Jupiter's
 
 
 def gravity_faults(subject: StageSubject) -> Iterator[Problem]:
@@ -45,18 +50,11 @@ def _scenes(subject: StageSubject, links: list[Prim]) -> list[Prim]:
 
 
 def _faults_of(scene: Prim, meters_per_unit: float) -> Iterator[Problem]:
-    """Judge a scene: a negative magnitude is the earth's, a direction of zeros is down."""
-    strength = number(scene.attributes.get(_MAGNITUDE))
-    along = vector(scene.attributes.get(_DIRECTION))
-    if strength is not None and not (strength < 0 or _is_felt(strength, meters_per_unit)):
-        message = f"gravity is {strength:g}, expected about 9.81 m/s²"
-        yield Problem(scene.path, message, _MAGNITUDE, "9.81", f"{strength:g}")
-    elif any(along) and not angle_between(along, _DOWN) <= TILT:
-        is_, down = vector_text(along), vector_text(_DOWN)
+    if not is_felt(scene.attributes, meters_per_unit):
+        strength = f"{number(scene.attributes.get(GRAVITY)):g}"
+        message = f"gravity is {strength}, expected about 9.81 m/s²"
+        yield Problem(scene.path, message, GRAVITY, "9.81", strength)
+    elif not is_down(scene.attributes):
+        is_, down = vector_text(vector(scene.attributes.get(GRAVITY_DIRECTION))), vector_text(DOWN)
         message = f"gravity pulls along {is_}, expected {down}"
-        yield Problem(scene.path, message, _DIRECTION, down, is_)
-
-
-def _is_felt(strength: float, meters_per_unit: float) -> bool:
-    """Whether a robot is held and not crushed; a stage whose units are wrong may mean metres."""
-    return any(_LEAST <= strength * unit <= _MOST for unit in (1.0, meters_per_unit))
+        yield Problem(scene.path, message, GRAVITY_DIRECTION, down, is_)

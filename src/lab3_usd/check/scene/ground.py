@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.scene.gravity import TILT
 from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import (
     BODY_API,
@@ -15,6 +14,7 @@ from lab3_usd.model.physics import (
     FIXED,
     KINEMATIC,
     PLANE,
+    TILT,
     bodies,
     collides,
     is_switched_off,

@@ -7,7 +7,7 @@ from collections import deque
 
 from lab3_usd.model.dry_run.affine import AXES, HERE, Affine, rotation
 from lab3_usd.model.dry_run.scene import Prim, Scene
-from lab3_usd.model.physics import EXCLUDED, LIMITS, number
+from lab3_usd.model.physics import EXCLUDED, limits, number
 from lab3_usd.sim.robot.joints import DRIVE, FIXED, HINGE, JOINTS, Joint
 from lab3_usd.sim.robot.machine import Machine
 
@@ -64,6 +64,7 @@ class Bodies:
             return (number(prim.values.get(drive + name)) or 0.0) if driven else 0.0
 
         unit = math.radians(1.0) if prim.type == HINGE else 1.0
+        low, high = limits(prim.values)
         return Joint(
             prim.path.rpartition("/")[2],
             prim.type,
@@ -75,7 +76,7 @@ class Bodies:
             0.0,
             authored=(said("targetVelocity") * unit, said("targetPosition") * unit),
             excluded=prim.values.get(EXCLUDED) is True,
-            limits=_limits(prim, unit),
+            limits=(low * unit, high * unit),
         )
 
     def _frame(self, prim: Prim, number: int, ends: tuple[str, ...], body: str) -> Affine:
@@ -86,13 +87,6 @@ class Bodies:
         inside = target.then(Affine(turn, at))
         owner = self.prims[body].world.rigid() if body else HERE
         return owner.inverse().then(inside).rigid()
-
-
-def _limits(prim: Prim, unit: float) -> tuple[float, float]:
-    """Return how far a joint turns; a lower limit above the upper one counts for nothing."""
-    low, high = (number(prim.values.get(name)) for name in LIMITS)
-    low, high = -math.inf if low is None else low, math.inf if high is None else high
-    return (low * unit, high * unit) if low <= high else (-math.inf, math.inf)
 
 
 def assembled(bodies: dict[str, Prim], joints: list[Joint]) -> list[Machine]:

@@ -6,8 +6,8 @@ import math
 
 from lab3_usd.model.dry_run.affine import HERE, Affine
 from lab3_usd.model.dry_run.scene import Scene
-from lab3_usd.model.physics import SCENE
-from lab3_usd.model.transform_math import Vector, angle_between, cross, minus
+from lab3_usd.model.physics import SCENE, is_down, is_felt
+from lab3_usd.model.transform_math import Vector, cross, minus
 from lab3_usd.sim.geometry.cuts import cut, height_at
 from lab3_usd.sim.geometry.shapes import placed
 from lab3_usd.sim.robot.assembly import ROOT, Bodies, collides
@@ -19,9 +19,6 @@ _UPRIGHT = 0.5  # an axle that stands steeper rolls nowhere
 TOUCH = 5e-3  # metres between the lowest point of all and that of a wheel that still touches
 STEP_UP = 0.05  # metres that the ground may be above a robot's origin
 SKIRT = 0.05  # metres above the ground at which walls stop a robot
-MAGNITUDE, DIRECTION = "physics:gravityMagnitude", "physics:gravityDirection"
-DOWN = (0.0, 0.0, -1.0)
-TILT = 5.0  # degrees from which on gravity does not hold a robot where it is
 STILL = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -163,15 +160,10 @@ class Machines:
 def is_pulled(scene: Scene) -> bool:
     """Whether gravity holds what stands on the ground: that of the first physics scene.
 
-    Without one Isaac Sim makes one. A direction of zeros is down, a negative magnitude is that of
-    the earth (UsdPhysics).
+    Without one Isaac Sim makes one.
     """
-    first = next((each for each in scene.prims.values() if each.type == SCENE), None)
-    if first is None:
-        return True
-    along = first.values.get(DIRECTION) or STILL[0]
-    is_down = not any(along) or angle_between(along, DOWN) <= TILT
-    return is_down and first.values.get(MAGNITUDE) != 0
+    first = next((each.values for each in scene.prims.values() if each.type == SCENE), {})
+    return is_felt(first, scene.meters_per_unit) and is_down(first)
 
 
 def _bound(machine: Machine, points: list[Vector]) -> None:

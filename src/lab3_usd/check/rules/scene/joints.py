@@ -78,9 +78,9 @@ def _wrong_value(joint: Prim) -> tuple[str, str, str, str] | None:
         return "is switched off", JOINT_ENABLED, "True", "False"
     if is_excluded(joint):
         return "is excluded from the articulation", EXCLUDED, "False", "True"
-    low, high = limits(joint)
-    if low > high or (low <= -FAR and high >= FAR):
-        return None  # what PhysX makes of a lower limit above the upper one is not known
+    low, high = limits(joint.attributes)
+    if low <= -FAR and high >= FAR:
+        return None
     name, value = (LIMITS[0], low) if low > -FAR else (LIMITS[1], high)
     return f"cannot turn past {value:g} degrees", name, "no limit", f"{value:g}"
 
