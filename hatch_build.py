@@ -20,14 +20,14 @@ class CompileData(BuildHookInterface):  # type: ignore[type-arg]  # hatchling le
         root = Path(self.root)
         sys.path.insert(0, str(root / "src"))
         from lab3_usd.report.html.templates import compile_templates  # noqa: PLC0415 - see above
-        from lab3_usd.spec.load.assemble import assemble  # noqa: PLC0415
+        from lab3_usd.spec.load.catalog import assemble_types  # noqa: PLC0415
         from lab3_usd.spec.load.compiled import (  # noqa: PLC0415
             FILE,
             TYPES_FILE,
             compile_lab,
             compile_types,
         )
-        from lab3_usd.spec.load.isaac import assemble_types  # noqa: PLC0415
+        from lab3_usd.spec.load.lab import assemble  # noqa: PLC0415
 
         self.folder = tempfile.TemporaryDirectory()
         compiled = Path(self.folder.name) / FILE

@@ -20,12 +20,12 @@ from pathlib import Path
 from msgspec import Struct
 
 from lab3_usd import build_checkpoint
-from lab3_usd.model.dry_run.scene import Scene
-from lab3_usd.sim.behaviour.ros_interface import interface
-from lab3_usd.sim.execution.drive import Session, fixed_drive
-from lab3_usd.sim.lidar.rays import sweep
-from lab3_usd.sim.outcome import outcome
-from lab3_usd.sim.play import record
+from lab3_usd.model.dry_run import Scene
+from lab3_usd.sim.dry_run import outcome
+from lab3_usd.sim.execution.record import Session, fixed_drive
+from lab3_usd.sim.judge.topics import interface
+from lab3_usd.sim.lidar import sweep
+from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.scene import read_scene

@@ -25,8 +25,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from fuzz_inputs import generate, inputs, write_inputs
 from grade_files import LAB, stage, starter
 
-from lab3_usd.grade.intake.limits import Limits
 from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Task, status_of
 from lab3_usd.grade.workers.pool import run_tasks

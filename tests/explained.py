@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from lab3_usd.check.match.merging import match_all
-from lab3_usd.check.match.result import Roles
-from lab3_usd.check.relocation import relocated_lab, relocated_spec
-from lab3_usd.check.scene.robot_location import robot_relocations
-from lab3_usd.check.scene.sensor_location import sensor_relocations
+from lab3_usd.check.match.graphs import match_all
+from lab3_usd.check.match.subject import Roles
+from lab3_usd.check.robot.location import relocated_lab, relocated_spec, robot_relocations
+from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.model.finding import Finding, Requirement
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Lab

@@ -19,7 +19,7 @@ from sabotage import Fault, graph_faults
 from scene_sabotage import scene_sabotage
 from second_author import Style, author_lab
 
-from lab3_usd.check.match.merging import match_all
+from lab3_usd.check.match.graphs import match_all
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_stage
 from lab3_usd.fix.source_tree import ROOT, read_blocks
 from lab3_usd.model.finding import Finding

@@ -10,7 +10,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
-from lab3_usd.spec.load.isaac_types import load_isaac_types
+from lab3_usd.spec.load.compiled import load_isaac_types
 
 Ports = Mapping[str, Any]
 Nodes = Mapping[str, tuple[str, Ports]]
@@ -131,7 +131,7 @@ def wheel(
     return made
 
 
-def revolute(  # noqa: PLR0913, PLR0917 - one of each
+def revolute(
     stage: Usd.Stage, path: str, base: str, moved: str, at: Sequence[float], axis: str
 ) -> Usd.Prim:
     """A joint with a velocity drive, as an importer writes it."""
@@ -291,7 +291,7 @@ PUBLISHERS = ("odometry", "transform", "tree", "joints")
 ARRAYS = ("parentFrames", "childFrames", "translations", "orientations")
 
 
-def sensor_graph(  # noqa: PLR0913, PLR0917 - one of each
+def sensor_graph(
     stage: Usd.Stage, path: str, sensor: str, helper: str, frame: str, topic: str
 ) -> None:
     """Write the graph of one sensor, as the menus of Isaac Sim do."""

@@ -11,10 +11,10 @@ from fixing import own_texts
 from pxr import Sdf
 from random_layers import Layer, random_edits, random_layer
 
-from lab3_usd.fix.layer_bytes import new_text
-from lab3_usd.model.repair import Edit, MovePrim, RemovePrim
+from lab3_usd.fix.text_editor import new_text
+from lab3_usd.model.changes import Edit, MovePrim, RemovePrim
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.edit.apply import apply_edit
+from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.read.opening import open_stage, quiet
 

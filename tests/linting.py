@@ -8,11 +8,11 @@ from breaking import STEPS
 from foreign_robots import ROBOTS
 from pxr import Usd
 
-from lab3_usd.check.lint.subject import LintSubject
-from lab3_usd.check.linter import lint
+from lab3_usd.check.lint import lint
+from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.judge.lint import lint_lab
-from lab3_usd.spec.load.isaac_types import load_isaac_types
+from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.stage.read.reader import read_model
 
 

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.result import Roles
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.subject import Roles, StageSubject
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
 from lab3_usd.spec.catalog import Value

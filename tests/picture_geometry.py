@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import combinations, pairwise
 
-from lab3_usd.report.layout.curves import points
-from lab3_usd.report.picture import HEADER, Box, Curve, Picture
+from lab3_usd.report.picture.model import HEADER, Box, Curve, Picture
+from lab3_usd.report.picture.routing import points
 
 STEPS = 60
 

@@ -6,7 +6,7 @@ import random
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from lab3_usd.model.repair import (
+from lab3_usd.model.changes import (
     Activate,
     ApplySchema,
     ClearValue,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from lab3_usd.lab.evidence.reader import read_texts
-from lab3_usd.lab.submission.listing import entries_below
-from lab3_usd.model.folder.lab_files import Evidence
-from lab3_usd.spec.load.ros import load_ros
+from lab3_usd.lab.submission import entries_below
+from lab3_usd.model.folder import Evidence
+from lab3_usd.spec.load.lab import load_ros
 
 ROS = load_ros()
 

@@ -15,19 +15,18 @@ from pxr import Sdf, Usd
 from ros_outputs import good_outputs
 
 from lab3_usd.data import data_folder
+from lab3_usd.judge import files as folder_checks
 from lab3_usd.judge import folder as judge_folder
-from lab3_usd.judge import folder_checks
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
-from lab3_usd.lab.nav2.files import nav2_files
-from lab3_usd.lab.nav2.parameters import read_params
+from lab3_usd.lab.nav2 import read_params
+from lab3_usd.lab.scripts import nav2_files
 from lab3_usd.model.finding import StageResult
-from lab3_usd.model.folder.lab_files import Agreement, NavigationSubject
+from lab3_usd.model.folder import Agreement, NavigationSubject
 from lab3_usd.spec.lab import FrameSpec, Lab
+from lab3_usd.spec.load.lab import load_ros, load_submission
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.ros import load_ros
-from lab3_usd.spec.load.submission import load_submission
 from lab3_usd.spec.ros import MapFacts, RosSpec
 from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 from lab3_usd.stage.write.starter import build_starter

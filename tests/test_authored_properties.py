@@ -7,8 +7,12 @@ from typing import Any
 import pytest
 from pxr import Sdf, Usd
 
-from lab3_usd.stage.read.plain_values import plain_value
-from lab3_usd.stage.read.properties import AuthoredProperties, AuthoredProperty, authored_data
+from lab3_usd.stage.read.properties import (
+    AuthoredProperties,
+    AuthoredProperty,
+    authored_data,
+    plain_value,
+)
 from lab3_usd.stage.write.builder import build_checkpoint
 
 ODD = """#usda 1.0

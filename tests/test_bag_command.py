@@ -25,10 +25,10 @@ from lab3_usd.commands import bag as module
 from lab3_usd.commands.bag import command
 from lab3_usd.commands.sim import command as sim_command
 from lab3_usd.data import data_folder
-from lab3_usd.report.behaviour.words import LOOKS_OF_A_RECORDING
-from lab3_usd.sim.bag import gathering, judging, limits
-from lab3_usd.sim.bag.checks import CHECKS
-from lab3_usd.sim.behaviour.judge import CHECKS as SHARED
+from lab3_usd.report.behaviour.text import LOOKS_OF_A_RECORDING
+from lab3_usd.sim.bag import files, judge, reader
+from lab3_usd.sim.bag.judge import CHECKS
+from lab3_usd.sim.judge.verdicts import CHECKS as SHARED
 
 DRIVE = "0.2,0,1.4 0,0,0.3 -0.2,0,1.2 0,0.8,1 0,0,0.4"
 
@@ -356,7 +356,7 @@ def test_what_comes_after_the_part_that_is_kept_is_no_part_of_the_drive(
     plain: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = judged(plain)
-    monkeypatch.setattr(gathering, "MOST_KEPT", 560)  # ends while the robot is told to turn
+    monkeypatch.setattr(reader, "MOST_KEPT", 560)  # ends while the robot is told to turn
     cut = judged(plain)
     assert cut["verdict"] == "ok"
     assert "the first 2 s were judged message by message" in bag(plain).stdout
@@ -420,11 +420,11 @@ def test_very_many_topics_are_one_line(tmp_path: Path) -> None:
     with closing(sqlite3.connect(tmp_path / "run.db3")) as base, base:
         base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type)")
         base.executemany("INSERT INTO topics(name) VALUES(?)", [(f"/{n}",) for n in range(5000)])
-    assert refused(tmp_path) == f"has more than {limits.MOST_TOPICS} topics"
+    assert refused(tmp_path) == f"has more than {files.MOST_TOPICS} topics"
 
 
 def test_many_topics_of_mcap_are_one_line(plain: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "MOST_TOPICS", 3)
+    monkeypatch.setattr(files, "MOST_TOPICS", 3)
     assert refused(plain) == "has more than 3 topics"
 
 
@@ -432,7 +432,7 @@ def test_a_message_that_unpacks_to_too_much_is_one_line(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = rewritten(plain, tmp_path / "run", packing=CompressionMode.MESSAGE)
-    monkeypatch.setattr(limits, "LARGEST_MESSAGE", 100)
+    monkeypatch.setattr(files, "LARGEST_MESSAGE", 100)
     assert "larger than" in refused(folder)
 
 
@@ -440,7 +440,7 @@ def test_a_file_that_unpacks_to_too_much_is_one_line(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = rewritten(plain, tmp_path / "run", packing=CompressionMode.FILE)
-    monkeypatch.setattr(judging, "Bounds", lambda: limits.Bounds(file=1000))
+    monkeypatch.setattr(judge, "Bounds", lambda: files.Bounds(file=1000))
     assert "unpacks to more than" in refused(folder)
 
 

@@ -14,9 +14,9 @@ from html_pages import CLOCK, DRIVE, LAB, TF, break_ten_times, judged, page, sta
 from pxr import Sdf, Usd
 from report_examples import SUBMISSION, hostile
 
-from lab3_usd.grade.book.reports import HTML, write_reports
-from lab3_usd.grade.scoring.load_rubric import load_rubric
-from lab3_usd.grade.scoring.scoring import grade
+from lab3_usd.grade.gradebook import HTML, write_reports
+from lab3_usd.grade.rubric import load_rubric
+from lab3_usd.grade.scoring import grade
 from lab3_usd.report.formats.registry import render
 
 ATTACKS = (

@@ -16,8 +16,7 @@ from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings
-from lab3_usd.grade.intake.class_archive import submissions_in
-from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions
+from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
 
 STAGE = stage("00").name
 LINK = zipfile.ZipInfo("link")

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from lab3_usd import cli
 from lab3_usd.check.registry import FAMILIES, all_rules
-from lab3_usd.report.tool import UNKNOWN, tool_version
+from lab3_usd.report.options import UNKNOWN, tool_version
 
 if TYPE_CHECKING:
     from click.testing import Result

@@ -14,9 +14,9 @@ from ros_outputs import EDGES, fake_ros2, frames_gv, good_outputs
 from saved_outputs import read_evidence
 
 from lab3_usd.cli import lab3
-from lab3_usd.lab.evidence.collect import collect_script
 from lab3_usd.lab.evidence.reader import MANIFEST
-from lab3_usd.model.folder.lab_files import GoalRun
+from lab3_usd.lab.scripts import collect_script
+from lab3_usd.model.folder import GoalRun
 from lab3_usd.spec.load.loader import load_lab
 
 LAB = load_lab()

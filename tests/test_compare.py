@@ -386,7 +386,7 @@ DIFFERENCES: list[tuple[str, Edit, str, str, str, bool]] = [
     [each[1:] for each in DIFFERENCES],
     ids=[each[0] for each in DIFFERENCES],
 )
-def test_a_change_is_found(  # noqa: PLR0913, PLR0917 - one column each
+def test_a_change_is_found(
     starter: Usd.Stage,
     stage: Usd.Stage,
     edit: Edit,

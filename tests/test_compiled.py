@@ -12,8 +12,8 @@ import pytest
 from lab3_usd.data import PACKAGE, data_folder
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load import compiled
-from lab3_usd.spec.load.assemble import assemble
 from lab3_usd.spec.load.compiled import FILE, compile_lab, compiled_or_loaded
+from lab3_usd.spec.load.lab import assemble
 
 
 @pytest.fixture(autouse=True)

@@ -17,7 +17,7 @@ COMMANDS = {
     "check --native": ("lab3_usd.stage.read.native.native_errors", 1),
     "lint --native": ("lab3_usd.stage.read.native.native_errors", 1),
     "sim": ("lab3_usd.stage.read.scene.read_scene", 2),
-    "diff": ("lab3_usd.diff.stages.scene_changes", 2),
+    "diff": ("lab3_usd.diff.scene_changes", 2),
 }
 
 

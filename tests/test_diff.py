@@ -17,10 +17,10 @@ from scene_changes import author, deactivate, move_prim, put, with_api, without_
 
 from lab3_usd.commands.diff import command
 from lab3_usd.data import data_folder
-from lab3_usd.diff.stages import compare_stages
+from lab3_usd.diff import compare_stages
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.model.changes import PARTS
-from lab3_usd.report.diff.text import TITLES
+from lab3_usd.report.diff import TITLES
 
 Told = tuple[str, str, str, str]
 ROBOT, DRIVE = "/turtlebot3_burger", "ROS_Drive/differential_controller"

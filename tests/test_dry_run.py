@@ -12,8 +12,8 @@ from pxr import Gf, Usd
 from scene_changes import CAMERA
 from second_author import Style
 
-from lab3_usd.sim.behaviour.judge import CHECKS, judge
 from lab3_usd.sim.execution.record import Odometry
+from lab3_usd.sim.judge.verdicts import CHECKS, judge
 from lab3_usd.stage.write.builder import build_checkpoint
 
 WHEELS = 0.033 / 0.025  # the wheel of the model by that of the controller

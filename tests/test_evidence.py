@@ -31,18 +31,17 @@ from ros_outputs import (
 )
 from saved_outputs import read_evidence
 
-from lab3_usd.lab.evidence.command_outputs import recognise
-from lab3_usd.lab.evidence.commands import is_prompt, read_command
-from lab3_usd.lab.evidence.message import parse_messages
-from lab3_usd.lab.evidence.output_parsers import (
+from lab3_usd.lab.evidence.commands import is_prompt, read_command, recognise
+from lab3_usd.lab.evidence.outputs import (
     parse_endpoints,
     parse_lookup,
+    parse_messages,
     parse_state,
     parse_tree,
 )
 from lab3_usd.lab.evidence.reader import read_listed
-from lab3_usd.model.folder.lab_files import Evidence, GoalRun, Lookup
-from lab3_usd.spec.load.ros import load_ros
+from lab3_usd.model.folder import Evidence, GoalRun, Lookup
+from lab3_usd.spec.load.lab import load_ros
 
 ROS = load_ros()
 

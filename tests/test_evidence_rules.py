@@ -28,9 +28,9 @@ from submissions import diagnostics
 
 from lab3_usd.check.registry import rules_of
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.folder.lab_files import EvidenceSubject
+from lab3_usd.model.folder import EvidenceSubject
+from lab3_usd.spec.load.lab import load_ros
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.ros import load_ros
 
 ROS = load_ros()
 LAB = load_lab()

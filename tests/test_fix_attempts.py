@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
-from lab3_usd.fix.attempts import USELESS, WORSE, Attempt, most_helpful
+from lab3_usd.fix.repairing import USELESS, WORSE, Attempt, most_helpful
+from lab3_usd.model.changes import Repair
 from lab3_usd.model.finding import Finding, Site, site_of
-from lab3_usd.model.repair import Repair
 
 Repaired = Callable[[frozenset[str]], list[str]]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lab3_usd.model.formatting import display, format_paths, node_title, short_source
+from lab3_usd.model.finding import display, format_paths, node_title, short_source
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.catalog import Value
 

@@ -23,9 +23,9 @@ from lab3_usd.commands import grade as grade_command
 from lab3_usd.commands.grade import Rate, command, line
 from lab3_usd.data import data_folder
 from lab3_usd.errors import Lab3Error, StageError, UsageError
-from lab3_usd.grade.book.gradebook import Rows
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
-from lab3_usd.grade.scoring.load_rubric import load_rubric
+from lab3_usd.grade.gradebook import Rows
+from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.workers.messages import Task
 from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.spec.load.loader import load_lab

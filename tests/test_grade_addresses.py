@@ -17,11 +17,10 @@ from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings
-from lab3_usd.grade.intake.class_archive import submissions_in
-from lab3_usd.grade.intake.limits import Limits
 from lab3_usd.grade.intake.remote import fetched, local_path
 from lab3_usd.grade.intake.staging import Source
-from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions
+from lab3_usd.grade.intake.submission_copy import Limits
+from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
 memory = pytest.importorskip("fsspec.implementations.memory")
@@ -152,7 +151,7 @@ def test_one_file_that_cannot_be_fetched_is_one_students_status(tmp_path: Path) 
 def test_a_storage_that_hangs_is_not_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.intake.limits._TIMES_AS_LONG", 0.1)
+    monkeypatch.setattr("lab3_usd.grade.intake.submission_copy._TIMES_AS_LONG", 0.1)
     put({"hanging/a.usda": b"x"}, "faulty")
     source = got("faulty://class/hanging", tmp_path, Limits(seconds=1))
     assert "took longer than 0.1 s" in source.fault

@@ -11,8 +11,8 @@ from msgspec import to_builtins
 from test_browser import CONTRASTS
 from test_grade_page import EVIL, ITEMS, page_of, row
 
-from lab3_usd.grade.scoring.load_rubric import load_rubric
-from lab3_usd.grade.scoring.scoring import grade
+from lab3_usd.grade.rubric import load_rubric
+from lab3_usd.grade.scoring import grade
 from lab3_usd.spec.load.loader import load_lab
 
 ROWS = [

@@ -19,13 +19,12 @@ from grade_files import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.intake.limits import Limits, TooLargeError
 from lab3_usd.grade.intake.remote import entries_at, fetched, is_address
 from lab3_usd.grade.intake.staging import Source
-from lab3_usd.grade.workers.cluster import _Workers, cluster_runner, judge_here
+from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError
+from lab3_usd.grade.workers.cluster import Shipment, _Workers, cluster_runner, judge_here
 from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
 from lab3_usd.grade.workers.pool import run_tasks
-from lab3_usd.grade.workers.shipment import Shipment
 from lab3_usd.grade.workers.worker_process import WorkerError
 
 STUDENTS = 4

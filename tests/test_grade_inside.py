@@ -21,9 +21,10 @@ from msgspec.structs import replace
 from pxr import Sdf, Usd
 
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.grade.intake.limits import Limits
 from lab3_usd.grade.intake.staging import Source
-from lab3_usd.grade.workers import cluster, confine, process_end, worker_main, worker_process
+from lab3_usd.grade.intake.submission_copy import Limits
+from lab3_usd.grade.workers import cluster, sandbox, worker_main, worker_process
+from lab3_usd.grade.workers.cluster import packed, unpacked
 from lab3_usd.grade.workers.messages import (
     Assignment,
     PoolSettings,
@@ -32,13 +33,11 @@ from lab3_usd.grade.workers.messages import (
     encode,
     status_of,
 )
-from lab3_usd.grade.workers.shipment import packed, unpacked
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
-from lab3_usd.grade.workers.worker_pipes import Worker
+from lab3_usd.grade.workers.worker_process import Worker
 from lab3_usd.model.stage import StageModel
-from lab3_usd.report.tool import tool_version
-from lab3_usd.stage.fence.layers import Fence, open_layer
-from lab3_usd.stage.fence.stages import files_of
+from lab3_usd.report.options import tool_version
+from lab3_usd.stage.fence import Fence, files_of, open_layer
 
 SETTINGS = PoolSettings(None, None, Limits())
 
@@ -167,7 +166,7 @@ def test_a_stage_that_is_saved_again_is_read_once(
     def unwanted(path: Path) -> str:
         raise AssertionError(path)
 
-    monkeypatch.setattr("lab3_usd.stage.fence.stages.open_layer", noted)
+    monkeypatch.setattr("lab3_usd.stage.fence.open_layer", noted)
     monkeypatch.setattr("lab3_usd.judge.folder._digest", unwanted)
     folder = submission(tmp_path / "jane", "04", "05")
     for number in ("06", "07"):
@@ -309,20 +308,20 @@ class Kernel:
 @pytest.fixture
 def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
     made = Kernel()
-    monkeypatch.setattr(confine, "_libc", lambda: made)
+    monkeypatch.setattr(sandbox, "_libc", lambda: made)
     return made
 
 
 def test_network_and_privileges_are_given_up_in_this_order(kernel: Kernel) -> None:
-    assert confine.give_up_privileges() == {"privileges": True, "network": True}
+    assert sandbox.give_up_privileges() == {"privileges": True, "network": True}
     assert kernel.asked == [f"unshare_{0x40000000}", "prctl_1", "prctl_38", "capset"]
 
 
 def test_without_permission_a_namespace_of_users_is_tried(kernel: Kernel) -> None:
     kernel.answers = {f"unshare_{0x40000000}": -1}
-    assert confine.give_up_privileges()["network"] is True
+    assert sandbox.give_up_privileges()["network"] is True
     kernel.answers = {f"unshare_{kind}": -1 for kind in (0x40000000, 0x50000000)}
-    assert confine.give_up_privileges()["network"] is False
+    assert sandbox.give_up_privileges()["network"] is False
 
 
 @pytest.mark.parametrize("uid", [0, 1000])
@@ -337,17 +336,17 @@ def test_capabilities_are_given_up_but_to_read_where_root_grades(
             given.append(sets)
             return 0
 
-    monkeypatch.setattr(confine, "_libc", Library)
+    monkeypatch.setattr(sandbox, "_libc", Library)
     monkeypatch.setattr(os, "geteuid", lambda: uid)
-    assert confine._no_capabilities()
+    assert sandbox._no_capabilities()
     assert struct.unpack("<6I", given[0])[:2] == ((4, 4) if uid == 0 else (0, 0))
 
 
 def test_another_platform_gives_up_nothing_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(confine.sys, "platform", "win32")
-    assert confine._libc() is None
-    assert confine.give_up_privileges() == {"privileges": False, "network": False}
-    assert not confine._no_capabilities()
+    monkeypatch.setattr(sandbox.sys, "platform", "win32")
+    assert sandbox._libc() is None
+    assert sandbox.give_up_privileges() == {"privileges": False, "network": False}
+    assert not sandbox._no_capabilities()
 
 
 @pytest.mark.parametrize(("version", "truncates", "network"), [(1, 0, 0), (3, 1, 0), (4, 1, 1)])
@@ -372,9 +371,9 @@ def test_the_rules_of_the_kernel_follow_its_version(
                 rules.append(struct.unpack("<Qi", arguments[2])[0])
             return 0
 
-    monkeypatch.setattr(confine, "_libc", Library)
+    monkeypatch.setattr(sandbox, "_libc", Library)
     (tmp_path / "file").touch()
-    assert confine.fence_files([tmp_path, tmp_path / "file", tmp_path / "gone"], [tmp_path])
+    assert sandbox.fence_files([tmp_path, tmp_path / "file", tmp_path / "gone"], [tmp_path])
     handled = struct.unpack_from("<Q", rulesets[0])[0]
     assert handled >> 14 == truncates
     assert len(rulesets[0]) == (16 if network else 8)
@@ -387,7 +386,7 @@ def test_the_rules_of_the_kernel_follow_its_version(
 @pytest.mark.parametrize("answers", [{"syscall_444": 0}, {"syscall_444": -1}])
 def test_a_kernel_without_landlock_fences_nothing(kernel: Kernel, answers: dict[str, int]) -> None:
     kernel.answers = answers
-    assert not confine.fence_files([], [])
+    assert not sandbox.fence_files([], [])
 
 
 def test_a_kernel_that_makes_no_ruleset_fences_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -396,8 +395,8 @@ def test_a_kernel_that_makes_no_ruleset_fences_nothing(monkeypatch: pytest.Monke
             del number, rest
             return 4 if attributes is None else -1
 
-    monkeypatch.setattr(confine, "_libc", Library)
-    assert not confine.fence_files([], [])
+    monkeypatch.setattr(sandbox, "_libc", Library)
+    assert not sandbox.fence_files([], [])
 
 
 def test_limits_are_set_within_those_that_hold_already(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -408,8 +407,8 @@ def test_limits_are_set_within_those_that_hold_already(monkeypatch: pytest.Monke
         resource, "getrlimit", lambda name: (0, hard.get(name, resource.RLIM_INFINITY))
     )
     monkeypatch.setattr(resource, "setrlimit", given.__setitem__)
-    monkeypatch.setattr(confine, "_address_space", lambda: 1000)
-    assert confine.limit_resources(Limits(memory=500))
+    monkeypatch.setattr(sandbox, "_address_space", lambda: 1000)
+    assert sandbox.limit_resources(Limits(memory=500))
     assert given[resource.RLIMIT_AS] == (1500, 1500)
     assert given[resource.RLIMIT_NOFILE] == (100, 100)
     assert given[resource.RLIMIT_CORE] == (0, 0)
@@ -422,27 +421,27 @@ def test_a_system_that_refuses_limits_is_found_out(monkeypatch: pytest.MonkeyPat
         raise OSError
 
     monkeypatch.setattr(resource, "setrlimit", refuse)
-    assert not confine.limit_resources(Limits())
+    assert not sandbox.limit_resources(Limits())
 
 
 def test_the_address_space_is_known_where_the_platform_tells_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     if Path("/proc/self/statm").exists():
-        assert confine._address_space() > 1 << 20
+        assert sandbox._address_space() > 1 << 20
 
     def missing(*arguments: Any, **named: Any) -> str:
         del arguments, named
         raise OSError
 
     monkeypatch.setattr(Path, "read_text", missing)
-    assert confine._address_space() == 0
+    assert sandbox._address_space() == 0
 
 
 def test_the_library_of_linux_is_a_library() -> None:
-    if confine.sys.platform != "linux":
+    if sandbox.sys.platform != "linux":
         pytest.skip("not on Linux")
-    assert isinstance(confine._libc(), ctypes.CDLL)
+    assert isinstance(sandbox._libc(), ctypes.CDLL)
 
 
 # -- a machine of a cluster
@@ -520,7 +519,7 @@ def test_a_cluster_without_a_starter_is_an_error() -> None:
 def test_a_platform_without_limits_sets_none(monkeypatch: pytest.MonkeyPatch) -> None:
     before = resource.getrlimit(resource.RLIMIT_AS)
     monkeypatch.setitem(sys.modules, "resource", None)
-    assert not confine.limit_resources(Limits())
+    assert not sandbox.limit_resources(Limits())
     assert resource.getrlimit(resource.RLIMIT_AS) == before
 
 
@@ -565,7 +564,7 @@ def test_how_it_ended_is_known_where_nothing_more_is(
     ended: Any = Ended()
     ended.status = status
     there = Worker(ended, tmp_path / "scratch", Limits())
-    assert process_end.how_it_ended(ended, 1)[0] == how
+    assert worker_process.how_it_ended(ended, 1)[0] == how
     worker_process.end_worker(there)
 
 

@@ -13,7 +13,7 @@ from grade_files import files_below, stage, starter, submission
 from pxr import Sdf
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.submission_copy import Limits
 
 NAME = stage("05").name
 LIMITS = Limits(prims=300, file_size=300_000, nesting=60)

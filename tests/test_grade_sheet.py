@@ -7,10 +7,9 @@ from msgspec.structs import replace
 from report_examples import FAILED, HOSTILE, OLD_NAME, PASSED, SUBMISSION
 
 from lab3_usd.check.registry import all_rules
-from lab3_usd.grade.book.reports import HTML, write_reports
-from lab3_usd.grade.book.sheet import MOST_LOST, grade_sheet
-from lab3_usd.grade.scoring.rubric import Cap, Item, Rubric
-from lab3_usd.grade.scoring.scoring import Grade, ItemGrade, LostRequirement
+from lab3_usd.grade.gradebook import HTML, MOST_LOST, grade_sheet, write_reports
+from lab3_usd.grade.rubric import Cap, Item, Rubric
+from lab3_usd.grade.scoring import Grade, ItemGrade, LostRequirement
 from lab3_usd.grade.workers.messages import Task, decode, encode
 from lab3_usd.grade.workers.submission_grading import ungraded_record
 from lab3_usd.model.finding import Finding, Report, Requirement

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.intake.class_archive import submissions_in
-from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions
+from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
 
 STAGE = "Lab3_05_odometry_tf.usda"
 
@@ -307,7 +306,7 @@ def test_a_folder_of_submissions_that_cannot_be_read_is_an_error(
     def refuse(_folder: object) -> list[str]:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("lab3_usd.grade.intake.entries.os.listdir", refuse)
+    monkeypatch.setattr("lab3_usd.grade.intake.platforms.os.listdir", refuse)
     with pytest.raises(UsageError, match=r"cannot be read \(Permission denied\)"):
         find_submissions(tmp_path)
 
@@ -315,7 +314,7 @@ def test_a_folder_of_submissions_that_cannot_be_read_is_an_error(
 def test_metadata_beyond_the_limit_is_not_read_and_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.intake.gradescope_export.LARGEST", 10)
+    monkeypatch.setattr("lab3_usd.grade.intake.platforms.LARGEST", 10)
     (tmp_path / "submission_metadata.yml").write_text(METADATA)
     handed(tmp_path, "submission_11/work/")
     (line,) = said_of(tmp_path)

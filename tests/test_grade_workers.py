@@ -18,23 +18,23 @@ import pytest
 from grade_files import starter, submission
 from pxr import Sdf, Tf
 
-from lab3_usd.grade.intake import limits, scratch
-from lab3_usd.grade.intake.limits import MEGABYTE, Limits
+from lab3_usd.grade.intake import staging, submission_copy
 from lab3_usd.grade.intake.staging import Source
-from lab3_usd.grade.workers import pool, worker_pipes, worker_process
-from lab3_usd.grade.workers.confine import fence_files
+from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
+from lab3_usd.grade.workers import pool, worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Reply, Task, decode, encode, status_of
-from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.grade.workers.pool import WorkerSlot, judge_in, run_tasks
+from lab3_usd.grade.workers.sandbox import fence_files
 from lab3_usd.grade.workers.worker_main import _how
-from lab3_usd.grade.workers.worker_pipes import Worker, WorkerDiedError
 from lab3_usd.grade.workers.worker_process import (
+    Worker,
+    WorkerDiedError,
     WorkerError,
     ask,
     end_worker,
     never_stopped,
     start_worker,
 )
-from lab3_usd.grade.workers.worker_slot import WorkerSlot, judge_in
 
 # A worker that does what the student's name says; it is ready at once.
 ODD = """
@@ -154,7 +154,7 @@ def ends() -> dict[str, Future[WorkerDiedError]]:
     """The ends of workers that are waited for side by side."""
     with pytest.MonkeyPatch.context() as patched, ThreadPoolExecutor(5) as threads:
         patched.setattr(worker_process, "_MAIN", ODD.replace("{", "{{").replace("}", "}}"))
-        patched.setattr(limits, "_TIMES_AS_LONG", 3)
+        patched.setattr(submission_copy, "_TIMES_AS_LONG", 3)
         return {student: threads.submit(end_of, student) for student in ENDS}
 
 
@@ -216,7 +216,7 @@ def test_an_idle_worker_that_is_killed_costs_nobody_a_point(odd: PoolSettings) -
 def test_a_worker_that_is_killed_at_its_work_is_replaced_once(
     odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
     slot = WorkerSlot(odd)
     try:
         _, once = judge_in(slot, task("once"), never_stopped)
@@ -230,7 +230,7 @@ def test_a_worker_that_is_killed_at_its_work_is_replaced_once(
 def test_a_file_at_which_a_worker_crashed_is_read_once_more(
     odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
     slot = WorkerSlot(odd)
     try:
         _, once = judge_in(slot, task("crashes once"), never_stopped)
@@ -266,8 +266,8 @@ import sys
 from pathlib import Path
 from lab3_usd.grade.workers import worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Task
-from lab3_usd.grade.intake.limits import Limits
-from lab3_usd.grade.workers.worker_pipes import WorkerDiedError
+from lab3_usd.grade.intake.submission_copy import Limits
+from lab3_usd.grade.workers.worker_process import WorkerDiedError
 large = bytearray(b"x") * (200 << 20)
 worker_process._MAIN = Path(sys.argv[1]).read_text()
 settings = PoolSettings(None, None, Limits(seconds=20, memory=100 << 20))
@@ -363,7 +363,7 @@ def test_one_worker_judges_many_submissions(odd: PoolSettings) -> None:
 def test_a_worker_is_replaced_after_many_submissions(
     odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.workers.worker_slot._TASKS_OF_A_WORKER", 2)
+    monkeypatch.setattr("lab3_usd.grade.workers.pool._TASKS_OF_A_WORKER", 2)
     answers = [answer for _, answer in run_tasks(map(task, ["well"] * 4), odd)]
     assert len({answer["by"] for answer in answers}) == 2
 
@@ -382,7 +382,7 @@ import signal, sys, time
 from pathlib import Path
 from lab3_usd.grade.workers import worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Task
-from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.pool import run_tasks
 # Whoever started the tests may ignore signals, which is inherited.
 signal.signal(signal.SIGHUP, signal.SIG_IGN if sys.argv[1] == "ignored" else signal.SIG_DFL)
@@ -470,34 +470,34 @@ def test_a_thread_may_run_tasks(odd: PoolSettings) -> None:
 def test_what_a_killed_run_left_is_removed_by_the_next(
     temporary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
-    monkeypatch.setattr(scratch, "_SECONDS_TO_LOCK", -1.0)
-    ours = scratch.make_scratch("lab3-grade-")
+    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(staging, "_SECONDS_TO_LOCK", -1.0)
+    ours = staging.make_scratch("lab3-grade-")
     foreign = temporary / "lab3-other"
     foreign.mkdir()
     killed = running(temporary, "inside")
     (left,) = set(temporary.glob("lab3-grade-*")) - {ours}
-    scratch.remove_abandoned()
+    staging.remove_abandoned()
     assert left.exists()  # it is in use
     killed.kill()
     killed.communicate(timeout=60)
     assert left.exists()
     (temporary / "lab3-grade-link").symlink_to(foreign)
-    scratch.remove_abandoned()
+    staging.remove_abandoned()
     assert sorted(temporary.iterdir()) == sorted([ours, foreign, temporary / "lab3-grade-link"])
-    scratch.remove_scratch(ours)
+    staging.remove_scratch(ours)
     assert not ours.exists()
 
 
 def test_a_folder_that_was_just_made_is_not_taken_for_abandoned(
     temporary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scratch.tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
     new, old = temporary / "lab3-grade-new", temporary / "lab3-grade-old"
     for folder in (new, old):
         folder.mkdir()
     os.utime(old, (0, 0))
-    scratch.remove_abandoned()
+    staging.remove_abandoned()
     assert list(temporary.iterdir()) == [new]
 
 
@@ -530,7 +530,7 @@ def test_an_answer_without_end_is_not_read_for_ever(
     os.write(outlet, said)
     os.close(outlet)
     listener = Worker(worker.process, worker.scratch, Limits(answer_size=4096))
-    worker_pipes._listen(listener, os.fdopen(inlet, "rb"))
+    worker_process._listen(listener, os.fdopen(inlet, "rb"))
     assert [listener.lines.get_nowait() for _ in heard] == heard
     assert listener.lines.empty()
 
@@ -618,7 +618,7 @@ def confined(code: str, *arguments: Path) -> str:
     """What a process prints that has put a fence around `arguments[0]` before it runs `code`."""
     opening = (
         "import sys\nfrom pathlib import Path\n"
-        "from lab3_usd.grade.workers.confine import *\n"
+        "from lab3_usd.grade.workers.sandbox import *\n"
         "place = Path(sys.argv[1])\n"
     )
     done = subprocess.run(
@@ -732,7 +732,7 @@ def test_a_worker_has_limits(tmp_path: Path, code: str, outcome: str) -> None:
     file = tmp_path / "file"
     file.touch()
     script = (
-        "from lab3_usd.grade.intake.limits import Limits\n"
+        "from lab3_usd.grade.intake.submission_copy import Limits\n"
         "limit_resources(Limits(memory=512 << 20))\n"
         f"try:\n    {code}\n    print('fine')\n"
         "except (MemoryError, OSError) as error:\n    print(type(error).__name__)\n"
@@ -741,7 +741,7 @@ def test_a_worker_has_limits(tmp_path: Path, code: str, outcome: str) -> None:
 
 
 def test_where_there_is_no_landlock_nothing_is_fenced(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lab3_usd.grade.workers.confine.sys.platform", "darwin")
+    monkeypatch.setattr("lab3_usd.grade.workers.sandbox.sys.platform", "darwin")
     assert fence_files([Path("/")], []) is False
 
 

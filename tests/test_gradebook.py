@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftover_files
-from lab3_usd.grade.book.gradebook import (
+from lab3_usd.grade.gradebook import (
     check_target,
     known_digest,
     read_result,
@@ -21,8 +21,7 @@ from lab3_usd.grade.book.gradebook import (
     write_tables,
 )
 from lab3_usd.grade.intake.submissions import StudentSubmission
-from lab3_usd.grade.scoring.load_rubric import load_rubric
-from lab3_usd.grade.scoring.rubric import COLUMNS
+from lab3_usd.grade.rubric import COLUMNS, load_rubric
 from lab3_usd.grade.workers.submission_grading import ungraded_record
 from lab3_usd.spec.load.loader import load_lab
 

@@ -20,9 +20,8 @@ from hypothesis import strategies as st
 
 from lab3_usd.errors import StageError
 from lab3_usd.grade.intake.archives import ArchiveError, _common_top, is_archive, unpack
-from lab3_usd.grade.intake.limits import Limits, TooLargeError
 from lab3_usd.grade.intake.staging import Source, stage_submission
-from lab3_usd.grade.intake.submission_copy import SubmissionCopy
+from lab3_usd.grade.intake.submission_copy import Limits, SubmissionCopy, TooLargeError
 from lab3_usd.grade.workers.guard import check_layer
 
 SMALL = Limits(

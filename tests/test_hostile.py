@@ -14,7 +14,7 @@ from hostile import INPUTS, Kit, make_kit, write_all
 from msgspec.structs import replace
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.stage.write.builder import build_checkpoint
 
 GOOD = "a_good_one"

@@ -27,7 +27,7 @@ SOURCES = sorted((ROOT / "src").rglob("*.py"))
 # The brackets keep this file from naming what it looks for.
 REGISTRY = re.compile(r"py[p]i\.|python[h]osted|index-[u]rl|find-[l]inks", re.IGNORECASE)
 NODE_TYPE = re.compile(r"isaac[s]im\.|omni\.[g]raph")
-MODULE_LINES = 250
+MODULE_LINES = 500
 
 
 def module_id(path: Path) -> str:

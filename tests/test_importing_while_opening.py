@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from breaking import correct_stage
 
-from lab3_usd.commands.steps import importing
+from lab3_usd.commands.steps import judging
 from lab3_usd.commands.steps.judging import AFTER_OPENING
 from lab3_usd.errors import EXIT_CRASH
 from lab3_usd.report.formats.registry import FORMATS, module_of
@@ -20,8 +20,8 @@ from lab3_usd.stage.read.opening import open_stage, opener
 
 SECONDS = 20.0
 UNKNOWN = "lab3_usd.no_such_module"
-RULES = "lab3_usd.check.rules.submission.files"
-CHECKERS = ("lab3_usd.check.checker", "lab3_usd.check.linter")
+RULES = "lab3_usd.check.rules.files"
+CHECKERS = ("lab3_usd.check.checker", "lab3_usd.check.lint")
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def stage(tmp_path: Path) -> Path:
 def imported(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Keep the names of the modules that would have been imported, and import none."""
     names: list[str] = []
-    monkeypatch.setattr(importing.importlib, "import_module", names.append)
+    monkeypatch.setattr(judging.importlib, "import_module", names.append)
     return names
 
 
@@ -58,23 +58,23 @@ def test_modules_are_imported_while_a_stage_opens(
         assert imported.wait(SECONDS)
         raise FileNotFoundError(path)
 
-    monkeypatch.setattr(importing.importlib, "import_module", load)
+    monkeypatch.setattr(judging.importlib, "import_module", load)
     token = opener.set(open_slowly)
     try:
-        with importing.imported_while_opening(UNKNOWN), pytest.raises(FileNotFoundError):
+        with judging.imported_while_opening(UNKNOWN), pytest.raises(FileNotFoundError):
             open_stage(stage)
     finally:
         opener.reset(token)
 
 
 def test_nothing_is_imported_where_no_stage_is_opened(imported: list[str]) -> None:
-    with importing.imported_while_opening(UNKNOWN):
+    with judging.imported_while_opening(UNKNOWN):
         pass
     assert not imported
 
 
 def test_a_second_stage_starts_no_second_thread(stage: Path, imported: list[str]) -> None:
-    with importing.imported_while_opening(UNKNOWN):
+    with judging.imported_while_opening(UNKNOWN):
         assert open_stage(stage)
         assert open_stage(stage)
     assert imported == [UNKNOWN]
@@ -83,9 +83,9 @@ def test_a_second_stage_starts_no_second_thread(stage: Path, imported: list[str]
 def test_a_stage_that_is_open_waits_for_what_is_imported(
     monkeypatch: pytest.MonkeyPatch, stage: Path
 ) -> None:
-    monkeypatch.setattr(importing.importlib, "import_module", lambda _module: time.sleep(0.2))
+    monkeypatch.setattr(judging.importlib, "import_module", lambda _module: time.sleep(0.2))
     before = threading.active_count()
-    with importing.imported_while_opening(UNKNOWN):
+    with judging.imported_while_opening(UNKNOWN):
         open_stage(stage)
         assert threading.active_count() == before
 

@@ -13,9 +13,8 @@ import pytest
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.isaac import IsaacTypes
-from lab3_usd.spec.load.compiled import compiled_or_loaded_types
-from lab3_usd.spec.load.isaac import assemble_types
-from lab3_usd.spec.load.isaac_types import load_isaac_types
+from lab3_usd.spec.load.catalog import assemble_types
+from lab3_usd.spec.load.compiled import compiled_or_loaded_types, load_isaac_types
 from lab3_usd.spec.load.loader import load_lab
 
 TYPES = load_isaac_types()

@@ -10,18 +10,32 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from lab3_usd.report.layout import editor_positions
-from lab3_usd.report.layout.box_size import EDGE, sized
-from lab3_usd.report.layout.curves import around, points, through
-from lab3_usd.report.layout.editor_positions import at_editor_positions
-from lab3_usd.report.layout.layered import layered
-from lab3_usd.report.layout.missing_positions import position_missing
-from lab3_usd.report.layout.ordering import Link, Slot, crossings, ordered
-from lab3_usd.report.layout.ranks import backward, ranks
-from lab3_usd.report.layout.routing import routed
-from lab3_usd.report.layout.stacking import stacked
-from lab3_usd.report.layout.text_width import clip_end, clip_path, text_width
-from lab3_usd.report.picture import HEADER, Box, Curve, End, Point, Row
+from lab3_usd.report.picture import canvas
+from lab3_usd.report.picture.canvas import at_editor_positions, position_missing
+from lab3_usd.report.picture.layered import (
+    Link,
+    Slot,
+    backward,
+    crossings,
+    layered,
+    ordered,
+    ranks,
+    stacked,
+)
+from lab3_usd.report.picture.model import (
+    EDGE,
+    HEADER,
+    Box,
+    Curve,
+    End,
+    Point,
+    Row,
+    clip_end,
+    clip_path,
+    sized,
+    text_width,
+)
+from lab3_usd.report.picture.routing import around, points, routed, through
 
 IN, OUT = "inputs:in", "outputs:out"
 
@@ -192,12 +206,9 @@ def test_a_wire_without_a_way_refuses_the_saved_places() -> None:
 def test_saved_places_without_a_way_for_a_wire_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(editor_positions, "routed", lambda *_: None)
+    monkeypatch.setattr(canvas, "routed", lambda *_: None)
     assert (
-        editor_positions.at_editor_positions(
-            [box("a", (0, 0)), box("b", (400, 0))], chain("a", "b")
-        )
-        is None
+        canvas.at_editor_positions([box("a", (0, 0)), box("b", (400, 0))], chain("a", "b")) is None
     )
 
 

@@ -36,7 +36,7 @@ from scene_changes import (
 from scene_stages import built, findings_of, model_of, told
 
 from lab3_usd.check.checker import judge
-from lab3_usd.check.scene.sensor_location import sensor_relocations
+from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.spec.load.loader import load_lab
 
 CORE = "omni:sensor:Core:"

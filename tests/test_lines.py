@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from pxr import Sdf, Usd, UsdUtils
 from usda_measure import Spot, build_text_stages, measure, spec_paths, spots_of, text_files
 
+from lab3_usd.stage import text as source_locations
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.text import source_locations
-from lab3_usd.stage.text.source_locations import Site, SourceLocation, locate
-from lab3_usd.stage.text.usda_scan import scan_text
+from lab3_usd.stage.text import Site, SourceLocation, locate, scan_text
 
 # In a marked text, «path» stands where the spec at that path begins.
 MARK = re.compile("«(.*?)»")

@@ -17,8 +17,8 @@ from lab3_usd.errors import SpecError
 from lab3_usd.spec.load.catalog import parse_catalog
 from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
+from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.scene import parse_scene
 from lab3_usd.spec.yaml_file import read_yaml
 
 Data = dict[str, Any]

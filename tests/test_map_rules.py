@@ -8,9 +8,9 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import rules_of
-from lab3_usd.lab.maps.map_files import find_map, map_subject
+from lab3_usd.lab.maps import find_map, map_subject
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.folder.lab_files import Agreement, MapSubject
+from lab3_usd.model.folder import Agreement, MapSubject
 from lab3_usd.spec.load.loader import load_lab
 
 FACTS = load_lab().scene.map

@@ -13,20 +13,22 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from lab3_usd.commands.map import command
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
-from lab3_usd.lab.maps.grid import (
+from lab3_usd.lab.maps import (
     FREE,
     OCCUPIED,
     UNKNOWN,
+    DrawnMap,
     Grid,
     MapError,
     MapFile,
+    MapFrame,
     agreement,
+    draw_map,
     map_yaml,
     pgm,
     read_pgm,
 )
-from lab3_usd.lab.maps.raster import DrawnMap, MapFrame, draw_map
-from lab3_usd.stage.geometry.slices import SliceOptions, slice_stage
+from lab3_usd.stage.slices import SliceOptions, slice_stage
 from lab3_usd.stage.write.starter import build_starter
 
 OUTSIDE = Path(__file__).resolve().parents[2] / "shared" / "turtlebot3"

@@ -17,9 +17,9 @@ from plain_graphs import (
 )
 
 from lab3_usd.check.checker import Judgement
-from lab3_usd.check.match.merging import match_all
+from lab3_usd.check.match.graphs import match_all
 from lab3_usd.model.stage import GraphModel, Node, StageModel
-from lab3_usd.report.pictures.stage_pictures import stage_pictures
+from lab3_usd.report.pictures.graph_picture import stage_pictures
 
 GRAPHS = ("ROS_Clock", "ROS_Drive", "ROS_Lidar2D", "ROS_Camera", "ROS_OdomTF")
 FLAT = "/World/ActionGraph"

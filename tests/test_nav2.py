@@ -11,7 +11,7 @@ import quick_yaml
 from click.testing import CliRunner
 
 from lab3_usd.cli import lab3
-from lab3_usd.lab.nav2.files import (
+from lab3_usd.lab.scripts import (
     LAUNCH_FILE,
     LIDAR_RVIZ_FILE,
     PARAMS_FILE,
@@ -19,8 +19,8 @@ from lab3_usd.lab.nav2.files import (
     nav2_files,
     write_nav2,
 )
+from lab3_usd.spec.load.lab import load_ros
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.ros import load_ros
 
 FILES = nav2_files(load_lab(), load_ros())
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from lab3_usd.check.registry import rules_of
-from lab3_usd.lab.nav2.files import PARAMS_FILE, nav2_files
-from lab3_usd.lab.nav2.parameters import read_params
+from lab3_usd.lab.nav2 import read_params
+from lab3_usd.lab.scripts import PARAMS_FILE, nav2_files
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.folder.lab_files import NavigationSubject
+from lab3_usd.model.folder import NavigationSubject
+from lab3_usd.spec.load.lab import load_ros
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.ros import load_ros
 
 ROS = load_ros()
 LAB = load_lab()

@@ -13,13 +13,13 @@ from ros_outputs import good_outputs
 
 from lab3_usd.data import data_folder
 from lab3_usd.judge.folder import FolderSettings, check_folder
-from lab3_usd.lab.maps.grid import MapError, read_pgm
-from lab3_usd.lab.nav2.files import PARAMS_FILE, nav2_files
+from lab3_usd.lab.maps import MapError, read_pgm
 from lab3_usd.lab.plain_yaml import load_plain
+from lab3_usd.lab.scripts import PARAMS_FILE, nav2_files
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.json_report import dump, report_json
+from lab3_usd.spec.load.lab import load_ros
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.ros import load_ros
 
 ROS = load_ros()
 MAP = data_folder("maps") / "turtlebot3_map.yaml"

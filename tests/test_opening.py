@@ -13,7 +13,7 @@ from pxr import Sdf, Tf, Usd
 from lab3_usd.errors import StageError
 from lab3_usd.judge.folder import find_starters
 from lab3_usd.judge.stage import check_stage
-from lab3_usd.model.folder.submission import Listing
+from lab3_usd.model.folder import Listing
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.reader import read_stage

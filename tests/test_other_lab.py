@@ -12,9 +12,9 @@ from click.testing import CliRunner
 
 from lab3_usd.cli import lab3
 from lab3_usd.data import LAB_VARIABLE, data_folder
-from lab3_usd.grade.intake.entries import parts_of
-from lab3_usd.spec.file_names import named_checkpoint, nearly_named
+from lab3_usd.grade.intake.platforms import parts_of
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import named_checkpoint, nearly_named
 
 WEEKS = {"A": "Week5_A_start", "B": "Week5_B_clock", "B2": "Week5_B2_drive"}
 

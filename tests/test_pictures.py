@@ -17,28 +17,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from lab3_usd.check.match.matcher import match
-from lab3_usd.check.match.result import Roles
+from lab3_usd.check.match.roles import match
+from lab3_usd.check.match.subject import Roles
 from lab3_usd.check.tf.frames import Edge
-from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames
+from lab3_usd.check.tf.targets import UnresolvedFrames
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import AbsentPrim, GraphModel, Node, PortState, StageModel
-from lab3_usd.report.picture import Box, Curve, Picture, Row, State, port_id
-from lab3_usd.report.picture_formats.dot import celled, dot
-from lab3_usd.report.picture_formats.mermaid import coded, mermaid
-from lab3_usd.report.picture_formats.png import png
-from lab3_usd.report.picture_formats.svg import svg, svg_file
-from lab3_usd.report.picture_formats.svg_style import (
+from lab3_usd.report.picture.dot import celled, dot
+from lab3_usd.report.picture.mermaid import coded, mermaid
+from lab3_usd.report.picture.model import Box, Curve, Picture, Row, State, port_id
+from lab3_usd.report.picture.png import png
+from lab3_usd.report.picture.svg import (
     BELOW_TITLE,
     HEADERS,
     ON_HEADER,
     PALETTES,
     THEMES,
     stylesheet,
+    svg,
+    svg_file,
 )
-from lab3_usd.report.pictures.graph_picture import graph_picture, spec_picture
-from lab3_usd.report.pictures.stage_pictures import stage_pictures
+from lab3_usd.report.pictures.graph_picture import graph_picture, spec_picture, stage_pictures
 from lab3_usd.report.pictures.tf_picture import frames_picture, spec_frames_picture
 from lab3_usd.report.safe_text import dot_string
 from lab3_usd.spec.catalog import Value
@@ -858,7 +858,7 @@ def test_dot_keeps_every_string_of_a_stage_in_its_quotes() -> None:
 def test_the_same_graph_gives_the_same_bytes_for_every_hash_seed() -> None:
     code = (
         "from lab3_usd.report.pictures.graph_picture import spec_picture\n"
-        "from lab3_usd.report.picture_formats.svg import svg_file\n"
+        "from lab3_usd.report.picture.svg import svg_file\n"
         "from lab3_usd.spec.load.loader import load_lab\n"
         "print(svg_file(spec_picture(load_lab().graphs['ROS_OdomTF'])))\n"
     )

@@ -27,7 +27,7 @@ from lab3_usd.cli import lab3
 from lab3_usd.commands.play import command
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
-from lab3_usd.sim.execution.drive import RATE, command_frames, fixed_drive
+from lab3_usd.sim.execution.record import RATE, command_frames, fixed_drive
 from lab3_usd.spec.load.loader import load_lab
 
 LONGEST, WIDEST = 60, 100  # lines, characters

@@ -23,18 +23,18 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 from lab3_usd.check.registry import rules_of
 from lab3_usd.commands.sim import command as sim_command
-from lab3_usd.grade.intake.limits import Limits
 from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_main
 from lab3_usd.grade.workers.messages import PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import grade_submission
-from lab3_usd.judge import recordings as module
+from lab3_usd.judge import files as module
+from lab3_usd.judge.files import opens_all, read_recordings
 from lab3_usd.judge.folder import FolderSettings, check_folder
-from lab3_usd.judge.recordings import opens_all, read_recordings
-from lab3_usd.lab.submission.listing import entries_below
-from lab3_usd.model.dry_run.behaviour import Check
+from lab3_usd.lab.submission import entries_below
+from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.folder.lab_files import (
+from lab3_usd.model.folder import (
     GOAL,
     Evidence,
     EvidenceSubject,
@@ -42,7 +42,7 @@ from lab3_usd.model.folder.lab_files import (
     Observation,
     RecordingShown,
 )
-from lab3_usd.sim.bag import limits, screening
+from lab3_usd.sim.bag import files
 
 RULES = {each.id: each for each in rules_of("evidence", "E")}
 DRIVE = "0.2,0,1.4 0,0,0.3 -0.2,0,1.2 0,0.8,1 0,0,0.4"
@@ -231,7 +231,7 @@ def test_a_database_that_computes_for_ever_is_not_opened(handed_in: Path) -> Non
 
 
 def test_a_million_topics_are_not_read(handed_in: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "MOST_TOPICS", 50)
+    monkeypatch.setattr(files, "MOST_TOPICS", 50)
     with Writer(handed_in / "results" / "run", version=8, storage_plugin=StoragePlugin.MCAP) as bag:
         for number in range(60):
             bag.add_connection(
@@ -244,7 +244,7 @@ def test_an_index_without_end_is_not_read(
     plain: Path, handed_in: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(plain, handed_in)
-    monkeypatch.setattr(screening, "MOST_RECORDS", 5)
+    monkeypatch.setattr(files, "MOST_RECORDS", 5)
     assert unread(handed_in) == "run.mcap has an index of more than 5 records"
 
 

@@ -16,8 +16,7 @@ from lab3_usd.commands.check import command
 from lab3_usd.grade.workers.submission_grading import _without_repairs
 from lab3_usd.judge.folder import FolderResult
 from lab3_usd.judge.stage import check_stage
-from lab3_usd.model.finding import Submission
-from lab3_usd.model.repair import (
+from lab3_usd.model.changes import (
     Activate,
     AddNode,
     ClearValue,
@@ -30,6 +29,7 @@ from lab3_usd.model.repair import (
     Retarget,
     SetValue,
 )
+from lab3_usd.model.finding import Submission
 
 CLOCK = "/World/ROS_Clock"
 DRIVE = "/turtlebot3_burger/ROS_Drive"

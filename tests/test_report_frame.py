@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 from report_examples import LAYER, MISSING_WIRE, STAGE_TEXT, write_stage
 
-from lab3_usd.report.source_excerpt import Excerpt, excerpt_lines, read_excerpts
+from lab3_usd.report.safe_text import Excerpt, excerpt_lines, read_excerpts
 
 
 @pytest.fixture(autouse=True)

@@ -6,8 +6,7 @@ from msgspec.structs import replace
 from report_examples import EMPTY, FAILED, MISSING_WIRE, REPORT
 
 from lab3_usd.model.finding import Report
-from lab3_usd.report.entries import Summary, summarize
-from lab3_usd.report.statistics import RuleCount, count_by_rule, statistics_table
+from lab3_usd.report.entries import RuleCount, Summary, count_by_rule, statistics_table, summarize
 
 
 def test_the_summary_counts_files_and_findings() -> None:

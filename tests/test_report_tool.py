@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lab3_usd.report.tool import UNKNOWN, tool_version
+from lab3_usd.report.options import UNKNOWN, tool_version
 
 
 def test_it_is_the_version_of_the_installed_package() -> None:

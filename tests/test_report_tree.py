@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from msgspec.structs import replace
 
 from lab3_usd.check.tf.frames import Edge
-from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames
+from lab3_usd.check.tf.targets import UnresolvedFrames
 from lab3_usd.cli import lab3
 from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text, roots, tree_faults
 from lab3_usd.stage.write.builder import build_checkpoint

@@ -10,8 +10,8 @@ import pytest
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
+from lab3_usd.spec.load.lab import load_ros
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.ros import load_ros
 from lab3_usd.spec.ros import RosSpec, file_word
 
 ROS = load_ros()

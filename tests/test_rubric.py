@@ -19,9 +19,8 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import all_rules
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
-from lab3_usd.grade.scoring.load_rubric import everything_asked, load_rubric
-from lab3_usd.grade.scoring.rubric import Rubric
-from lab3_usd.grade.scoring.scoring import Grade, ItemGrade, grade
+from lab3_usd.grade.rubric import Rubric, everything_asked, load_rubric
+from lab3_usd.grade.scoring import Grade, ItemGrade, grade
 from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, Score, StageResult
 from lab3_usd.spec.load.loader import load_lab
 

@@ -13,8 +13,8 @@ from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.stage.compare.starter import compare_starter
 from lab3_usd.stage.read import opening
+from lab3_usd.stage.read.properties import changes_after_start, hold_start_values
 from lab3_usd.stage.read.reader import read_model
-from lab3_usd.stage.read.time_samples import changes_after_start, hold_start_values
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
 

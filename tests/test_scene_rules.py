@@ -48,8 +48,7 @@ from scene_changes import (
 from scene_sabotage import scene_sabotage, turned_floor
 from scene_stages import built, findings_of, stage_rules, told
 
-from lab3_usd.check.scene_item import is_met
-from lab3_usd.check.scene_requirements import scene_items
+from lab3_usd.check.scene_requirements import is_met, scene_items
 from lab3_usd.model.finding import Finding
 from lab3_usd.spec.load.loader import load_lab
 

@@ -26,10 +26,10 @@ from lab3_usd.commands.check import command as check_command
 from lab3_usd.commands.sim import command
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
-from lab3_usd.report.behaviour.words import LOOKS
-from lab3_usd.sim.behaviour.judge import CHECKS
-from lab3_usd.sim.behaviour.ros_interface import interface
-from lab3_usd.sim.execution.drive import drive_of
+from lab3_usd.report.behaviour.text import LOOKS
+from lab3_usd.sim.execution.record import drive_of
+from lab3_usd.sim.judge.topics import interface
+from lab3_usd.sim.judge.verdicts import CHECKS
 
 DRIVE, CLOCK = "/turtlebot3_burger/ROS_Drive", "/World/ROS_Clock"
 

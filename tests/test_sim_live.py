@@ -22,14 +22,13 @@ from click.testing import CliRunner
 from dry_runs import INTERFACE, driven
 from pxr import Usd
 
-from lab3_usd.commands.sim import command
-from lab3_usd.commands.steps import live_run
-from lab3_usd.commands.steps.live_run import said_of
-from lab3_usd.model.dry_run.scene import Scene
-from lab3_usd.sim.bag.messages import serialized
+from lab3_usd.commands import sim as live_run
+from lab3_usd.commands.sim import command, said_of
+from lab3_usd.model.dry_run import Scene
+from lab3_usd.sim.bag.writer import serialized
 from lab3_usd.sim.execution.record import Message, Profile, Transform
-from lab3_usd.sim.execution.ros import STATIC
-from lab3_usd.sim.play import Player, player_of
+from lab3_usd.sim.execution.world import STATIC
+from lab3_usd.sim.timeline import Player, player_of
 from lab3_usd.stage.read.scene import read_scene
 
 pytest.importorskip("cyclonedds", reason="the extra lab3-usd[live] is not installed")
@@ -38,9 +37,8 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from lab3_usd.sim.live import link as link_module
-from lab3_usd.sim.live.link import Link, wire_type
-from lab3_usd.sim.live.playing import Lived, play_live
+from lab3_usd.sim import live as link_module
+from lab3_usd.sim.live import Link, Lived, play_live, wire_type
 
 TRIED = itertools.count()
 PEERS = Path(__file__).parent / "live_peer"

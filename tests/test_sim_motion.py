@@ -9,11 +9,9 @@ from breaking import correct_stage
 from pxr import Gf, Sdf, Usd, UsdGeom
 from scene_changes import FLOOR, JOINTS, ROBOT, Change, deactivate, put, remove, several, weld
 
-from lab3_usd.model.dry_run.affine import AXES, Affine, about, rotation
-from lab3_usd.model.dry_run.scene import Prim
-from lab3_usd.sim.geometry.cuts import cut, distance, height_at, joined
-from lab3_usd.sim.geometry.shapes import triangles
-from lab3_usd.sim.lidar.rays import Beam, sweep
+from lab3_usd.model.dry_run import AXES, Affine, Prim, about, rotation
+from lab3_usd.sim.geometry import cut, distance, height_at, joined, triangles
+from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.sim.robot.machines import Machines
 from lab3_usd.stage.read.scene import read_scene

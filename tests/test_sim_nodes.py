@@ -12,15 +12,13 @@ from typing import Any
 import pytest
 from breaking import correct_stage, the_lab
 
-from lab3_usd.model.dry_run.scene import Graph, Input, Node, Scene
+from lab3_usd.model.dry_run import Graph, Input, Node, Scene
 from lab3_usd.sim.execution.program import compile_graphs, type_of
 from lab3_usd.sim.execution.record import Message, Odometry, Profile, Scan, Transform, View
-from lab3_usd.sim.execution.registry import function_of, functions
-from lab3_usd.sim.execution.ros import Endpoint, Network, profile_of, trimmed
-from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.execution.world import World, world_of
-from lab3_usd.sim.rendering import render
+from lab3_usd.sim.execution.running import Running, function_of, functions
+from lab3_usd.sim.execution.world import Endpoint, Network, World, profile_of, trimmed, world_of
 from lab3_usd.sim.robot.machines import Machines
+from lab3_usd.sim.timeline import render
 from lab3_usd.stage.read.scene import read_scene
 
 ISAAC, ROS = "isaacsim.core.nodes.", "isaacsim.ros2.bridge."

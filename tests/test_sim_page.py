@@ -13,7 +13,7 @@ from test_browser import CONTRASTS
 
 from lab3_usd.commands.check import command as check_command
 from lab3_usd.commands.sim import command
-from lab3_usd.model.dry_run.behaviour import Frame
+from lab3_usd.model.dry_run import Frame
 from lab3_usd.report.behaviour.page import render, tree_lines
 from lab3_usd.sim.dry_run import DryRun, dry_run
 

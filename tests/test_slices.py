@@ -8,8 +8,8 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.errors import UsageError
-from lab3_usd.stage.geometry import slices
-from lab3_usd.stage.geometry.slices import Segment, SliceOptions, StageSlice, slice_stage
+from lab3_usd.stage import slices
+from lab3_usd.stage.slices import Segment, SliceOptions, StageSlice, slice_stage
 from lab3_usd.stage.write.starter import build_starter
 
 ROBOT, LIDAR = "/robot", "/robot/scan"

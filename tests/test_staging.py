@@ -13,14 +13,12 @@ from typing import Any
 import pytest
 
 from lab3_usd.grade.intake.archives import ArchiveError, unpack
-from lab3_usd.grade.intake.file_filter import RefusedFile
-from lab3_usd.grade.intake.limits import Limits
 from lab3_usd.grade.intake.staging import (
     Source,
     StagedSubmission,
     stage_submission,
 )
-from lab3_usd.grade.intake.submission_copy import SubmissionCopy
+from lab3_usd.grade.intake.submission_copy import Limits, RefusedFile, SubmissionCopy
 from lab3_usd.grade.workers.messages import decode, encode
 
 STAGE = b'#usda 1.0\ndef Xform "World"\n{\n}\n'

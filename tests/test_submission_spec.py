@@ -12,9 +12,9 @@ import quick_yaml
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.files import SUBMISSION
+from lab3_usd.spec.lab import SUBMISSION
+from lab3_usd.spec.load.lab import load_submission
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.submission import load_submission
 
 
 def drop(part: str, key: str) -> Callable[[dict[str, Any]], object]:

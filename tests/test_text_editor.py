@@ -11,9 +11,9 @@ from fuzzed_edits import fault_of
 from pxr import Sdf
 
 from lab3_usd.errors import StageError
-from lab3_usd.fix.layer_bytes import new_bytes, new_text
 from lab3_usd.fix.source_tree import read_blocks
-from lab3_usd.model.repair import (
+from lab3_usd.fix.text_editor import new_bytes, new_text
+from lab3_usd.model.changes import (
     Activate,
     ApplySchema,
     ClearValue,
@@ -26,7 +26,7 @@ from lab3_usd.model.repair import (
     SetValue,
 )
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.edit.apply import apply_edit
+from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.read.opening import open_stage
 
@@ -169,7 +169,7 @@ def test_a_text_that_would_say_something_else_is_refused(
     session = EditSession(open_stage(path), lab, lab.checkpoints["00"])
     apply_edit(session, SetValue("/A", "x", "int", 2))
     monkeypatch.setattr(
-        "lab3_usd.fix.layer_bytes.new_text", lambda *given: new_text(*given).replace("2", "3")
+        "lab3_usd.fix.text_editor.new_text", lambda *given: new_text(*given).replace("2", "3")
     )
     with pytest.raises(StageError, match="does not say what the repairs ask for"):
         new_bytes(session.edited[session.stage.GetRootLayer().identifier])

@@ -12,8 +12,7 @@ from click.testing import CliRunner
 from msgspec.structs import replace
 from pxr import Usd
 
-from lab3_usd.check.ros.qos import Qos, decode
-from lab3_usd.check.ros.topics import Endpoint, endpoints, resolve
+from lab3_usd.check.ros.topics import Endpoint, Qos, decode, endpoints, resolve
 from lab3_usd.cli import lab3
 from lab3_usd.model.stage import Node, PortState, StageModel
 from lab3_usd.spec.catalog import Value

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pxr import Gf, Usd, UsdGeom
 
 from lab3_usd.model.prims import Matrix
-from lab3_usd.model.transform_math import (
+from lab3_usd.model.transforms import (
     IDENTITY,
     Vector,
     angle_between,

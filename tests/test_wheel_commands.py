@@ -7,8 +7,8 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import rules_of
+from lab3_usd.check.robot.wheels import joint_names
 from lab3_usd.check.ros.running import live_nodes
-from lab3_usd.check.scene.wheel_commands import joint_names
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel, UnresolvedAsset
 
 DRIVE = m.lab().graphs["ROS_Drive"]

@@ -28,7 +28,7 @@ def test_what_is_nested_deeply_is_refused(text: bytes) -> None:
 
 def test_a_list_of_names_that_is_nested_deeply_crashes_nothing() -> None:
     code = (
-        "from lab3_usd.grade.intake.gradescope_export import names_in\n"
+        "from lab3_usd.grade.intake.platforms import names_in\n"
         "print(names_in(b'a: ' + b'[' * 100_000).fault)\n"
     )
     # In a process of its own, which is the only one that a crash of the loader ends.

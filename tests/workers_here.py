@@ -11,9 +11,9 @@ from threading import Lock
 from typing import NamedTuple
 from unittest.mock import patch
 
-from lab3_usd.grade.book.gradebook import Rows
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.workers import worker_main, worker_slot
+from lab3_usd.grade.gradebook import Rows
+from lab3_usd.grade.workers import pool, worker_main
 from lab3_usd.grade.workers.messages import Json, PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import GradingSetup
 
@@ -37,7 +37,7 @@ def graded_here(settings: ClassSettings) -> Rows:
 def workers_here() -> Iterator[None]:
     """Let this process do what workers do."""
     parts = {"start_worker": _start, "ask": _ask, "end_worker": _end}
-    with patch.multiple(worker_slot, **parts):
+    with patch.multiple(pool, **parts):
         yield
 
 

@@ -80,7 +80,7 @@ class LazyGroup(click.Group):
 
 def _print_version(context: click.Context, _option: click.Parameter, asked: bool) -> None:  # noqa: FBT001
     if asked:
-        from lab3_usd.report.tool import tool_version  # noqa: PLC0415 - only here
+        from lab3_usd.report.options import tool_version  # noqa: PLC0415 - only here
 
         click.echo(f"lab3, version {tool_version()}")
         context.exit()
@@ -202,7 +202,10 @@ def _described(error: Exception) -> str:
 def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:
     click.echo(f"lab3: {message}", err=True)
     if _json_asked_for(sys.argv[1:]):
-        from lab3_usd.report.formats.json_report import dump, error_report  # noqa: PLC0415 - only here
+        from lab3_usd.report.formats.json_report import (  # noqa: PLC0415 - only here
+            dump,
+            error_report,
+        )
 
         click.echo(dump(error_report(message, kind)), nl=False)
     sys.exit(status)

@@ -9,20 +9,25 @@ from msgspec import Struct
 
 from lab3_usd.check.hints import with_named_nodes
 from lab3_usd.check.match.diagnosis import diagnose
-from lab3_usd.check.match.merging import match_all
+from lab3_usd.check.match.graphs import match_all
 from lab3_usd.check.match.subject import GraphSubject, Outcome, StageSubject
 from lab3_usd.check.registry import Rule, import_rules, rules_of
-from lab3_usd.check.relocation import relocated_lab, relocated_spec
-from lab3_usd.check.repairs.findings import with_repairs
+from lab3_usd.check.repairs import with_repairs
 from lab3_usd.check.requirements import (
     frame_requirements,
     graph_requirements,
     scene_requirements,
     with_other_faults,
 )
+from lab3_usd.check.robot.location import (
+    is_root_articulated,
+    lost_graphs,
+    relocated_lab,
+    relocated_spec,
+    robot_relocations,
+)
+from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.check.rule_runs import run_rule
-from lab3_usd.check.scene.robot_location import is_root_articulated, lost_graphs, robot_relocations
-from lab3_usd.check.scene.sensor_location import sensor_relocations
 from lab3_usd.check.tf.lab_frames import tf_view
 from lab3_usd.model.finding import (
     Crash,

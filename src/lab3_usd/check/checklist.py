@@ -11,8 +11,7 @@ from typing import Literal
 from msgspec import Struct
 
 from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult
-from lab3_usd.model.folder.lab_files import Evidence
-from lab3_usd.model.folder.submission import Listing
+from lab3_usd.model.folder import Evidence, Listing
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import RosSpec
 from lab3_usd.spec.submission import ChecklistSpec, SubmissionSpec

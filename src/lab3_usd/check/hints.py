@@ -1,4 +1,7 @@
-"""Hints that name the graph and the node as the editor of Isaac Sim shows them."""
+"""What messages add to a fault.
+
+The node as the editor shows it, and that a fault does not stop the robot.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,12 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from msgspec.structs import replace
 
-from lab3_usd.model.finding import Finding
-from lab3_usd.model.formatting import node_title
+from lab3_usd.check.match.conformance import is_live, same_value, source_path
+from lab3_usd.check.match.subject import GraphSubject
+from lab3_usd.model.finding import Finding, node_title
 from lab3_usd.model.stage import Node
+from lab3_usd.spec.catalog import INPUT, Value
+from lab3_usd.spec.graph import GraphSpec, PortRef, Setting, Wire
 
 _THE_NODE = "the node"
 
@@ -58,3 +64,77 @@ def shown_graph(path: str, graphs: Iterable[str]) -> str:
     name = path.rpartition("/")[2]
     alike = any(each != path and each.rpartition("/")[2] == name for each in graphs)
     return path if alike else name
+
+
+_SAID = "; the robot may drive all the same"
+
+
+def without_node(subject: GraphSubject, role: str) -> str:
+    """Return how to end the message about a missing node: '' where the graph needs it."""
+    wires = [wire for wire in subject.spec.wires if wire.source.role == role]
+    is_made_up = bool(wires) and all(_is_made_up(subject, wire) for wire in wires)
+    return _SAID if is_made_up else ""
+
+
+def without_wire(subject: GraphSubject, wire: Wire | None) -> str:
+    """Return how to end the message about a wire that is not there: '' where it is needed."""
+    return _SAID if wire is not None and _is_made_up(subject, wire) else ""
+
+
+def with_setting(subject: GraphSubject, role: str, setting: Setting, value: Value | None) -> str:
+    """Return how to end the message about a wrong value: '' where it makes a difference."""
+    port = subject.spec.nodes[role].type.port(setting.port)
+    is_choice = port is not None and value in port.allowed
+    return _SAID if is_choice and _unchanged(subject, role) else ""
+
+
+def _is_made_up(subject: GraphSubject, wire: Wire) -> bool:
+    """Whether the input gets what the wire would bring, as a value or past the wire's node."""
+    target, port = subject.roles.node_of[wire.target.role], wire.target.port
+    if target is None:
+        onward = [each for each in subject.spec.wires if each.source.role == wire.target.role]
+        return bool(onward) and all(_is_made_up(subject, each) for each in onward)
+    sources = [each for each in target.sources(port) if is_live(subject.live_nodes, each)]
+    if sources:
+        return set(sources) <= _around(subject, wire.source.role)
+    value = target.value(port)
+    drives = None if target.type is None else target.type.drives
+    if drives is not None and port == drives.joints and value in (None, ()):
+        return True  # it commands every joint then
+    given = _given(subject.spec, wire.source)
+    return given is not None and same_value(value, given)
+
+
+def _unchanged(subject: GraphSubject, role: str) -> bool:
+    """Whether the node gives on what comes in."""
+    is_in_metres = same_value(subject.stage.meters_per_unit, 1.0)
+    return is_in_metres and bool(subject.spec.nodes[role].type.same_in_metres)
+
+
+def _around(subject: GraphSubject, role: str) -> set[str]:
+    """Return the sources that bring the same as the node of a role, without it."""
+    if not _unchanged(subject, role):
+        return set()
+    found = set()
+    for wire in subject.spec.wires_into(role):
+        source = subject.roles.node_of[wire.source.role]
+        if source is not None and wire.target.port in subject.spec.nodes[role].type.same_in_metres:
+            found.add(source_path(source, wire))
+    return found
+
+
+def _given(spec: GraphSpec, source: PortRef) -> Value | None:
+    """Return the value that a wire of the spec brings, None where it is known at run time only."""
+    node = spec.nodes[source.role]
+    if source.port.startswith(INPUT):  # a constant
+        return next((each.value for each in node.settings if each.port == source.port), None)
+    if node.type.dynamic is None:
+        return None
+    first = INPUT + node.type.dynamic.prefix
+    items = {
+        wire.target.port: _given(spec, wire.source)
+        for wire in spec.wires_into(source.role)
+        if wire.target.port.startswith(first)
+    }
+    values = [items[port] for port in sorted(items)]
+    return None if None in values else tuple(value for value in values if value is not None)

@@ -15,14 +15,12 @@ from lab3_usd.check.match.conformance import (
     target_matches,
 )
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
-from lab3_usd.check.relocation import relocated_path
-from lab3_usd.check.scene_item import is_met
-from lab3_usd.check.scene_requirements import SCENE, scene_items
+from lab3_usd.check.robot.location import relocated_path
+from lab3_usd.check.scene_requirements import SCENE, is_met, scene_items
 from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.check.tf.lab_frames import tf_view, waived_frames
-from lab3_usd.model.finding import Finding, Requirement
-from lab3_usd.model.formatting import display, role_title
-from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.finding import Finding, Requirement, display, role_title
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Setting, Target, Wire
 from lab3_usd.spec.lab import Lab
@@ -79,7 +77,7 @@ def _node_items(graph: str, spec: NodeSpec) -> Iterator[_GraphItem]:
             yield _item(graph, f"target/{role}.{short}", title, target.handout, role, target)
 
 
-def _item(  # noqa: PLR0913, PLR0917 - what the item and its requirement say
+def _item(
     graph: str, name: str, title: str, handout: str, role: str, asked: _Asked | None = None
 ) -> _GraphItem:
     kind = name.partition("/")[0]

@@ -13,7 +13,7 @@ from lab3_usd.commands.steps.options import text_or_json
 from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
-    from lab3_usd.model.dry_run.behaviour import Behaviour
+    from lab3_usd.model.dry_run import Behaviour
     from lab3_usd.spec.lab import Lab
 
 EXITS = {"ok": 0, "bad": 1, "unreadable": 2}
@@ -27,7 +27,7 @@ def _compared(found: Behaviour, stage: Path, lab: Lab, checkpoint: str) -> Behav
     """
     from msgspec.structs import replace  # noqa: PLC0415 - only here
 
-    from lab3_usd.sim.bag.comparing import differences  # noqa: PLC0415
+    from lab3_usd.sim.bag.judge import differences  # noqa: PLC0415
     from lab3_usd.sim.dry_run import dry_run  # noqa: PLC0415 - needs pxr
 
     dry = dry_run(stage, lab, checkpoint).behaviour
@@ -56,15 +56,19 @@ def command(recording: Path, checkpoint: str | None, stage: Path | None, form: s
     usage, 3 the tool itself failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.
-    from lab3_usd.commands.steps.options import checkpoint_number, wants_color, width  # noqa: PLC0415
+    from lab3_usd.commands.steps.options import (  # noqa: PLC0415
+        checkpoint_number,
+        wants_color,
+        width,
+    )
     from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
-    from lab3_usd.report.behaviour import json_behaviour, text  # noqa: PLC0415
+    from lab3_usd.report.behaviour import text  # noqa: PLC0415
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
     if find_spec("rosbags") is None:
         message = "lab3 bag needs the extra lab3-usd[sim]: pip install 'lab3-usd[sim]'"
         raise UsageError(message)
-    from lab3_usd.sim.bag.judging import judge_recording  # noqa: PLC0415 - of the extra
+    from lab3_usd.sim.bag.judge import judge_recording  # noqa: PLC0415 - of the extra
 
     lab = load_lab()
     known = [*lab.checkpoints]
@@ -75,7 +79,7 @@ def command(recording: Path, checkpoint: str | None, stage: Path | None, form: s
     if stage is not None and found.verdict != "unreadable":
         found = _compared(found, stage, lab, asked)
     if form == "json":
-        click.echo(json_behaviour.render(found), nl=False)
+        click.echo(text.render_json(found), nl=False)
     else:
         click.echo(text.render(found, width(), color=wants_color()), nl=False)
     sys.exit(EXITS[found.verdict])

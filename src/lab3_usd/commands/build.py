@@ -36,7 +36,7 @@ from lab3_usd.errors import EXIT_FOUND
     help="Reference this lidar asset, as the Create menu does, instead of describing one.",
 )
 @click.option("--force", is_flag=True, help="Replace checkpoint files that exist.")
-def command(  # noqa: PLR0913, PLR0917 - one parameter per option
+def command(
     starter: Path | None,
     folder: Path,
     through: str | None,
@@ -98,7 +98,7 @@ def _warn(starter: Path) -> None:
     from lab3_usd.judge.stage import check_stage  # noqa: PLC0415 - only for a given starter
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
     from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
-    from lab3_usd.stage.write.starter_check import deviations  # noqa: PLC0415
+    from lab3_usd.stage.write.starter import deviations  # noqa: PLC0415
 
     for prim, message in deviations(load_lab(), open_stage(starter)):
         click.echo(f"warning: {prim}: {message}", err=True)

@@ -9,8 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.steps.configuring import config_options, with_config
-from lab3_usd.commands.steps.options import native_option, report_options, view_options
+from lab3_usd.commands.steps.options import (
+    config_options,
+    native_option,
+    report_options,
+    view_options,
+    with_config,
+)
 
 if TYPE_CHECKING:
     from lab3_usd.commands.steps.judging import Judge

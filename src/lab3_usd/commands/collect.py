@@ -19,7 +19,7 @@ def command(script: Path, *, force: bool) -> None:
     check` reads it.
     """
     from lab3_usd.files import write_whole  # noqa: PLC0415 - only this command needs these
-    from lab3_usd.lab.evidence.collect import collect_script  # noqa: PLC0415
+    from lab3_usd.lab.scripts import collect_script  # noqa: PLC0415
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
     write_whole(script, collect_script(load_lab()).encode(), force=force)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.steps.configuring import config_options
+from lab3_usd.commands.steps.options import config_options
 from lab3_usd.data import LAB_VARIABLE
 
 if TYPE_CHECKING:
-    from lab3_usd.config.config import Config
+    from lab3_usd.config.settings import Config
 
 _DEFAULTS = {
     "select": "all rules",
@@ -36,7 +36,11 @@ def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
     It is the nearest lab3.toml, or pyproject.toml with a table [tool.lab3], in the folder of PATH
     or above it.
     """
-    from lab3_usd.config.config import Config, config_for, load_config  # noqa: PLC0415 - fast --help
+    from lab3_usd.config.settings import (  # noqa: PLC0415 - fast --help
+        Config,
+        config_for,
+        load_config,
+    )
 
     if isolated:
         config = Config()

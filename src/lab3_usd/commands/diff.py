@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lab3_usd.commands.steps.configuring import use_configured_lab
-from lab3_usd.commands.steps.options import text_or_json
+from lab3_usd.commands.steps.options import text_or_json, use_configured_lab
 from lab3_usd.errors import EXIT_FOUND
 from lab3_usd.files import refuse_existing, write_whole
 
 if TYPE_CHECKING:
-    from lab3_usd.diff.stages import Comparison
-    from lab3_usd.report.picture import Picture
+    from lab3_usd.diff import Comparison
+    from lab3_usd.report.picture.model import Picture
 
 
 @click.command("diff")
@@ -40,8 +39,8 @@ def command(before: Path, after: Path, form: str, pictures: Path | None, *, forc
     failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.diff.stages import compare_stages  # noqa: PLC0415
-    from lab3_usd.report.diff import json_diff, text  # noqa: PLC0415
+    from lab3_usd.diff import compare_stages  # noqa: PLC0415
+    from lab3_usd.report import diff  # noqa: PLC0415
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
     use_configured_lab(before)
@@ -49,15 +48,15 @@ def command(before: Path, after: Path, form: str, pictures: Path | None, *, forc
     if pictures is not None:
         _draw(found, pictures, force=force)
     if form == "json":
-        click.echo(json_diff.render(found.diff), nl=False)
+        click.echo(diff.render(found.diff), nl=False)
     else:
-        click.echo("\n".join(text.lines(found.diff)))
+        click.echo("\n".join(diff.lines(found.diff)))
     if found.diff.changes:
         sys.exit(EXIT_FOUND)
 
 
 def _draw(found: Comparison, folder: Path, *, force: bool) -> None:
-    from lab3_usd.report.picture_formats.svg import svg_file  # noqa: PLC0415 - only with --pictures
+    from lab3_usd.report.picture.svg import svg_file  # noqa: PLC0415 - only with --pictures
 
     drawn = {folder / name: picture for name, picture in _pictures(found)}
     for path in drawn:

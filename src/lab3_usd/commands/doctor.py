@@ -17,7 +17,7 @@ import click
 from msgspec import Struct
 
 from lab3_usd.errors import EXIT_FOUND
-from lab3_usd.report.tool import NAME, tool_version
+from lab3_usd.report.options import NAME, tool_version
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox", "microsoft-edge")
 EXTRAS = {
@@ -88,7 +88,7 @@ def checking() -> Check:
     begun = time.perf_counter()
     try:
         from lab3_usd.judge.stage import check_stage  # noqa: PLC0415 - reports what is missing
-        from lab3_usd.spec.files import STARTER  # noqa: PLC0415
+        from lab3_usd.spec.lab import STARTER  # noqa: PLC0415
         from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
         from lab3_usd.stage.write.builder import build_checkpoint  # noqa: PLC0415
 
@@ -129,9 +129,9 @@ def browser() -> Check:
 def sandbox() -> Check:
     """Start a worker of `lab3 grade`, and say which walls this system puts around it."""
     try:
-        from lab3_usd.grade.intake.limits import Limits  # noqa: PLC0415 - see checking
-        from lab3_usd.grade.workers.confine import WALLS  # noqa: PLC0415
+        from lab3_usd.grade.intake.submission_copy import Limits  # noqa: PLC0415 - see checking
         from lab3_usd.grade.workers.messages import PoolSettings  # noqa: PLC0415
+        from lab3_usd.grade.workers.sandbox import WALLS  # noqa: PLC0415
         from lab3_usd.grade.workers.worker_process import end_worker, start_worker  # noqa: PLC0415
 
         worker = start_worker(PoolSettings(None, None, Limits()))

@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING
 import click
 from msgspec import Struct
 
-from lab3_usd.commands.steps.configuring import use_configured_lab
-from lab3_usd.commands.steps.options import checkpoint_number
+from lab3_usd.commands.steps.options import checkpoint_number, use_configured_lab
 from lab3_usd.errors import EXIT_CRASH, UsageError
 from lab3_usd.files import refuse_existing, write_whole
-from lab3_usd.report.picture_formats.svg_style import THEMES, Theme
+from lab3_usd.report.picture.svg import THEMES, Theme
 
 if TYPE_CHECKING:
     from lab3_usd.model.finding import Crash
-    from lab3_usd.report.picture import Picture
+    from lab3_usd.report.picture.model import Picture
     from lab3_usd.spec.lab import Lab
 
 ENDINGS = {"svg": "svg", "png": "png", "mermaid": "mmd", "dot": "dot"}
@@ -54,7 +53,7 @@ TREE = "TF"
 )
 @click.option("--all-ports", is_flag=True, help="Draw unused ports as well.")
 @click.option("--force", is_flag=True, help="Replace pictures that exist.")
-def command(  # noqa: PLR0913, PLR0917 - one parameter per option
+def command(
     target: str,
     folder: Path,
     form: str,
@@ -133,7 +132,7 @@ def _of_stage(
 ) -> Drawing:
     from lab3_usd.check.checker import judge  # noqa: PLC0415
     from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
-    from lab3_usd.report.pictures.stage_pictures import stage_pictures  # noqa: PLC0415
+    from lab3_usd.report.pictures.graph_picture import stage_pictures  # noqa: PLC0415
     from lab3_usd.stage.read.reader import read_stage  # noqa: PLC0415
 
     number = (
@@ -156,10 +155,10 @@ def _of_stage(
 
 def _encoder(form: str, theme: Theme) -> Callable[[Picture], bytes]:
     """Return what turns a picture into the bytes of its file."""
-    from lab3_usd.report.picture_formats.dot import dot  # noqa: PLC0415
-    from lab3_usd.report.picture_formats.mermaid import mermaid  # noqa: PLC0415
-    from lab3_usd.report.picture_formats.png import png  # noqa: PLC0415
-    from lab3_usd.report.picture_formats.svg import svg_file  # noqa: PLC0415
+    from lab3_usd.report.picture.dot import dot  # noqa: PLC0415
+    from lab3_usd.report.picture.mermaid import mermaid  # noqa: PLC0415
+    from lab3_usd.report.picture.png import png  # noqa: PLC0415
+    from lab3_usd.report.picture.svg import svg_file  # noqa: PLC0415
 
     encoders: dict[str, Callable[[Picture], bytes]] = {
         "svg": lambda picture: svg_file(picture, theme).encode(),

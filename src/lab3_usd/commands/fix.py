@@ -2,13 +2,152 @@
 
 from __future__ import annotations
 
+import difflib
+import os
 import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
-from lab3_usd.commands.steps.configuring import config_options, with_config
+from lab3_usd.commands.steps.options import checkpoint_number, config_options, with_config
+from lab3_usd.commands.steps.reporting import selected_findings
+from lab3_usd.errors import UsageError
+from lab3_usd.files import refuse_existing, write_whole
+from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix_linted, fix_stage
+from lab3_usd.judge.entries import JudgeSettings, checkpoint_at
+from lab3_usd.model.finding import Finding, site_of
+from lab3_usd.report.safe_text import visible
+from lab3_usd.spec.isaac import NEWEST
+from lab3_usd.spec.load.loader import load_lab
+
+_TEXT = b"#usda"
+
+
+def run(stage: Path, options: Mapping[str, Any]) -> int:
+    """Repair a stage, write and tell what was asked for, and return the exit status.
+
+    Raises:
+        UsageError: the options do not go together, or a file cannot be written.
+        StageError: the stage cannot be opened.
+    """
+    _check(stage, options)
+    settings = FixOptions(
+        unsafe=options["unsafe"],
+        root_only=options["output"] is not None,
+        starter=options["starter"],
+        wanted=lambda findings: selected_findings(findings, str(stage), options),
+        heeds_ignores=True,
+    )
+    fixed = _fixed(stage, options, settings)
+    for line in _diffs(fixed) if options["diff"] else ():
+        click.echo(line, nl=False)
+    if not options["diff"]:
+        _write(stage, fixed, options)
+        _tell(stage, fixed, options)
+    return 1 if any(_counts(each) for each in fixed.left) else 0
+
+
+def _fixed(stage: Path, options: Mapping[str, Any], settings: FixOptions) -> Fixed:
+    if options["lint"]:
+        return fix_linted(stage, options["release"] or NEWEST, settings)
+    lab, number = load_lab(), options["checkpoint"]
+    given = None if number is None else checkpoint_number(number, lab.checkpoints)
+    checkpoint = checkpoint_at(str(stage), JudgeSettings(given, config=options["config"]), lab)
+    return fix_stage(stage, checkpoint, lab, settings)
+
+
+def _check(stage: Path, options: Mapping[str, Any]) -> None:
+    ways = [name for name in ("diff", "output", "in_place") if options[name]]
+    if len(ways) > 1:
+        message = "--diff, --output and --in-place exclude each other"
+        raise UsageError(message)
+    if options["release"] is not None and not options["lint"]:
+        message = "--isaac goes with --lint"
+        raise UsageError(message)
+    if not stage.is_file():
+        message = f"{stage}: there is no such file"
+        raise UsageError(message)
+    output = options["output"]
+    if output is not None and output.suffix.lower() != stage.suffix.lower():
+        message = f"{output}: must end in {stage.suffix}, as the stage does"
+        raise UsageError(message)
+    if output is not None and output.exists() and output.samefile(stage):
+        message = f"{output}: is the stage itself; use --in-place"
+        raise UsageError(message)
+
+
+def _diffs(fixed: Fixed) -> Iterator[str]:
+    """Yield a unified diff of each text file; of others it is said that they differ."""
+    for path, data in fixed.files.items():
+        name, old = _shown(path), path.read_bytes()
+        if not data.startswith(_TEXT):
+            yield f"Binary file {name} differs\n"
+            continue
+        before, after = (each.decode().splitlines(keepends=True) for each in (old, data))
+        yield from difflib.unified_diff(before, after, name, name)
+
+
+def _write(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
+    if options["output"] is not None:
+        data = next(iter(fixed.files.values()), stage.read_bytes())
+        refuse_existing(options["output"], force=options["force"])
+        check_result(fixed, data, options["output"])
+        write_whole(options["output"], data, force=options["force"])
+        click.echo(f"written: {_shown(options['output'])}")
+    if options["in_place"]:
+        _replace(fixed, keep=not options["no_orig"], force=options["force"])
+
+
+def _replace(fixed: Fixed, *, keep: bool, force: bool) -> None:
+    """Replace the files of a stage, after the last of them was checked."""
+    for path, data in fixed.files.items():
+        check_result(fixed, data, path)
+    for path in fixed.files if keep else ():
+        original = path.with_name(f"{path.name}.orig")
+        write_whole(original, path.read_bytes(), force=force)
+        original.chmod(path.stat().st_mode)
+    for path, data in fixed.files.items():
+        mode = path.stat().st_mode
+        write_whole(path, data, force=True)
+        path.chmod(mode)
+        click.echo(f"written: {_shown(path)}")
+
+
+def _shown(path: Path) -> str:
+    return visible(os.path.relpath(path) if path.is_absolute() else str(path))
+
+
+def _tell(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
+    for each in fixed.repaired:
+        click.echo(f"repaired {_line(each)}")
+    for each in fixed.left:
+        why = _why_left(each, fixed, unsafe=options["unsafe"])
+        click.echo(f"{why} {each.severity} {_line(each)}")
+    written = options["output"] is not None or options["in_place"]
+    hint = "" if written or not fixed.files else "; give --diff, --output or --in-place"
+    counts = f"{len(fixed.repaired)} repaired, {len(fixed.left)} left"
+    click.echo(f"{_shown(stage)}: {counts}{hint}")
+
+
+def _why_left(finding: Finding, fixed: Fixed, *, unsafe: bool) -> str:
+    why = fixed.left_out.get(site_of(finding))
+    if why is None and finding.fix is None:
+        return "left"
+    if why is None and finding.fix and not (unsafe or finding.fix.safe):
+        return "needs --unsafe"
+    return f"left out (its repair {why or USELESS})"
+
+
+def _line(finding: Finding) -> str:
+    site = finding.prim + (f".{finding.property}" if finding.property else "")
+    return visible(f"{finding.rule} {site}: {finding.message}")
+
+
+def _counts(finding: Finding) -> bool:
+    """Whether a finding that is left makes the exit status 1."""
+    return finding.severity == "error" or finding.fix is not None
 
 
 @click.command("fix")
@@ -38,6 +177,4 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
     --in-place the repairs are only listed. Exit status: 0 nothing is left, 1 errors or repairs
     are left, 2 wrong usage.
     """
-    from lab3_usd.commands.steps.fixing import run  # noqa: PLC0415 - keeps --help fast
-
     sys.exit(run(stage, with_config([str(stage)], options)))

@@ -122,8 +122,8 @@ def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one ent
     wrong usage or rubric, 3 the tool itself failed, 130 interrupted: go on with --resume.
     """
     from lab3_usd.grade.class_run import ClassSettings, grade_class  # noqa: PLC0415
-    from lab3_usd.grade.intake.limits import MEGABYTE, Limits  # noqa: PLC0415
     from lab3_usd.grade.intake.remote import is_address  # noqa: PLC0415
+    from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits  # noqa: PLC0415
 
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),

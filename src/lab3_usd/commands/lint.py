@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.steps.configuring import config_options, with_config
-from lab3_usd.commands.steps.options import native_option, report_options, view_options
+from lab3_usd.commands.steps.options import (
+    config_options,
+    native_option,
+    report_options,
+    view_options,
+    with_config,
+)
 
 if TYPE_CHECKING:
     from lab3_usd.commands.steps.judging import Judge
@@ -51,7 +56,12 @@ def _judge(options: Mapping[str, Any]) -> Judge:
     """
     from lab3_usd.commands.steps.judging import Judge  # noqa: PLC0415 - keeps --help fast
     from lab3_usd.commands.steps.reporting import wants_native  # noqa: PLC0415
-    from lab3_usd.judge.lint import LintSettings, find_stages, lint_lab, lint_stages  # noqa: PLC0415
+    from lab3_usd.judge.lint import (  # noqa: PLC0415
+        LintSettings,
+        find_stages,
+        lint_lab,
+        lint_stages,
+    )
     from lab3_usd.spec.isaac import NEWEST  # noqa: PLC0415
 
     settings = LintSettings(
@@ -61,5 +71,5 @@ def _judge(options: Mapping[str, Any]) -> Judge:
     return Judge(
         find_stages,
         lambda found, jobs: lint_stages(found, settings, jobs),
-        "lab3_usd.check.linter",
+        "lab3_usd.check.lint",
     )

@@ -13,10 +13,10 @@ from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
 
 if TYPE_CHECKING:
-    from lab3_usd.lab.maps.raster import MapFrame
+    from lab3_usd.lab.maps import MapFrame
     from lab3_usd.spec.lab import Lab
     from lab3_usd.spec.ros import MapFacts
-    from lab3_usd.stage.geometry.slices import StageSlice
+    from lab3_usd.stage.slices import StageSlice
 
 CELLS = click.IntRange(1, 10_000)
 FARTHEST = 100_000.0  # metres; no laboratory is larger, and larger numbers lose centimetres
@@ -67,8 +67,7 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None: 
     frame is the world of the stage.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.lab.maps.grid import MapFile, map_yaml, pgm  # noqa: PLC0415
-    from lab3_usd.lab.maps.raster import draw_map  # noqa: PLC0415
+    from lab3_usd.lab.maps import MapFile, draw_map, map_yaml, pgm  # noqa: PLC0415
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
     lab = load_lab()
@@ -100,7 +99,7 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None: 
 
 
 def _frame(spec: MapFacts, options: Mapping[str, Any]) -> MapFrame:
-    from lab3_usd.lab.maps.raster import MapFrame  # noqa: PLC0415
+    from lab3_usd.lab.maps import MapFrame  # noqa: PLC0415
 
     width, height = options["size"] or (spec.width, spec.height)
     origin = options["origin"] or spec.origin[:2]
@@ -109,8 +108,8 @@ def _frame(spec: MapFacts, options: Mapping[str, Any]) -> MapFrame:
 
 def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
     """Cut the stage, and say what is not on the map."""
-    from lab3_usd.stage.geometry.slices import SliceOptions, slice_stage  # noqa: PLC0415
     from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
+    from lab3_usd.stage.slices import SliceOptions, slice_stage  # noqa: PLC0415
 
     robot = lab.scene.robot.path
     if height is None and not lab.lidar_link:

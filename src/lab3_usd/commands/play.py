@@ -7,6 +7,50 @@ from pathlib import Path
 import click
 
 from lab3_usd.commands.steps.options import script_options
+from lab3_usd.errors import UsageError
+from lab3_usd.lab.scripts import fill_template
+from lab3_usd.sim.execution.record import COMMANDS, RATE, Leg, fixed_drive
+from lab3_usd.sim.judge.topics import interface
+from lab3_usd.spec.lab import Lab
+
+_NAMES = ("", "-again", "-domain")  # what a bag is called beside its stage, by session
+
+
+def isaac_script(lab: Lab, script: Path) -> str:
+    """Return the script for the Python of Isaac Sim; it has not been run there.
+
+    Raises:
+        UsageError: the lab has no topic to drive its robot by.
+    """
+    topic = interface(lab, [*lab.checkpoints.values()][-1]).commands
+    if not topic:
+        message = f"{lab.title} has no topic of commands to drive a robot by"
+        raise UsageError(message)
+    package, kind = lab.topics[topic].type.rsplit("/", 1)
+    domain = lab.ros.system.domain
+    drives = [
+        (name, session.environment or "0", " ".join(map(_leg, session.legs)))
+        for name, session in zip(_NAMES, fixed_drive(), strict=True)
+    ]
+    return fill_template(
+        "play.py.j2",
+        title=lab.title,
+        script=script.name,
+        stages=[each.file for each in lab.checkpoints.values()],
+        drives=drives,
+        package=package.replace("/", "."),
+        kind=kind,
+        topic=topic,
+        domain=domain,
+        setup=lab.ros.system.setup,
+        rate=round(RATE),
+        every=round(RATE / COMMANDS),
+    )
+
+
+def _leg(leg: Leg) -> str:
+    """Write a leg: its seconds, and what is sent in it."""
+    return ",".join(f"{each:g}" for each in (round(leg.seconds, 4), *(leg.command or ())))
 
 
 @click.command("play")
@@ -19,7 +63,6 @@ def command(script: Path, *, force: bool) -> None:
     has not been run in Isaac Sim.
     """
     from lab3_usd.files import write_whole  # noqa: PLC0415 - only this command needs these
-    from lab3_usd.sim.isaac_script import isaac_script  # noqa: PLC0415
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
 
     write_whole(script, isaac_script(load_lab(), script).encode(), force=force)

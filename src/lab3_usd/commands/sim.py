@@ -2,21 +2,111 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.steps.configuring import use_configured_lab
-from lab3_usd.commands.steps.options import text_or_json
+from lab3_usd.commands.steps.options import text_or_json, use_configured_lab
 from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 
 if TYPE_CHECKING:
     from lab3_usd.sim.dry_run import DryRun
+    from lab3_usd.sim.judge.evidence import Interface
+    from lab3_usd.sim.live import Lived
     from lab3_usd.spec.lab import Lab
+
+
+LONGEST = 86400.0  # seconds
+SLOW = 0.95  # times real time: what is below is said
+_NOT_WITH = ("drive", "page", "bag")
+_EXTRA = ("cyclonedds", "rosbags")
+
+
+def check_live(options: Mapping[str, Any]) -> None:
+    """Refuse what does not go together, before anything is played.
+
+    Raises:
+        UsageError: options do not go together, or the extra is not installed.
+    """
+    seconds = options["seconds"]
+    others = [f"--{each}" for each in _NOT_WITH if options[each] is not None]
+    others += ["--format json"] if options["form"] == "json" else []
+    message = ""
+    if not options["live"]:
+        message = "--seconds is for --live only" if seconds is not None else ""
+    elif others:
+        message = f"--live and {others[0]} do not go together: it is driven over ROS, not judged"
+    elif seconds is not None and not 0 < seconds <= LONGEST:
+        message = f"--seconds {seconds:g}: is not between 0 and {LONGEST:.0f}"
+    elif any(find_spec(each) is None for each in _EXTRA):
+        message = "--live needs the extra lab3-usd[live]: pip install 'lab3-usd[live]'"
+    if message:
+        raise UsageError(message)
+
+
+def live(stage: Path, lab: Lab, checkpoint: str, seconds: float | None) -> None:
+    """Play a stage until Ctrl-C, or for so many simulated seconds.
+
+    Raises:
+        UsageError: DDS does not start.
+        StageError: the stage cannot be read.
+    """
+    from lab3_usd.report.safe_text import printable  # noqa: PLC0415 - see sim
+    from lab3_usd.sim.dry_run import scene_of  # noqa: PLC0415
+    from lab3_usd.sim.judge.topics import interface  # noqa: PLC0415
+    from lab3_usd.sim.live import Link, play_live  # noqa: PLC0415 - of the extra
+    from lab3_usd.sim.timeline import player_of  # noqa: PLC0415
+
+    wanted = interface(lab, lab.checkpoints[checkpoint])
+    player = player_of(scene_of(stage), lab.catalog, wanted)
+    player.world.network.environment = os.environ.get("ROS_DOMAIN_ID", "")
+    with closing(Link(wanted.domain, wanted.commands)) as link:
+        _say_what(stage, wanted)
+        lived = play_live(player, link, _after(seconds))
+    for line in said_of(lived):
+        click.echo(printable(line))
+
+
+def _say_what(stage: Path, wanted: Interface) -> None:
+    from lab3_usd.report.behaviour.text import WHAT_IT_IS  # noqa: PLC0415 - see sim
+    from lab3_usd.report.safe_text import printable  # noqa: PLC0415
+
+    click.echo(f"{printable(str(stage))}: {WHAT_IT_IS}")
+    click.echo(
+        f"live in domain {wanted.domain} on 127.0.0.1, "
+        f"commands from {wanted.commands or 'nowhere'}; Ctrl-C ends"
+    )
+
+
+def _after(seconds: float | None) -> Callable[[int], bool]:
+    from lab3_usd.sim.execution.record import RATE  # noqa: PLC0415
+
+    return lambda frames: seconds is not None and frames >= seconds * RATE
+
+
+def said_of(lived: Lived) -> Iterator[str]:
+    """Yield what is said in the end: topics, time, and what was left out."""
+    yield ""
+    for (topic, kind), count in lived.sent.items():
+        yield f"{topic:<20} {kind:<27} {count} sent"
+    if not lived.sent:
+        yield "nothing was sent"
+    yield ""
+    for topic, domain in lived.away:
+        yield f"not sent: {topic}, as it is in domain {domain}"
+    for prim, reason in lived.not_simulated.items():
+        yield f"not simulated: {prim}: {reason}"
+    if lived.lost:
+        yield f"{lived.lost} messages were lost, as a program that listens does not keep up"
+    rate = lived.played / lived.took if lived.took else 1.0
+    slow = f", at {rate:.2f} times real time: this computer is too slow" if rate < SLOW else ""
+    yield f"{lived.played:.1f} s played{slow}; {lived.commands} commands heard"
 
 
 def _check_outputs(page: Path | None, bag: Path | None) -> None:
@@ -42,12 +132,12 @@ def _write_page(page: Path, run: DryRun, lab: Lab) -> None:
     from lab3_usd.files import write_whole  # noqa: PLC0415
     from lab3_usd.report.behaviour.page import render  # noqa: PLC0415
 
-    text = render(run.behaviour, run.replay, lab)
-    write_whole(page, text.encode("utf-8", "replace"), force=True)
+    html = render(run.behaviour, run.replay, lab)
+    write_whole(page, html.encode("utf-8", "replace"), force=True)
 
 
 def _write_bag(folder: Path, run: DryRun) -> None:
-    from lab3_usd.sim.bag.writing import write_bag  # noqa: PLC0415 - of the extra
+    from lab3_usd.sim.bag.writer import write_bag  # noqa: PLC0415 - of the extra
 
     if run.evidence is not None:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -80,7 +170,6 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
     0 all right, 1 something is wrong, 2 unreadable or wrong usage, 3 the tool itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.commands.steps.live_run import check_live, live  # noqa: PLC0415
     from lab3_usd.commands.steps.options import checkpoint_number  # noqa: PLC0415
     from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
     from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
@@ -102,7 +191,7 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
 def _judge(stage: Path, lab: Lab, asked: str, options: Mapping[str, Any]) -> int:
     """Play a stage, write what was asked for, and return the exit code."""
     from lab3_usd.commands.steps.options import wants_color, width  # noqa: PLC0415
-    from lab3_usd.report.behaviour import json_behaviour, text  # noqa: PLC0415
+    from lab3_usd.report.behaviour import text  # noqa: PLC0415
     from lab3_usd.sim.dry_run import dry_run  # noqa: PLC0415
 
     run = dry_run(stage, lab, asked, options["drive"])
@@ -112,7 +201,7 @@ def _judge(stage: Path, lab: Lab, asked: str, options: Mapping[str, Any]) -> int
     if options["bag"] is not None:
         _write_bag(options["bag"], run)
     if options["form"] == "json":
-        click.echo(json_behaviour.render(found), nl=False)
+        click.echo(text.render_json(found), nl=False)
     else:
         click.echo(text.render(found, width(), color=wants_color()), nl=False)
     return {"bad": EXIT_FOUND, "unreadable": EXIT_USAGE}.get(found.verdict, 0)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.configuring import use_configured_lab
+from lab3_usd.commands.steps.options import use_configured_lab
 
 
 @click.command("topics")

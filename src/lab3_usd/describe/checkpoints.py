@@ -1,4 +1,4 @@
-"""Describes the checkpoints of a new lab: a starter, then one for each graph of the stage."""
+"""Describes the checkpoints of a new lab, what is handed in, its points, and the running system."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from msgspec import Struct
 from lab3_usd.data import data_folder
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import UsageError
-from lab3_usd.spec.files import CHECKPOINTS
+from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.contradictions.names import GraphTopic, graph_topics
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lab import CHECKPOINTS, Lab
+from lab3_usd.spec.scene import SensorSpec
+from lab3_usd.spec.submission import FolderNames
 
 FIRST = "start"
 _NUMBER = re.compile(r"(?<![A-Za-z0-9])\d+(?![A-Za-z0-9])")
@@ -159,3 +162,118 @@ def _tick(lab: Lab) -> str:
         if node.type.type in lab.catalog.events
     )
     return events.most_common(1)[0][0] if events else lab.policy.tick
+
+
+_HEAD = """\
+What a submission holds: folders and files. Add what else is handed in (`deliverables`) and the
+checklists of your handout (`checklist`)."""
+_DIFFER = "No two files of the checkpoints in `differ` may be the same."
+_POINTS = 10
+
+
+def submission_text(names: FileNames, steps: Sequence[Step], folders: FolderNames) -> str:
+    """Return `submission.yaml`; `folders` are those of the bundled lab."""
+    data = {
+        "folders": {
+            "handout": "A1",
+            "stages": folders.stages,
+            "starter": folders.starter,
+            "shown": list(folders.shown),
+        },
+        "stages": {
+            "handout": "A1",
+            "endings": [".usda", ".usd"],
+            "openable": [".usdc", ".usdz"],
+            "slips": [".uda"],
+            "differ": [step.id for step in steps],
+            "starter": names.first_file,
+        },
+    }
+    return document(_HEAD, data, {"stages": _DIFFER})
+
+
+def rubric_text(
+    title: str, steps: Sequence[Step], sensors: Mapping[str, SensorSpec], *, frames: bool
+) -> str:
+    """Return `rubric.yaml`: the same points for each checkpoint."""
+    items: dict[str, Any] = {}
+    for step in steps:
+        groups = [*step.graphs, *(sensors[name].name for name in step.sensors)]
+        items[f"part {step.part}" if f"part {step.part}" not in items else step.name] = {
+            "title": step.title,
+            "checkpoint": step.id,
+            "groups": groups or ["Scene"],
+            "points": _POINTS,
+        }
+    if frames:
+        tree = {"title": "The TF tree", "checkpoint": steps[-1].id, "groups": ["TF"]}
+        items["tree"] = {**tree, "points": _POINTS}
+    head = "Points: what each part of the lab is worth. `groups` are graphs, sensors, Scene and TF."
+    return document(head, {"title": title, "items": items})
+
+
+_RUNNING_HEAD = """\
+What the running system shows once the stage plays: its topics, and the commands that show them.
+`handout` names the section each fact comes from; `from` the checkpoint from which it holds."""
+_TOPICS = (
+    "Say also which section asks for a rate (`rate`), `durability`, and `fields` of a message."
+)
+_DOMAIN = "inputs:domain_id"
+_SOURCE = "press Play; the topic exists while the node that subscribes to it runs"
+
+
+def ros_text(lab: Lab, steps: Sequence[Step]) -> str:
+    """Return `ros.yaml` of a lab with new graphs."""
+    topics = dict(_topics(lab, steps))
+    data = {"system": _system(lab), "topics": topics, "commands": list(_commands(topics))}
+    return document(_RUNNING_HEAD, data, {"topics": _TOPICS, "commands": ""})
+
+
+def _topics(lab: Lab, steps: Sequence[Step]) -> Iterator[tuple[str, dict[str, Any]]]:
+    ids = {graph: step.id for step in steps for graph in step.graphs}
+    by_name: dict[str, list[GraphTopic]] = {}
+    for each in graph_topics(lab):
+        if each.type is not None:
+            by_name.setdefault(each.name, []).append(each)
+    for name, same in by_name.items():
+        publishers = sum(not each.is_subscribed for each in same)
+        first = same[0]
+        said: dict[str, Any] = {"type": first.type, "from": ids[first.graph]}
+        said["handout"] = f"{lab.graphs[first.graph].handout[0]}3"
+        if not publishers:
+            said |= {"subscribed": True, "source": _SOURCE}
+        elif name not in lab.policy.tree_topics:
+            said["publishers"] = publishers
+        yield name, said
+
+
+def _commands(topics: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Yield the commands that show every topic, and a message of each that is published."""
+    yield {"kind": "node_list", "handout": "A1"}
+    yield {"kind": "topic_list", "handout": "A1"}
+    for name, said in topics.items():
+        where = {"of": name, "from": said["from"], "handout": said["handout"]}
+        yield {"kind": "topic_type", **where}
+        if not said.get("subscribed"):
+            yield {"kind": "topic_hz", **where}
+            yield {"kind": "topic_echo", **where}
+
+
+def _system(lab: Lab) -> dict[str, Any]:
+    system = lab.ros.system
+    return {
+        "handout": "A1",
+        "distribution": system.distribution,
+        "setup": system.setup,
+        "domain": next(iter(_domains(lab)), system.domain),
+        "folder": "~/lab",
+        "topics": list(system.topics),
+        "packages": dict(system.packages),
+    }
+
+
+def _domains(lab: Lab) -> Iterator[Value]:
+    """Yield the ROS domains that graphs set."""
+    for graph in lab.graphs.values():
+        for node in graph.nodes.values():
+            yield from (each.value for each in node.settings if each.port == _DOMAIN)

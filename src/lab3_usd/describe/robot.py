@@ -6,10 +6,9 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.scene.axles import anchor, axle
-from lab3_usd.check.scene.wheel_joints import WheelJoint, tied_joints
+from lab3_usd.check.robot.axles import anchor, axle
+from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
 from lab3_usd.errors import UsageError
-from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.model.physics import (
     ARTICULATION_API,
     BODY_API,
@@ -25,16 +24,9 @@ from lab3_usd.model.physics import (
     joints,
     number,
 )
-from lab3_usd.model.prims import Matrix, Prim
+from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
-from lab3_usd.model.transform_math import (
-    IDENTITY,
-    Vector,
-    decompose,
-    distance,
-    dot,
-    euler_angles,
-)
+from lab3_usd.model.transforms import IDENTITY, Vector, decompose, distance, dot, euler_angles
 from lab3_usd.spec.graph import GraphSpec
 
 PART = "A1"

@@ -1,22 +1,182 @@
-"""Describes the scene of a stage: units, robot, world, sensors, in the form of `scene.yaml`."""
+"""Describes the scene of a stage and its sensors, in the form of `scene.yaml`."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
-from msgspec import to_builtins
+from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.scene.ground import boxes, has_ground, lights, planes
-from lab3_usd.describe.robot import PART, describe_robot, describe_wheels, moved_joints
-from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.physics import SCENE, collides
+from lab3_usd.check.robot.ground import boxes, has_ground, lights, planes
+from lab3_usd.describe.graphs import unknown_types, with_types
+from lab3_usd.describe.robot import PART, describe_robot, describe_wheels, moved_joints, plain, pose
+from lab3_usd.model.physics import BODY_API, SCENE, collides, is_joint
+from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
+from lab3_usd.model.transforms import IDENTITY, camera_axes
+from lab3_usd.spec.catalog import Catalog, Value, is_known_type
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.scene import parse_scene
+from lab3_usd.spec.load.lab import parse_scene
+from lab3_usd.spec.scene import ANYWHERE, SensorSpec
+from lab3_usd.stage.read.prims import Authored, authored_attributes
+from lab3_usd.stage.read.reader import read_stage
+
+_PLAIN_TYPES = ("", "Xform", "Scope")
+
+
+class Source(Struct, frozen=True):
+    """A stage, and the bundled lab with every node type of the stage in its catalog.
+
+    `unknown` are the types that no catalog has, as they are described. `sensors` are the prims that
+    may be sensors, `authored` what the stage writes at each.
+    """
+
+    stem: str
+    stage: StageModel
+    lab: Lab
+    unknown: Mapping[str, Any]
+    sensors: tuple[Prim, ...]
+    authored: Mapping[str, Authored]
+
+
+def read_source(path: Path, lab: Lab, types: Catalog) -> Source:
+    """Read a stage; `lab` is the bundled one, `types` the catalog of all public node types.
+
+    Raises:
+        StageError: the stage cannot be read.
+    """
+    lab = replace(lab, catalog=types)
+    stage = read_stage(path, lab)
+    unknown = unknown_types(stage.nodes())
+    lab = replace(lab, catalog=with_types(types, unknown))
+    found = {prim.path: prim.type for prim in _sensors(stage, lab)}
+    # The place of a prim of a type that USD does not know is read where a lab has such a sensor.
+    draft = next(iter(lab.sensors.values()))
+    drafts = {kind: replace(draft, type=kind) for kind in found.values()}
+    scene = replace(lab.scene, sensors={**lab.sensors, **drafts})
+    stage = read_stage(path, replace(lab, scene=scene))
+    return Source(
+        stem=path.stem,
+        stage=stage,
+        lab=lab,
+        unknown=unknown,
+        sensors=tuple(stage.prims[each] for each in found),
+        authored=authored_attributes(path, found),
+    )
+
+
+def _sensors(stage: StageModel, lab: Lab) -> Iterator[Prim]:
+    """Yield what graphs read that is no body, then prims of the types that are always sensors."""
+    targets = (
+        path
+        for graph in stage.graphs
+        for node in graph.nodes
+        for state in node.ports.values()
+        for path in state.targets
+    )
+    for path in dict.fromkeys(targets):
+        prim = stage.prim(path)
+        if prim is not None and prim.type not in _PLAIN_TYPES and not _is_part(prim):
+            yield prim
+    for spec in lab.sensors.values():
+        if spec.recognised == ANYWHERE:
+            yield from (prim for prim in stage.of_type(spec.type) if prim.present)
+
+
+def _is_part(prim: Prim) -> bool:
+    return BODY_API in prim.apis or is_joint(prim)
+
+
+_OTHER = re.compile(r"(physics|physx|drive|node|kind|visibility|xformOp|purpose|ui)")
+# What of a known kind is the same in every lab.
+_TAKEN_OVER = ("recognised", "required_api", "scan", "rate_api")
+
+
+def targets_of(graph: GraphSpec) -> Iterator[str]:
+    """Yield the prims that the nodes of a graph name."""
+    for node in graph.nodes.values():
+        for target in node.targets:
+            yield from target.prims
+
+
+def describe_sensors(
+    source: Source, sections: Mapping[str, str], robot: str
+) -> dict[str, dict[str, Any]]:
+    """Describe the sensors on the robot by short names; `sections` are the handout's by path."""
+    found: dict[str, dict[str, Any]] = {}
+    for prim in source.sensors:
+        if not is_at_or_below(prim.path, robot):
+            continue
+        known = _known(prim.type, source.lab)
+        kind = known.kind if known else _word(prim.type)
+        taken = sum(each["kind"] == kind for each in found.values())
+        name = kind if not taken else f"{kind}_{taken + 1}"
+        found[name] = _sensor(source, prim, kind, sections[prim.path])
+    return found
+
+
+def _known(type_name: str, lab: Lab) -> SensorSpec | None:
+    """Return what the bundled lab says of a sensor of this type, None where it has none."""
+    return next((each for each in lab.sensors.values() if each.type == type_name), None)
+
+
+def _word(type_name: str) -> str:
+    """Return a kind for a type without rules of its own: imu for IsaacImuSensor."""
+    words = re.findall(r"[A-Z][a-z0-9]*|[a-z0-9]+", type_name)
+    inner = words[1:-1] if len(words) > 2 else words[-1:]  # noqa: PLR2004 - vendor, word, Sensor
+    return "_".join(inner).lower() or "sensor"
+
+
+def _sensor(source: Source, prim: Prim, kind: str, section: str) -> dict[str, Any]:
+    known = _known(prim.type, source.lab)
+    data: dict[str, Any] = {
+        "kind": kind,
+        "path": prim.path,
+        "type": prim.type,
+        "handout": section,
+        "pose": {**pose(prim.local, source.stage.meters_per_unit), "handout": section},
+    }
+    same = {} if known is None else to_builtins(known)
+    data |= {key: same[key] for key in _TAKEN_OVER if same.get(key)}
+    if "scan" in data:
+        data["scan"]["handout"] = section
+    if same.get("looks"):
+        along, up = camera_axes(prim.local or IDENTITY)
+        data["looks"] = {"along": plain(along), "up": plain(up)}
+        data["default_handout"] = section
+    if prim.apis:
+        data["apis"] = list(prim.apis)
+    attributes = {
+        name: _attribute(said, same.get("attributes"), name, section)
+        for name, said in sorted(source.authored[prim.path].items())
+        if not _OTHER.match(name) and is_known_type(said[0])
+    }
+    return data | ({"attributes": attributes} if attributes else {})
+
+
+def _attribute(
+    authored: tuple[str, Value], known: Mapping[str, Any] | None, name: str, section: str
+) -> dict[str, Any]:
+    """Describe an attribute: of a known kind those are required that the bundled lab requires."""
+    kind, value = authored
+    data = {"type": kind, "value": _single(value) if kind.startswith("float") else value}
+    if known is None:
+        return {**data, "required": True, "handout": section}
+    said = known.get(name, {})
+    kept = {key: said[key] for key in ("required", "unset", "schema") if said.get(key)}
+    return {**data, **kept, "handout": section} if kept else data
+
+
+def _single(value: Value) -> Value:
+    """Return numbers of single precision as they were typed: 0.1 for 0.10000000149."""
+    if isinstance(value, tuple):
+        return tuple(_single(each) for each in value)
+    return float(f"{value:.7g}") if isinstance(value, float) else value
 
 
 def describe_scene(

@@ -1,8 +1,12 @@
-"""Repairs a stage: judges it, makes the edits, and judges it again until nothing is left to do."""
+"""Repairs a stage.
+
+Judges it, makes the edits, and judges it again until nothing is left to repair.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import difflib
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,25 +14,122 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import Judgement, judge
-from lab3_usd.check.lint.subject import LintSubject
-from lab3_usd.check.linter import lint
+from lab3_usd.check.lint import lint
+from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.files import temporary_beside
-from lab3_usd.fix.attempts import Attempt, most_helpful, weight
-from lab3_usd.fix.layer_bytes import new_bytes
-from lab3_usd.judge.ignoring import without_noted
+from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.judge.lint import lint_lab
+from lab3_usd.judge.results import without_noted
+from lab3_usd.judge.stage import checkpoint_of
 from lab3_usd.judge.starter import open_against_starter, open_starter
-from lab3_usd.model.finding import Finding, Score, Site, StageResult, ordered, site_of
-from lab3_usd.model.repair import MovePrim, Repair
+from lab3_usd.model.changes import MovePrim, Repair, TextChange
+from lab3_usd.model.finding import Finding, Report, Score, Site, StageResult, ordered, site_of
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.load.isaac_types import load_isaac_types
-from lab3_usd.stage.edit.apply import apply_edit
-from lab3_usd.stage.edit.session import EditSession
+from lab3_usd.spec.load.compiled import load_isaac_types
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.edit.repairs import apply_edit
+from lab3_usd.stage.edit.session import EditedLayer, EditSession, is_text
 from lab3_usd.stage.read.opening import open_stage, quiet
+from lab3_usd.stage.read.properties import release_start_values
 from lab3_usd.stage.read.reader import read_model
-from lab3_usd.stage.read.time_samples import release_start_values
+
+WORSE = "would make the stage worse"
+USELESS = "does not help"
+
+
+class Attempt(Struct, frozen=True):
+    """What came of some repairs: the findings afterwards, and the new bytes of each file.
+
+    `error` says why the result cannot be used; '' where it can.
+    """
+
+    after: tuple[Finding, ...]
+    repairs: tuple[Repair, ...] = ()
+    files: dict[Path, bytes] = {}
+    error: str = ""
+
+
+class Chosen(Struct, frozen=True):
+    """The repairs that were made, and why each of the others was left out."""
+
+    attempt: Attempt
+    left_out: dict[Site, str]
+
+
+def weight(findings: Iterable[Finding]) -> tuple[int, int]:
+    """Count errors and warnings."""
+    severities = [each.severity for each in findings]
+    return severities.count("error"), severities.count("warning")
+
+
+def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Attempt]) -> Chosen:
+    """Repair as many of these findings as do no harm.
+
+    All are tried at once. Where that brings something new to find, leaves one of them as it was,
+    or cannot be written, each half is tried by itself, and so on down to a single repair.
+    """
+    kept: frozenset[Site] = frozenset()
+    best, left_out = attempt(kept), {}
+    waiting = [tuple(sites)] if sites else []
+    while waiting:
+        some = waiting.pop(0)
+        tried = attempt(kept.union(some))
+        useless = any(_said(each, tried) == _said(each, best) != [] for each in some)
+        is_right = _helps(tried, best) or (len(some) == 1 and _is_harmless(tried, best, some[0]))
+        if is_right and not useless:
+            kept, best = kept.union(some), tried
+        elif len(some) == 1:
+            left_out[some[0]] = tried.error or (USELESS if is_right else WORSE)
+        else:
+            half = len(some) // 2
+            waiting[:0] = [some[:half], some[half:]]
+    return Chosen(best, left_out)
+
+
+def _said(site: Site, attempt: Attempt) -> list[str]:
+    """Return what is said at a site of which there is a repair."""
+    return [each.message for each in attempt.after if each.fix and site_of(each) == site]
+
+
+def _helps(tried: Attempt, best: Attempt) -> bool:
+    """Whether something is repaired, and nothing is found that was not found before."""
+    known = {site_of(each) for each in best.after}
+    is_new = any(site_of(each) not in known for each in tried.after if each.severity != "note")
+    return not (tried.error or is_new) and weight(tried.after) < weight(best.after)
+
+
+def _is_harmless(tried: Attempt, best: Attempt, site: Site) -> bool:
+    """Whether no more is found than before, and no error away from what was repaired.
+
+    An error there may have been hidden behind the repaired one; elsewhere the repair brought it.
+    """
+    if tried.error or weight(tried.after) > weight(best.after):
+        return False
+    known = {site_of(each) for each in best.after if each.severity == "error"}
+    repaired = {*_repaired(each for each in best.after if site_of(each) == site)}
+    return all(
+        site_of(each) in known or _is_among(each, repaired)
+        for each in tried.after
+        if each.severity == "error"
+    )
+
+
+def _repaired(findings: Iterable[Finding]) -> Iterable[str]:
+    """Yield the prims that findings are about, and those which their repairs edit."""
+    for finding in findings:
+        yield finding.prim
+        for edit in finding.fix.edits if finding.fix else ():
+            yield edit.to if isinstance(edit, MovePrim) else edit.prim
+
+
+def _is_among(finding: Finding, prims: Collection[str]) -> bool:
+    """Whether a finding, with all that it relates to, is about these prims or some below them."""
+    paths = (finding.prim, *(each.partition(".")[0] for each in finding.related))
+    return all(any(is_at_or_below(path, each) for each in prims) for path in paths)
+
 
 _PACKAGE = ".usdz"
 _ROUNDS = 8  # a missing graph needs three: the graph, its connections, what those bring to light
@@ -88,7 +189,7 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
 
     def found(file: Path, stage: Any) -> Iterable[Finding]:  # noqa: ANN401 - pxr has no types
         judged = judge(lab, asked, read_model(stage, lab, str(file)))
-        findings = _said(file, judged)
+        findings = _findings_of(file, judged)
         if starter is None:
             return findings
         result = StageResult(str(file), asked.id, "fail", Score(0.0, 0.0), findings)
@@ -109,12 +210,12 @@ def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
 
     def found(file: Path, stage: Any) -> Iterable[Finding]:  # noqa: ANN401 - pxr has no types
         model = read_model(stage, lab, str(file))
-        return _said(file, lint(LintSubject(lab, load_isaac_types(), model, release)))
+        return _findings_of(file, lint(LintSubject(lab, load_isaac_types(), model, release)))
 
     return _fixed(path, found, (lab, lab.checkpoints[lab.first]), options)
 
 
-def _said(file: Path, judged: Judgement | RuleResults) -> tuple[Finding, ...]:
+def _findings_of(file: Path, judged: Judgement | RuleResults) -> tuple[Finding, ...]:
     if judged.crashes:
         message = f"{file}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
         raise StageError(message)
@@ -242,3 +343,61 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
     if weight(found) > weight(fixed.before):
         message = f"{target}: the repaired stage would be worse than before; nothing was written"
         raise StageError(message)
+
+
+def repair_open_stage(repair: Repair, stage: Any) -> None:  # noqa: ANN401 - pxr has no types
+    """Make the edits of a repair in the layers of a stage; no file is written."""
+    lab = load_lab()
+    checkpoint = checkpoint_of(Path(stage.GetRootLayer().realPath).name, lab) or lab.first
+    session = EditSession(stage, lab, lab.checkpoints[checkpoint])
+    for edit in sorted(repair.edits, key=lambda each: isinstance(each, MovePrim)):
+        apply_edit(session, edit)
+
+
+Changes = Mapping[tuple[str, Site], tuple[TextChange, ...]]
+
+
+@quiet()
+def text_changes(report: Report, lab: Lab, starter: str | None) -> Changes:
+    """Return what the safe repair of each finding changes in text files, each by itself.
+
+    What is restored is taken from the starter, None for the bundled one.
+    """
+    return {key: lines for each in report.results for key, lines in _changes(each, lab, starter)}
+
+
+def _changes(
+    result: StageResult, lab: Lab, starter: str | None
+) -> Iterator[tuple[tuple[str, Site], tuple[TextChange, ...]]]:
+    repairs = {site_of(each): each.fix for each in result.findings if each.fix and each.fix.safe}
+    if not repairs:
+        return
+    stage, asked = open_stage(Path(result.path)), lab.checkpoints[result.checkpoint or lab.first]
+    for site, repair in repairs.items():
+        session = EditSession(stage, lab, asked, starter=starter)
+        lines = tuple(_lines(session, repair, result.path))
+        if lines:
+            yield (result.path, site), lines
+
+
+def _lines(session: EditSession, repair: Repair, path: str) -> Iterator[TextChange]:
+    try:
+        for edit in repair.edits:
+            apply_edit(session, edit)
+        root = session.stage.GetRootLayer()
+        for each in session.edited.values():
+            name = path if each.layer == root else str(each.layer.realPath)
+            yield from _hunks(each, name) if is_text(each.layer) else ()
+    except StageError:  # the repair cannot be written as text
+        return
+    finally:
+        session.close()
+
+
+def _hunks(edited: EditedLayer, name: str) -> Iterator[TextChange]:
+    before = Path(edited.layer.realPath).read_bytes().decode().splitlines(keepends=True)
+    after = new_bytes(edited).decode().splitlines(keepends=True)
+    matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
+    for kind, first, last, start, stop in matcher.get_opcodes():
+        if kind != "equal":
+            yield TextChange(name, first, last, "".join(after[start:stop]))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct, field
 
-from lab3_usd.stage.text.usda_scan import (
+from lab3_usd.stage.text import (
     BLOCK_COMMENT,
     HEAD,
     LIST_EDITS,

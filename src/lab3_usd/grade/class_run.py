@@ -13,24 +13,21 @@ from msgspec.structs import replace
 
 from lab3_usd.data import lab_folder, own_lab
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.grade.book.gradebook import (
-    Rows,
-    check_target,
-    known_digest,
-    write_student,
-    write_tables,
-)
-from lab3_usd.grade.intake.class_archive import submissions_in
-from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.gradebook import Rows, check_target, known_digest, write_student, write_tables
 from lab3_usd.grade.intake.remote import local_path
-from lab3_usd.grade.intake.submissions import ClassLocation, StudentSubmission, find_submissions
-from lab3_usd.grade.scoring.load_rubric import load_rubric
-from lab3_usd.grade.scoring.rubric import Rubric
-from lab3_usd.grade.workers.confine import WALLS
+from lab3_usd.grade.intake.submission_copy import Limits
+from lab3_usd.grade.intake.submissions import (
+    ClassLocation,
+    StudentSubmission,
+    find_submissions,
+    submissions_in,
+)
+from lab3_usd.grade.rubric import Rubric, load_rubric
 from lab3_usd.grade.workers.messages import Json, PoolSettings, Task, status_of
 from lab3_usd.grade.workers.pool import Runner, run_tasks
+from lab3_usd.grade.workers.sandbox import WALLS
 from lab3_usd.grade.workers.submission_grading import ungraded_record
-from lab3_usd.report.tool import tool_version
+from lab3_usd.report.options import tool_version
 from lab3_usd.spec.load.loader import load_lab
 
 
@@ -139,7 +136,7 @@ def salt_of(rubric: Rubric, starter: Path) -> str:
 
 def _files_of(starter: Path) -> Iterator[tuple[str, bytes]]:
     """Yield name and digest of every file that the starter consists of, wherever they lie."""
-    from lab3_usd.stage.fence.stages import files_of  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.fence import files_of  # noqa: PLC0415 - pxr
 
     for each in files_of(starter):
         path = Path(each.partition("[")[0])  # a file in a package is read with the package

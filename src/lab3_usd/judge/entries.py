@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.config.config import Config
-from lab3_usd.config.findings import matching
+from lab3_usd.config.settings import Config, matching
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.results import (
     STAGE_ENDINGS,
@@ -169,7 +168,10 @@ def _judge_submission(path: str, settings: JudgeSettings) -> Results:
 
 
 def _without_ignored(result: StageResult, settings: JudgeSettings) -> StageResult:
-    from lab3_usd.judge.ignoring import scopes_run, without_ignored  # noqa: PLC0415 - only for lab3 check
+    from lab3_usd.judge.results import (  # noqa: PLC0415 - only for lab3 check
+        scopes_run,
+        without_ignored,
+    )
 
     return without_ignored(result, scopes_run(starter=settings.starter, native=settings.native))
 
@@ -181,13 +183,16 @@ def _with_native(result: StageResult) -> StageResult:
 
 
 def _against_starter(result: StageResult, settings: JudgeSettings, lab: Lab) -> StageResult:
-    from lab3_usd.judge.starter import Starter, against_starter  # noqa: PLC0415 - only with --starter
+    from lab3_usd.judge.starter import (  # noqa: PLC0415 - only with --starter
+        Starter,
+        against_starter,
+    )
 
     opened = _with_open_starter(settings).starter
     return against_starter(result, opened, lab) if isinstance(opened, Starter) else result
 
 
 def _about_maps(checkpoint: str, maps: Path | None, lab: Lab) -> Iterable[Finding]:
-    from lab3_usd.judge.folder_checks import lone_stage_notes, map_findings  # noqa: PLC0415
+    from lab3_usd.judge.files import lone_stage_notes, map_findings  # noqa: PLC0415
 
     return lone_stage_notes(checkpoint, lab) if maps is None else map_findings(maps, lab)

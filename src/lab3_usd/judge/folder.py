@@ -12,23 +12,24 @@ from msgspec.structs import replace
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
 from lab3_usd.errors import StageError
-from lab3_usd.judge.folder_checks import (
+from lab3_usd.judge.files import (
     FolderContents,
     judge_maps,
     judge_parameters,
     judge_saved_outputs,
+    opens_all,
+    read_recordings,
     read_saved_outputs,
 )
-from lab3_usd.judge.recordings import opens_all, read_recordings
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
-from lab3_usd.lab.submission.listing import folder_named, list_submission
+from lab3_usd.lab.submission import folder_named, list_submission
 from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
-from lab3_usd.model.folder.submission import Listing, StarterFile, SubmissionSubject
+from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject
 from lab3_usd.model.stage import StageModel
-from lab3_usd.spec.file_names import named_checkpoint
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import named_checkpoint
 
 
 class _Starters(Struct, frozen=True):
@@ -122,7 +123,10 @@ def _results(
 
             result = with_native(result)
         if settings.heeds_ignores:
-            from lab3_usd.judge.ignoring import scopes_run, without_ignored  # noqa: PLC0415 - only for lab3 check
+            from lab3_usd.judge.results import (  # noqa: PLC0415 - only for lab3 check
+                scopes_run,
+                without_ignored,
+            )
 
             also = scopes_run(starter=starters.compared, native=settings.native)
             result = without_ignored(result, also)
@@ -193,7 +197,9 @@ def find_starters(
 
 def _holds(own: Starter, trusted: Starter | None, lab: Lab) -> Iterator[str]:
     """Yield what a starter holds that only the lab adds, or has otherwise than the supplied one."""
-    from lab3_usd.stage.compare.starter import compare_starter  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.compare.starter import (  # noqa: PLC0415 - pxr, only when needed
+        compare_starter,
+    )
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
     model = read_model(own.stage, lab, str(own.path))

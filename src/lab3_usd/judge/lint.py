@@ -11,7 +11,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.lint.subject import LintSubject
+from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.judge.results import (
@@ -26,7 +26,7 @@ from lab3_usd.judge.results import (
 from lab3_usd.model.finding import Score, StageResult, ordered
 from lab3_usd.spec.isaac import NEWEST
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.isaac_types import load_isaac_types
+from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.loader import load_lab
 
 
@@ -75,19 +75,25 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
 def _ignoring(result: StageResult, settings: LintSettings) -> StageResult:
     if not settings.heeds_ignores:
         return result
-    from lab3_usd.judge.ignoring import scopes_run, without_ignored  # noqa: PLC0415 - only for lab3 lint
+    from lab3_usd.judge.results import (  # noqa: PLC0415 - only for lab3 lint
+        scopes_run,
+        without_ignored,
+    )
 
     return without_ignored(result, scopes_run(starter=None, native=settings.native))
 
 
 def _linted(path: str | Path, release: str) -> StageResult:
     lab = lint_lab(release)
-    from lab3_usd.stage.read.opening import open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.opening import (  # noqa: PLC0415 - pxr, only when needed
+        open_stage,
+        quiet,
+    )
 
     try:
         stage = open_stage(Path(path))
         # Imported only now: a command has another thread do it while the stage opens.
-        from lab3_usd.check.linter import lint  # noqa: PLC0415
+        from lab3_usd.check.lint import lint  # noqa: PLC0415
         from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
         with quiet():
@@ -106,7 +112,7 @@ def lint_open_stage(stage: Any) -> RuleResults:  # noqa: ANN401 - pxr has no typ
     Raises:
         StageError: a file of the stage is damaged.
     """
-    from lab3_usd.check.linter import lint  # noqa: PLC0415 - after opening, see `_linted`
+    from lab3_usd.check.lint import lint  # noqa: PLC0415 - after opening, see `_linted`
     from lab3_usd.stage.read.opening import reopened  # noqa: PLC0415 - pxr, only when needed
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 

@@ -1,17 +1,23 @@
-"""Makes results of stages: verdicts, findings in order and at their places in the files."""
+"""Results of stages.
+
+Verdicts, findings in order and at their places, without those that a stage ignores on purpose.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.check.registry import FAMILIES, Scope, all_rules
+from lab3_usd.check.rule_runs import run_rule
 from lab3_usd.model.finding import (
     Crash,
     Finding,
+    IgnoreNote,
     Requirement,
     Score,
     StageResult,
@@ -19,6 +25,73 @@ from lab3_usd.model.finding import (
     Verdict,
     ordered,
 )
+
+UNUSED = "F06"
+_WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint"})
+_WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "frames", "outcome"})
+
+
+def scopes_run(*, starter: object, native: bool) -> frozenset[Scope]:
+    """Return the scopes that ran besides: with a starter that is not None, with `--native`."""
+    compared: frozenset[Scope] = frozenset() if starter is None else frozenset({"starter"})
+    return compared | {"native"} if native else compared
+
+
+def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult:
+    """Return the result of a stage without what its notes ignore, and with the unused notes.
+
+    A note about rules that did not run is for another command. `more` are the scopes that ran
+    besides those of a check, or of the linter.
+
+    Raises:
+        StageError: the file cannot be opened any more.
+    """
+    if result.verdict == "unreadable":
+        return result
+    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
+    from lab3_usd.stage.text import read_ignore_notes  # noqa: PLC0415 - pxr
+
+    path = Path(result.path)
+    stage = open_stage(path)
+    notes = read_ignore_notes(stage, result.path)
+    if not notes:
+        return result
+    scopes = (_WITHOUT_SPEC if result.checkpoint is None else _WITH_SPEC).union(more)
+    used = {note for note in notes for each in result.findings if note.covers(each)}
+    kept = [each for each in result.findings if not any(note.covers(each) for note in notes)]
+    for note in notes:
+        if note not in used and not _is_for_others(note, scopes):
+            unused = _unused(note)
+            kept += unused if note.written else located(list(unused), path, stage)
+    findings = ordered(kept)
+    return replace(result, findings=findings, verdict=verdict_of(findings, result.crashes))
+
+
+def _is_for_others(note: IgnoreNote, scopes: Collection[Scope]) -> bool:
+    named = [each for each in all_rules().values() if note.rule and each.id.startswith(note.rule)]
+    return bool(named) and not any(each.scope in scopes for each in named)
+
+
+def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:  # noqa: ANN401
+    """Return what no note in an open stage ignores, of findings that have no places yet."""
+    from lab3_usd.stage.text import read_ignore_notes  # noqa: PLC0415 - pxr
+
+    notes = read_ignore_notes(stage, str(path))
+    if not notes:
+        return tuple(findings)
+    pairs = zip(findings, located(findings, path, stage), strict=True)
+    return tuple(each for each, placed in pairs if not any(note.covers(placed) for note in notes))
+
+
+def _unused(note: IgnoreNote) -> Iterator[Finding]:
+    why = "there is no such finding here"
+    if not note.rule:
+        why = "it names no rule"
+    elif note.rule not in FAMILIES and note.rule not in all_rules():
+        why = "there is no such rule"
+    for each in run_rule(all_rules()[UNUSED], (note, why), None).findings:
+        yield replace(each, layer=note.layer or None, line=note.written)
+
 
 UNREADABLE = "F01"
 STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
@@ -72,7 +145,7 @@ def located(findings: Collection[Finding], path: Path | str, stage: Any) -> Iter
     """Yield findings of an open stage with their layer, line and column."""
     if not findings:
         return
-    from lab3_usd.stage.text.source_locations import locate  # noqa: PLC0415 - only with findings
+    from lab3_usd.stage.text import locate  # noqa: PLC0415 - only with findings
 
     places = locate(stage, str(path), [(each.prim, each.property) for each in findings])
     for each in findings:

@@ -9,9 +9,9 @@ from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.judge.results import located, score_of, unreadable, verdict_of
 from lab3_usd.model.finding import StageResult, ordered
-from lab3_usd.spec.file_names import named_checkpoint
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import named_checkpoint
 
 if TYPE_CHECKING:
     from lab3_usd.check.checker import Judgement
@@ -44,7 +44,11 @@ def check_stage(
     if found not in lab.checkpoints:
         message = f"there is no checkpoint '{found}'; known are {', '.join(lab.checkpoints)}"
         raise UsageError(message)
-    from lab3_usd.stage.read.opening import cached, open_stage, quiet  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.opening import (  # noqa: PLC0415 - pxr, only when needed
+        cached,
+        open_stage,
+        quiet,
+    )
 
     try:
         stage = open_stage(Path(path))

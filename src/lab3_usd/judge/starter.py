@@ -11,12 +11,10 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
-from lab3_usd.check.repairs.findings import repair_by
-from lab3_usd.check.repairs.starter import with_starter_repairs
+from lab3_usd.check.repairs import repair_by, with_starter_repairs
 from lab3_usd.check.requirements import with_other_faults
 from lab3_usd.check.rule_runs import RuleResults, run_family
-from lab3_usd.check.scene_item import is_met
-from lab3_usd.check.scene_requirements import scene_items
+from lab3_usd.check.scene_requirements import is_met, scene_items
 from lab3_usd.errors import StageError
 from lab3_usd.judge.results import located, score_of, unreadable
 from lab3_usd.model.changes import Site
@@ -55,7 +53,9 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
     Raises:
         StageError: the file cannot be opened.
     """
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.read.opening import (  # noqa: PLC0415 - pxr, only when it is needed
+        open_stage,
+    )
     from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
 
     stage = open_stage(path)
@@ -195,7 +195,9 @@ class _Beside(Struct, frozen=True, eq=False):
 
 
 def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
-    from lab3_usd.stage.compare.starter import compare_starter  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.compare.starter import (  # noqa: PLC0415 - pxr, only when needed
+        compare_starter,
+    )
     from lab3_usd.stage.read.opening import stage_errors  # noqa: PLC0415
 
     stage, lab = beside.stage, beside.lab

@@ -6,11 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from lab3_usd.model.derived import once_per_stage
-from lab3_usd.model.paths import is_at_or_below
-from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import StageModel
-from lab3_usd.model.transform_math import angle_between
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import StageModel, once_per_stage
+from lab3_usd.model.transforms import angle_between
 from lab3_usd.spec.catalog import Value
 
 BODY_API = "PhysicsRigidBodyAPI"

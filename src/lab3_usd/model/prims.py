@@ -1,4 +1,4 @@
-"""The prims of a stage that are no nodes, and what may be asked of them."""
+"""The prims of a stage that are no nodes, their paths, and what may be asked of them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,16 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from lab3_usd.model.paths import is_at_or_below
 from lab3_usd.spec.catalog import Value
+
+
+def is_at_or_below(path: str, top: str) -> bool:
+    """Whether `path` is the prim `top` or one below it; everything is below '/'."""
+    if not path.startswith(top):
+        return False
+    rest = path[len(top) :]
+    return not rest or rest[0] == "/" or top.endswith("/")
+
 
 Matrix = tuple[float, ...]  # 16 numbers in rows, as USD multiplies: row vectors, translation last
 NameFilter = str | Callable[[str], bool]  # a name, or what tells whether a name is asked for
@@ -37,7 +45,7 @@ class Prim(Struct, eq=False):
     read: Callable[[Prim, str], None] | None = None
 
     @classmethod
-    def unread(  # noqa: PLR0913 - what every prim is read with
+    def unread(
         cls,
         path: str,
         type_name: str,

@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping
-from typing import Any, Literal
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from functools import wraps
+from typing import Any, Literal, ParamSpec, TypeVar
 
 from msgspec import Struct, field
 from msgspec.structs import force_setattr
 
-from lab3_usd.model.prims import Colliders, NameFilter, Prim, Prims
+from lab3_usd.model.prims import Colliders, NameFilter, Prim, Prims, is_at_or_below
 from lab3_usd.spec.catalog import NodeType, Value
+
+
+def is_acyclic(pairs: Iterable[tuple[str, str]]) -> bool:
+    """Whether no name leads back to itself."""
+    from graphlib import CycleError, TopologicalSorter  # noqa: PLC0415 - after start-up
+
+    order: TopologicalSorter[str] = TopologicalSorter()
+    for before, after in pairs:
+        order.add(after, before)
+    try:
+        order.prepare()
+    except CycleError:
+        return False
+    return True
 
 
 class PortState(Struct, frozen=True):
@@ -161,7 +176,7 @@ class StageModel(Struct, frozen=True, eq=False):
     """Everything the rules know of one stage.
 
     Two models are the same only when they are one. `derived` holds what was worked out from this
-    one (see `derived.py`), so that it goes when the model goes, and `judged` what was worked out
+    one (`once_per_stage`), so that it goes when the model goes, and `judged` what was worked out
     for rules: it holds what they are given, and so the model. `instances` are the paths of the
     prims that are instances.
     """
@@ -225,3 +240,94 @@ class StageModel(Struct, frozen=True, eq=False):
             if path == missing.prim or path.startswith(missing.prim.rstrip("/") + "/"):
                 return missing
         return None
+
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+
+def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
+    """Let a function of a stage, or of what has a `stage`, keep its results in the stage's model.
+
+    Nothing outlives the model, which may hold an open file.
+    """
+
+    @wraps(function)
+    def kept(*given: _P.args, **_: _P.kwargs) -> _T:
+        about: Any = given[0]
+        if isinstance(about, StageModel):
+            known, key = about.derived, (function, *given[1:])
+        else:
+            known, key = about.stage.judged, (function, *given)
+        if key not in known:
+            known[key] = function(*given)  # type: ignore[call-arg]  # all are positional
+        found: _T = known[key]
+        return found
+
+    return kept
+
+
+def absence_reason(stage: StageModel, path: str) -> str:
+    """Say why there is no prim at `path`, as the end of a sentence about it."""
+    found = stage.prims.get(path)
+    if found is None:
+        above = _nearest_prim(stage, path)
+        if above and not stage.prims[above].present:
+            return f"is missing: {above} {absence_reason(stage, above)}"
+        return "is missing"
+    if not found.active:
+        return "is deactivated"
+    return "is only an over without a def"
+
+
+def _nearest_prim(stage: StageModel, path: str) -> str:
+    """Return the path itself or the nearest one above it that holds a prim, '' for none."""
+    while path and path not in stage.prims:
+        path = path.rpartition("/")[0]
+    return path
+
+
+def missing_graphs_text(missing_graphs: Mapping[str, str], path: str) -> str:
+    """Name the graphs that are missing together with the prim, as the end of a sentence."""
+    names = [name for name, prim in missing_graphs.items() if prim == path]
+    return f"; missing with it: {', '.join(names)}" if names else ""
+
+
+def is_unresolved(stage: StageModel, path: str) -> bool:
+    """Whether a missing asset could hold the prim at `path`, or what it lacks.
+
+    A prim that was deactivated on purpose is absent whatever the asset holds.
+    """
+    above = _nearest_prim(stage, path)
+    if above and not stage.prims[above].active:
+        return False
+    return stage.unresolved_above(path) is not None
+
+
+def nodes_outside_graphs(stage: StageModel) -> Iterator[Node]:
+    """Yield the nodes outside every graph.
+
+    Left out are those below an over that may be a graph in an asset which cannot be found.
+    """
+    for node in stage.orphans:
+        above = _nearest_prim(stage, node.path.rpartition("/")[0])
+        over = stage.prims.get(above)
+        if over is None or not over.active or over.defined or not is_unresolved(stage, above):
+            yield node
+
+
+def is_pose_unresolved(stage: StageModel, prim: Prim) -> bool:
+    """Whether a missing asset could say where the prim stands, and nothing else does."""
+    return prim.local is None and is_unresolved(stage, prim.path)
+
+
+def is_subtree_unresolved(stage: StageModel, path: str) -> bool:
+    """Whether a missing asset could hold something at or below `path`."""
+    return is_unresolved(stage, path) or any(
+        is_at_or_below(missing.prim, path) for missing in stage.unresolved
+    )
+
+
+def has_unresolved_outside(stage: StageModel, path: str) -> bool:
+    """Whether an asset is missing elsewhere than at or below `path`."""
+    return any(not is_at_or_below(missing.prim, path) for missing in stage.unresolved)

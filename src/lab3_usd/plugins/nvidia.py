@@ -9,8 +9,8 @@ import importlib
 from collections.abc import Iterable
 from typing import Any
 
+from lab3_usd.model.changes import Repair
 from lab3_usd.model.finding import Finding
-from lab3_usd.model.repair import Repair
 
 CATEGORY = "Lab3"
 CHECK_CATEGORY = "Lab3Check"
@@ -86,7 +86,7 @@ def _suggestion(module: Any, repair: Repair) -> dict[str, Any]:  # noqa: ANN401
         return {}
 
     def repaired(stage: Any, _at: Any) -> None:  # noqa: ANN401 - the validator's own objects
-        from lab3_usd.fix.open_stage import repair_open_stage  # noqa: PLC0415
+        from lab3_usd.fix.repairing import repair_open_stage  # noqa: PLC0415
 
         repair_open_stage(repair, stage)
 

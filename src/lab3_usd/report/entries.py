@@ -1,14 +1,48 @@
-"""A report as a flat list of findings, for the formats without a hierarchy."""
+"""A report as a flat list of findings, with fingerprints and counts by rule."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from zlib import crc32
 
 from msgspec import Struct
 
-from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report
+from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, Severity
+from lab3_usd.report.safe_text import visible
+
+
+def fingerprinted(report: Report) -> Iterator[tuple[Entry, str]]:
+    """Yield every finding with a fingerprint that survives edits elsewhere in the file.
+
+    It names rule, prim and property, never the line; the number after the colon counts findings
+    of one file that agree in all three.
+    """
+    seen: dict[tuple[str, str], int] = {}
+    for entry in entries(report):
+        finding = entry.finding
+        digest = fingerprint(finding.rule, finding.prim, finding.property or "")
+        key = (entry.path, digest)
+        seen[key] = seen.get(key, 0) + 1
+        yield entry, f"{digest}:{seen[key]}"
+
+
+def fingerprint(*parts: str) -> str:
+    """Return 32 hexadecimal digits that stand for `parts`."""
+    from hashlib import sha256  # noqa: PLC0415 - slow to load, and most formats do without
+
+    return sha256("\0".join(parts).encode("utf-8", "backslashreplace")).hexdigest()[:32]
+
+
+def fault_id(finding: Finding) -> str:
+    """Return 8 hexadecimal digits that findings share which say the same of the same place.
+
+    A fault that is carried along from stage to stage has one; the line does not matter.
+    """
+    parts = (finding.rule, finding.severity, finding.prim, finding.property, finding.message)
+    text = "\0".join(part or "" for part in parts)
+    return format(crc32(text.encode("utf-8", "backslashreplace")), "08x")
 
 
 class Entry(Struct, frozen=True):
@@ -84,3 +118,66 @@ def relative_path(path: str, root: str | None) -> str:
         return Path(whole).relative_to(base).as_posix()
     except ValueError:
         return Path(whole).as_posix()
+
+
+class RuleCount(Struct, frozen=True):
+    """The number of findings of one rule and severity, and of files that have them."""
+
+    rule: str
+    name: str
+    severity: Severity
+    findings: int
+    files: int
+
+
+def count_by_rule(report: Report) -> tuple[RuleCount, ...]:
+    """Count the findings of each rule, the most frequent first."""
+    paths: dict[tuple[str, str, Severity], list[str]] = {}
+    for entry in entries(report):
+        finding = entry.finding
+        key = (finding.rule, finding.name, finding.severity)
+        paths.setdefault(key, []).append(entry.path)
+    counts = (
+        RuleCount(*key, findings=len(found), files=len(set(found))) for key, found in paths.items()
+    )
+    return tuple(
+        sorted(
+            counts,
+            key=lambda count: (-count.findings, count.rule, SEVERITIES.index(count.severity)),
+        )
+    )
+
+
+def statistics_table(report: Report) -> list[str]:
+    """Return the table of faults by rule as lines, aligned; empty where nothing was found."""
+    counts = count_by_rule(report)
+    if not counts:
+        return []
+    rows = [("findings", "files", "severity", "rule")]
+    rows += [
+        (
+            str(count.findings),
+            str(count.files),
+            count.severity,
+            visible(f"{count.rule} {count.name}"),
+        )
+        for count in counts
+    ]
+    return [f"{row[0]:>8}  {row[1]:>5}  {row[2]:<8}  {row[3]}" for row in rows]
+
+
+def summary_line(summary: Summary) -> str:
+    """Return the line that ends a report: files, verdicts and findings."""
+    failed = summary.files - summary.passed
+    found = [
+        plural(summary.errors, "error"),
+        plural(summary.warnings, "warning"),
+        plural(summary.notes, "note"),
+    ]
+    files = f"{plural(summary.files, 'file')}: {summary.passed} passed, {failed} failed"
+    return f"{files}; {', '.join(found)}"
+
+
+def plural(count: int, noun: str) -> str:
+    """Return a count with its noun."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

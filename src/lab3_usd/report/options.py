@@ -1,19 +1,23 @@
-"""What a renderer is asked for, whatever the format."""
+"""What a renderer is asked for, whatever the format, and the program's name and version."""
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 from msgspec import Struct
 
 from lab3_usd.check.registry import Rule
+from lab3_usd.model.changes import TextChange
 from lab3_usd.model.finding import Site
-from lab3_usd.model.repair import TextChange
 
 if TYPE_CHECKING:
-    from lab3_usd.report.behaviour.summary import DryRunSummary
-    from lab3_usd.report.html.grade_summary import GradeSummary
+    from lab3_usd.report.behaviour.page import DryRunSummary
+    from lab3_usd.report.html.model import GradeSummary
+
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 Source = Literal["auto", "always", "never"]
@@ -46,3 +50,38 @@ class Options(Struct, frozen=True):
     grade: GradeSummary | None = None
     dry_runs: Mapping[str, DryRunSummary] = {}
     changes: Mapping[tuple[str, Site], tuple[TextChange, ...]] = {}
+
+
+NAME = "lab3-usd"
+UNKNOWN = "0+unknown"
+_PREFIX = "lab3_usd-"
+_SUFFIX = ".dist-info"
+
+
+def tool_version() -> str:
+    """Return the version of the installed package, `0+unknown` where it is not installed.
+
+    Reads the name of the folder that every installer leaves beside the package; asking
+    `importlib.metadata` costs more than checking a stage does, most of it for e-mail parsing.
+    """
+    return _first_version(tuple(sys.path))
+
+
+@lru_cache(maxsize=1)  # each report of a class has it
+def _first_version(folders: tuple[str, ...]) -> str:
+    for folder in folders:
+        version = _version_in(folder)
+        if version:
+            return version
+    return UNKNOWN
+
+
+def _version_in(folder: str) -> str:
+    try:
+        names = sorted(os.listdir(folder or "."))  # noqa: PTH208 - pathlib is not needed here
+    except OSError:
+        return ""
+    for name in names:
+        if name.startswith(_PREFIX) and name.endswith(_SUFFIX):
+            return name[len(_PREFIX) : -len(_SUFFIX)]
+    return ""

@@ -1,9 +1,13 @@
-"""Strings from a stage made safe to report: escaped where they do not print, and truncated."""
+"""Text from a stage made safe to report, lines of a layer around a fault, terminal colours."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, TypeVar
+from unicodedata import combining, east_asian_width
 
+from msgspec import Struct
 from msgspec.structs import asdict, replace
 
 from lab3_usd.model.finding import ChecklistItem, Crash, Finding, Report, StageResult, Submission
@@ -94,3 +98,151 @@ def _truncated_texts(texts: _Texts) -> _Texts:
     return replace(
         texts, **{name: truncated_values(whole[name]) for name in whole if name != "layer"}
     )
+
+
+# Select Graphic Rendition parameters of ECMA-48; the sixteen basic colours follow the user's theme.
+STYLES = {
+    "plain": "",
+    "heading": "1",
+    "dim": "2",
+    "error": "1;31",
+    "warning": "33",
+    "note": "36",
+    "pass": "32",
+    "fail": "31",
+    "unreadable": "1;31",
+    "met": "32",
+    "not met": "31",
+    "not shown": "33",
+    "person": "36",
+}
+
+
+def paint(text: str, style: str, *, color: bool) -> str:
+    """Return `text` in a style, or as it is where there are no colours."""
+    codes = STYLES[style]
+    if not color or not codes or not text:
+        return text
+    return f"\x1b[{codes}m{text}\x1b[0m"
+
+
+# A stage written on one line is data, not something to show.
+LINE_LIMIT = 100_000
+TAB = "    "
+MORE = "..."
+LEAD = 20  # columns kept before the caret when a long line is cut
+
+
+class Excerpt(Struct, frozen=True):
+    """Lines of a layer as they are, without line ends; `first` is the number of the first."""
+
+    first: int
+    lines: tuple[str, ...]
+
+
+def read_excerpts(findings: Iterable[Finding]) -> dict[tuple[str, int], Excerpt]:
+    """Return the excerpt for each (layer, line) that the findings name, as far as it can be read.
+
+    It is the line and its neighbours. Each layer is read once.
+    """
+    wanted: dict[str, set[int]] = {}
+    for finding in findings:
+        if finding.layer and finding.line:
+            wanted.setdefault(finding.layer, set()).add(finding.line)
+    found: dict[tuple[str, int], Excerpt] = {}
+    for layer, numbers in wanted.items():
+        lines = _read_lines(layer, {near for number in numbers for near in _around(number)})
+        for number in sorted(numbers & lines.keys()):
+            found[layer, number] = _excerpt(lines, number)
+    return found
+
+
+def _read_lines(layer: str, numbers: set[int]) -> dict[int, str]:
+    try:
+        path = Path(layer)
+        if not path.is_file():
+            return {}
+        with path.open(encoding="utf-8", errors="replace", newline="\n") as file:
+            last = max(numbers)
+            lines = {}
+            for number, line in enumerate(file, start=1):
+                if number in numbers:
+                    lines[number] = line.rstrip("\r\n")[:LINE_LIMIT]
+                if number >= last:
+                    break
+            return lines
+    except (OSError, ValueError):
+        return {}
+
+
+def _around(number: int) -> range:
+    return range(number - 1, number + 2)
+
+
+def _excerpt(lines: Mapping[int, str], number: int) -> Excerpt:
+    shown = [near for near in _around(number) if near in lines]
+    return Excerpt(shown[0], tuple(lines[near] for near in shown))
+
+
+def excerpt_lines(excerpt: Excerpt, line: int, column: int | None, width: int) -> list[str]:
+    """Return the lines of the frame, none wider than `width` columns.
+
+    `column` counts characters from 1; without it the line alone is marked.
+    """
+    numbers = range(excerpt.first, excerpt.first + len(excerpt.lines))
+    gutter = len(str(numbers[-1]))
+    margin = _common_indent(excerpt.lines)
+    room = max(width - gutter - 5, LEAD + len(MORE) * 2)
+    result = []
+    for number, raw in zip(numbers, excerpt.lines, strict=True):
+        mark = ">" if number == line else " "
+        shown, caret = _fitted(raw[margin:], (column or 1) - 1 - margin, room)
+        result.append(f"{mark} {number:>{gutter}} | {shown}".rstrip())
+        if number == line and column is not None:
+            result.append(f"  {'':>{gutter}} | {' ' * caret}^")
+    return result
+
+
+def _common_indent(lines: tuple[str, ...]) -> int:
+    indents = [len(line) - len(line.lstrip(" \t")) for line in lines if line.strip()]
+    return min(indents, default=0)
+
+
+def _fitted(raw: str, position: int, room: int) -> tuple[str, int]:
+    """Return the line as shown in `room` columns, and the column of the character `position`."""
+    position = min(max(position, 0), len(raw))
+    caret = _columns(_printed(raw[:position]))
+    shown = _printed(raw)
+    if _columns(shown) <= room:
+        return shown, caret
+    if caret + len(MORE) < room:
+        return _cut(shown, room - len(MORE)) + MORE, caret
+    start = max(position - LEAD, 0)
+    head = MORE + _printed(raw[start:position])
+    if _columns(head) >= room - len(MORE):
+        head = MORE
+    rest = head + _printed(raw[position : position + room])
+    tail = MORE if _columns(rest) > room else ""
+    return _cut(rest, room - len(tail)) + tail, _columns(head)
+
+
+def _printed(raw: str) -> str:
+    return visible(raw.replace("\t", TAB))
+
+
+def _cut(shown: str, room: int) -> str:
+    while _columns(shown) > room:
+        shown = shown[: room - _columns(shown)]
+    return shown
+
+
+def _columns(shown: str) -> int:
+    if shown.isascii():
+        return len(shown)
+    return sum(_letter_columns(letter) for letter in shown)
+
+
+def _letter_columns(letter: str) -> int:
+    if combining(letter):
+        return 0
+    return 2 if east_asian_width(letter) in "WF" else 1

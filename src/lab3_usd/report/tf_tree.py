@@ -8,9 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct, field
 from msgspec.structs import asdict
 
-from lab3_usd.check.tf.cycles import frames_in_cycles
-from lab3_usd.check.tf.frames import Edge
-from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames
+from lab3_usd.check.tf.frames import Edge, frames_in_cycles
+from lab3_usd.check.tf.targets import UnresolvedFrames
 from lab3_usd.report.safe_text import dot_string, printable, truncated_values
 
 _MARK = "  ! "

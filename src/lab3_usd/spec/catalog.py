@@ -1,17 +1,225 @@
-"""The catalog of node types: ports, defaults, and what a type does with topics and frames."""
+"""The catalog of node types.
+
+Ports, defaults, values, how graphs are saved, and what a type does with topics and frames.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from fnmatch import fnmatchcase
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal, Union
 
 from msgspec import Struct, field
 
-from lab3_usd.spec.graph_form import GraphForm
-from lab3_usd.spec.port_groups import DrivePorts, Dynamic, TfPorts
-from lab3_usd.spec.values import Value as Value  # noqa: PLC0414 - the catalog's own word
+from lab3_usd.errors import SpecError
+
+Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated at run time
+
+_RANGES = {
+    "uchar": (0, 2**8 - 1),
+    "int": (-(2**31), 2**31 - 1),
+    "uint": (0, 2**32 - 1),
+    "int64": (-(2**63), 2**63 - 1),
+    "uint64": (0, 2**64 - 1),
+}
+_TUPLES = {
+    "float2": ("float", 2),
+    "float3": ("float", 3),
+    "int2": ("int", 2),
+    "vector3d": ("double", 3),
+    "point3f": ("float", 3),
+    "color4f": ("float", 4),
+    "matrix4d": ("double4", 4),
+    "double2": ("double", 2),
+    "double3": ("double", 3),
+    "double4": ("double", 4),
+    "quatd": ("double", 4),
+}
+
+
+def _whole(low: int, high: int) -> Callable[[Any], bool]:
+    return lambda value: (
+        isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
+    )
+
+
+def _real(value: Any) -> bool:  # noqa: ANN401
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+_SCALARS: dict[str, Callable[[Any], bool]] = {
+    "bool": lambda value: isinstance(value, bool),
+    "string": lambda value: isinstance(value, str),
+    "token": lambda value: isinstance(value, str),
+    "float": _real,
+    "double": _real,
+    **{name: _whole(*limits) for name, limits in _RANGES.items()},
+}
+
+
+def is_known_type(usd_type: str) -> bool:
+    """Whether values of this USD type can be written in a spec."""
+    base = usd_type.removesuffix("[]")
+    return base in _TUPLES or base in _SCALARS
+
+
+def fits_type(value: Any, usd_type: str) -> bool:  # noqa: ANN401
+    """Whether a plain value can be stored in an attribute of this USD type."""
+    if usd_type.endswith("[]"):
+        return isinstance(value, (list, tuple)) and all(fits_type(v, usd_type[:-2]) for v in value)
+    if usd_type in _TUPLES:
+        element, count = _TUPLES[usd_type]
+        return (
+            isinstance(value, (list, tuple))
+            and len(value) == count
+            and all(fits_type(v, element) for v in value)
+        )
+    check = _SCALARS.get(usd_type)
+    return check is not None and check(value)
+
+
+# Types of which each can hold the values of the others. Isaac Sim reads them for one another: files
+# of earlier releases declare some inputs so.
+_ALIKE = (
+    frozenset({"float", "double", "half"}),
+    frozenset({"int", "uint", "int64", "uint64", "uchar"}),
+    frozenset({"string", "token"}),
+)
+
+
+def are_alike(one: str, other: str) -> bool:
+    """Whether values of two USD types stand for one another."""
+    return one == other or any(one in types and other in types for types in _ALIKE)
+
+
+def typed_value(value: Any, usd_type: str, where: str) -> Value:  # noqa: ANN401
+    """Return `value` as it is stored: lists become tuples, numbers of float types floats.
+
+    Raises:
+        SpecError: the value does not fit the type; `where` opens the message.
+    """
+    if not fits_type(value, usd_type):
+        message = f"{where} is {value!r}, expected a value of type {usd_type}"
+        raise SpecError(message)
+    return _frozen(value, usd_type)
+
+
+def _frozen(value: Any, usd_type: str) -> Value:  # noqa: ANN401
+    if usd_type.endswith("[]"):
+        return tuple(_frozen(v, usd_type[:-2]) for v in value)
+    if usd_type in _TUPLES:
+        return tuple(_frozen(v, _TUPLES[usd_type][0]) for v in value)
+    if usd_type in {"float", "double"}:
+        return float(value)
+    result: Value = value
+    return result
+
+
+class GraphAttribute(Struct, frozen=True):
+    """An attribute of a graph prim: how it is saved, and which values are as good.
+
+    `unwritten` is what it means that a file leaves it out, None where it must be there.
+    """
+
+    name: str
+    usd_type: str
+    value: Value
+    accepted: tuple[Value, ...] = ()
+    required: bool = False
+    unwritten: Value | None = None
+    handout: str | None = None
+
+
+class Evaluation(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which graphs Isaac Sim evaluates while it plays, and which of their nodes compute.
+
+    `mode`, `stage` and `evaluator` are attributes of a graph prim, the lists hold values of theirs.
+    A graph whose mode is `by_reference` needs a prim whose relationship `reference` names it; one
+    whose stage is `on_demand` needs an event of that stage. In a graph whose evaluator is one of
+    `all_nodes` every node computes, in another those that a signal reaches.
+    """
+
+    mode: str
+    reference: str
+    stage: str
+    evaluator: str
+    by_reference: tuple[str, ...]
+    on_demand: tuple[str, ...]
+    all_nodes: tuple[str, ...]
+
+
+class GraphForm(Struct, frozen=True):
+    """How Isaac Sim saves graph and node prims."""
+
+    type: str
+    node_type: str
+    gui_api: str
+    attributes: tuple[GraphAttribute, ...]
+    evaluation: Evaluation
+    ignored_below: tuple[str, ...]
+
+    def ignores(self, path: str) -> bool:
+        """Whether the application made what stands at this path, for itself."""
+        return any(f"{path}/".startswith(f"{top}/") for top in self.ignored_below)
+
+    def value(self, name: str) -> Value | None:
+        """Return the value with which an Action Graph is saved."""
+        return next((each.value for each in self.attributes if each.name == name), None)
+
+
+class _AttributeEntry(Struct, forbid_unknown_fields=True):
+    type: str
+    value: Any
+    accepted: tuple[Any, ...] | None = None
+    required: bool = False
+    unwritten: Any = None
+    handout: str | None = None
+
+
+class GraphEntry(Struct, forbid_unknown_fields=True):
+    """The form of graphs as the file describes it."""
+
+    type: str
+    node_type: str
+    gui_api: str
+    attributes: dict[str, _AttributeEntry]
+    evaluation: Evaluation
+    ignored_below: tuple[str, ...]
+
+
+def graph_form(entry: GraphEntry, where: str) -> GraphForm:
+    """Return the form of graphs.
+
+    Raises:
+        SpecError: a value is not of its type; the line opens with `where`.
+    """
+    return GraphForm(
+        type=entry.type,
+        node_type=entry.node_type,
+        gui_api=entry.gui_api,
+        attributes=tuple(
+            _attribute(name, each, f"{where}: {name}") for name, each in entry.attributes.items()
+        ),
+        evaluation=entry.evaluation,
+        ignored_below=entry.ignored_below,
+    )
+
+
+def _attribute(name: str, entry: _AttributeEntry, where: str) -> GraphAttribute:
+    accepted = (entry.value,) if entry.accepted is None else entry.accepted
+    unwritten = entry.unwritten
+    return GraphAttribute(
+        name=name,
+        usd_type=entry.type,
+        value=typed_value(entry.value, entry.type, where),
+        accepted=tuple(typed_value(value, entry.type, where) for value in accepted),
+        required=entry.required,
+        unwritten=None if unwritten is None else typed_value(unwritten, entry.type, where),
+        handout=entry.handout,
+    )
+
 
 INPUT = "inputs:"
 OUTPUT = "outputs:"
@@ -216,3 +424,42 @@ class Catalog(Struct, frozen=True):
     def get(self, name: str) -> NodeType | None:
         """Return the type that a file's `node:type` means, old names included."""
         return self.types.get(name) or self.types.get(self.modern(name))
+
+
+class Dynamic(Struct, frozen=True, forbid_unknown_fields=True):
+    """Ports that exist only once asked for: `prefix` + number, as many as `count` says.
+
+    `type` is OGN's own word for their type, `metadata` how a file lists the types they take.
+    """
+
+    prefix: str
+    count: str
+    metadata: str
+    type: str = ""
+
+
+class TfPorts(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which ports of a type carry TF frames.
+
+    `names`: parent and child frame ids. `arrays`: parents and children that come by wire.
+    `prims`: parent prim and target prims. `gives`: the outputs that carry the frames on.
+    """
+
+    names: tuple[str, ...] = ()
+    arrays: tuple[str, ...] = ()
+    prims: tuple[str, ...] = ()
+    gives: tuple[str, ...] = ()
+    static: str | None = None
+
+
+class DrivePorts(Struct, frozen=True):
+    """Which ports of a type move joints.
+
+    `path` names the robot and wins where it is set, `target` is its prim otherwise. `joints`: the
+    names of the joints, all where it is empty. `commands`: what they are told.
+    """
+
+    path: str
+    target: str
+    joints: str
+    commands: tuple[str, ...]

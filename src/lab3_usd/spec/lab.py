@@ -1,4 +1,7 @@
-"""What a correct stage is, as data: graph specs, scene requirements and checkpoints."""
+"""What a correct stage is, as data.
+
+The lab's files, its handout, graph specs, requirements and checkpoints.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +13,47 @@ from msgspec.structs import replace
 
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Target
-from lab3_usd.spec.handout import Handout
 from lab3_usd.spec.ros import RosSpec, TopicSpec
 from lab3_usd.spec.scene import SceneSpec, SensorSpec
 from lab3_usd.spec.submission import SubmissionSpec
+
+CATALOG = "node_types.yaml"
+CHECKPOINTS = "checkpoints.yaml"
+ROS = "ros.yaml"
+RUBRIC = "rubric.yaml"
+SCENE = "scene.yaml"
+STARTER = "starter.yaml"
+SUBMISSION = "submission.yaml"
+
+
+class Handout(Struct, frozen=True, forbid_unknown_fields=True):
+    """The sections of the handout: how many each part has, and those that ask for nothing here.
+
+    They are called A1 of a part A, 4.1 of a part 4, and Ex 4.1 of a part Ex 4.
+    `rules` names the section behind a rule, for findings about what no item of the lab names.
+    """
+
+    sections: Mapping[str, int] = {}
+    by_hand: tuple[str, ...] = ()
+    rules: Mapping[str, str] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name every section."""
+        return tuple(
+            f"{lead}{number}"
+            for lead, count in zip(self.leads.values(), self.sections.values(), strict=True)
+            for number in range(1, count + 1)
+        )
+
+    def behind(self, rule: str, item: str) -> str:
+        """Return the section behind a rule, that of its item where the lab names none."""
+        return self.rules.get(rule, item)
+
+    @property
+    def leads(self) -> dict[str, str]:
+        """What the names of the sections of each part begin with."""
+        return {part: f"{part}." if part[-1:].isdigit() else part for part in self.sections}
 
 
 class Checkpoint(Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""Which nodes compute once the timeline plays, how surely, and what value reaches an input.
+"""Which nodes compute once the timeline plays, on what values, and at which pace.
 
 Everything that asks whether something happens asks here: rules, topics, frames and drawings.
 """
@@ -8,10 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
-from lab3_usd.model.derived import once_per_stage
+from msgspec import Struct
+
 from lab3_usd.model.finding import Severity
-from lab3_usd.model.stage import GraphModel, Node, StageModel
-from lab3_usd.spec.catalog import INPUT, OUTPUT, Value
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, Value
+from lab3_usd.spec.isaac import IsaacTypes
 from lab3_usd.spec.lab import Lab
 
 # A node that is not named among the states does not run.
@@ -231,3 +234,105 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
     if len(wired) > 1 or not source_port.startswith(INPUT) or not depth:
         return None
     return effective_value(source, source_port, live, depth - 1)
+
+
+_PRODUCT = "inputs:renderProductPath"
+_RATE = "omni:sensor:tickRate"
+
+
+def sensor_of(node: Node, live: Nodes) -> str | None:
+    """Return the path of the prim whose render product the node reads, None where it reads none."""
+    for source, _ in live_sources(node, _PRODUCT, live):
+        for port in () if source.type is None else source.type.ports.values():
+            if port.is_target and source.targets(port.name):
+                return source.targets(port.name)[0]
+    return None
+
+
+def is_fed(node: Node, port: str, live: Nodes) -> bool:
+    """Whether an input that is empty by default gets anything, by wire or as a value."""
+    value = effective_value(node, port, live)
+    return value is None or value not in ("", ())
+
+
+def fed_by_sensor(node: Node, port: str, running: Nodes) -> bool:
+    """Whether a render product reaches the node: from a node that runs, or by name."""
+    if not node.sources(port):
+        return bool(node.value(port))
+    return any(is_switched_on(source, running) for source, _ in live_sources(node, port, running))
+
+
+def rate_source(node: Node, stage: StageModel, lab: Lab, running: Nodes, *, static: bool) -> str:
+    """Say what sets the pace: the sensor's own rate, the event that starts the node, or nothing."""
+    state = run_states(stage, lab).get(node.path)
+    if state is None:
+        return "never"
+    event = ", ".join(dict.fromkeys(_events(node, lab, running))) or "every update"
+    event = event if state == "runs" else f"perhaps {event}"
+    if static:
+        return f"once after {event}"
+    sensor = sensor_of(node, running)
+    prim = None if sensor is None else stage.prim(sensor)
+    rate = 0.0 if prim is None else _rate(prim, lab)
+    return f"sensor at {rate:g} Hz" if rate > 0 else event
+
+
+def _rate(prim: Prim, lab: Lab) -> float:
+    """Return the sensor's own rate: as written, else what its schema takes; 0 for every frame."""
+    rate = prim.attributes.get(_RATE)
+    for sensor in lab.sensors.values() if rate is None else ():
+        asked = sensor.attributes.get(_RATE)
+        if asked and asked.unset == "right" and sensor.required_api in prim.apis:
+            rate = asked.value
+    return float(rate) if isinstance(rate, (int, float)) else 0.0
+
+
+def _events(node: Node, lab: Lab, running: Nodes) -> Iterator[str]:
+    """Yield the names of the events that the node's execution comes from, each once."""
+    seen = {node.path}
+    ahead = [node]
+    while ahead:
+        current = ahead.pop(0)
+        senders = list(signal_sources(current, running))
+        if event_of(current, lab) is not None or (current is not node and not senders):
+            known = current.type
+            yield current.type_name.rpartition(".")[2] if known is None else known.handout_name
+        new = [source for source in senders if source.path not in seen]
+        seen.update(source.path for source in new)
+        ahead.extend(new)
+
+
+class LintSubject(Struct, frozen=True, eq=False):
+    """A stage without a spec. Of the lab only its facts about Isaac Sim and ROS are asked."""
+
+    lab: Lab
+    types: IsaacTypes
+    stage: StageModel
+    release: str
+
+    @property
+    def catalog(self) -> Catalog:
+        """The node types of the release by which the stage is judged."""
+        return self.lab.catalog
+
+    @property
+    def live(self) -> Nodes:
+        """The nodes of all active graphs by path."""
+        return live_nodes(self.stage, self.lab)
+
+    def runs(self, path: str) -> bool:
+        """Whether a node runs, or may run, while the timeline plays."""
+        return path in run_states(self.stage, self.lab)
+
+    def graphs(self) -> Iterator[GraphModel]:
+        """Yield the graphs that no application made for itself, in the scene or not."""
+        ignores = self.catalog.graph.ignores
+        return (graph for graph in self.stage.graphs if not ignores(graph.path))
+
+    def title(self, node: Node) -> str:
+        """Return what a node is called in the graph editor."""
+        return node.type.ui_name if node.type is not None else node.type_name or "a node"
+
+    def is_open(self, path: str) -> bool:
+        """Whether an asset that cannot be found could say otherwise of the prim at a path."""
+        return self.stage.unresolved_above(path) is not None

@@ -1,4 +1,4 @@
-"""The TF frames that a stage publishes, computed as Isaac Sim 6.0.1 would.
+"""The TF frames that a stage publishes, computed as Isaac Sim 6.0.1 would, and cycles of frames.
 
 Prims become frames in two ways: a node computes them and a publisher sends the arrays it is
 given, or a publisher (as before 6.0) looks at prims of its own.
@@ -21,20 +21,35 @@ from lab3_usd.check.ros.running import (
     signal_inputs,
 )
 from lab3_usd.check.ros.topics import message_type, namespace_of, resolve
-from lab3_usd.check.tf.target_frames import (
+from lab3_usd.check.tf.targets import (
     Pair,
+    UnresolvedFrames,
     computed_pairs,
+    is_target_unresolved,
     listed_targets,
     parent_frame,
     tf_ports,
     unresolved_frames_of,
 )
-from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames, is_target_unresolved
-from lab3_usd.model.derived import once_per_stage
-from lab3_usd.model.stage import Node, StageModel
-from lab3_usd.spec.catalog import NodeType
+from lab3_usd.model.stage import Node, StageModel, is_acyclic, once_per_stage
+from lab3_usd.spec.catalog import NodeType, TfPorts
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.port_groups import TfPorts
+
+
+def frames_in_cycles(edges: Iterable[Edge]) -> list[str]:
+    """Return the frames of cycles, and of what lies between two of them, as the edges name them."""
+    pairs = [(edge.parent, edge.child) for edge in edges]
+    if is_acyclic(pairs):
+        return []
+    import networkx as nx  # noqa: PLC0415 - only where there is a cycle
+
+    graph = nx.DiGraph(pairs)
+    parts = nx.strongly_connected_components(graph)
+    rings = {name for part in parts if len(part) > 1 for name in part}
+    rings.update(nx.nodes_with_selfloops(graph))
+    below = rings.union(*(nx.descendants(graph, name) for name in rings))
+    above = rings.union(*(nx.ancestors(graph, name) for name in rings))
+    return [name for name in graph if name in above and name in below]
 
 
 class Edge(Struct, frozen=True):

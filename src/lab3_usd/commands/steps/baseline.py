@@ -17,9 +17,8 @@ from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.judge.results import with_findings
 from lab3_usd.model.finding import Finding, Report
-from lab3_usd.report.entries import site
-from lab3_usd.report.fingerprints import fingerprinted
-from lab3_usd.report.tool import NAME, tool_version
+from lab3_usd.report.entries import fingerprinted, site
+from lab3_usd.report.options import NAME, tool_version
 
 VERSION = 1
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from lab3_usd.check.registry import all_rules
 from lab3_usd.judge.results import unreadable, with_findings
-from lab3_usd.model.dry_run.behaviour import Behaviour
+from lab3_usd.model.dry_run import Behaviour
 from lab3_usd.model.finding import Finding, StageResult
-from lab3_usd.report.behaviour.summary import DryRunSummary, dry_run_summary
+from lab3_usd.report.behaviour.page import DryRunSummary, dry_run_summary
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
 

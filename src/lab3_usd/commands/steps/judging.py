@@ -1,17 +1,23 @@
-"""The driver of the commands that judge stages: find, judge, report; once, or at each save."""
+"""The driver of the commands that judge stages: find, judge, report; once, or at each save.
+
+The first stage of a process takes usd-core 10 to 20 ms, which it spends outside of Python's lock
+(GIL): as long as it takes to import the rules.
+"""
 
 from __future__ import annotations
 
+import importlib
 import sys
-from collections.abc import Callable, Generator, Iterable, Mapping
-from contextlib import closing, nullcontext
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager, nullcontext, suppress
+from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import click
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.commands.steps.importing import imported_while_opening
 from lab3_usd.commands.steps.reporting import (
     exit_code,
     rendered,
@@ -23,10 +29,46 @@ from lab3_usd.judge.results import Entry, Results, with_findings
 from lab3_usd.model.finding import Report, StageResult, Submission
 from lab3_usd.report.formats.registry import module_of
 
+
+@contextmanager
+def imported_while_opening(*modules: str) -> Iterator[None]:
+    """Import modules while the first stage of the body opens.
+
+    They may import no more of usd-core than opening does, which imports some of it itself. One that
+    cannot be imported fails where it is needed. What they write to standard error is lost, as
+    usd-core's own warnings are.
+    """
+    from lab3_usd.stage.read.opening import opener  # noqa: PLC0415 - pxr, only when it is needed
+
+    importing = Thread(target=_import, args=modules)
+    open_only = opener.get()
+
+    def open_and_import(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
+        if importing.ident is not None:
+            return open_only(path)
+        importing.start()
+        try:
+            return open_only(path)
+        finally:
+            importing.join()
+
+    before = opener.set(open_and_import)
+    try:
+        yield
+    finally:
+        opener.reset(before)
+
+
+def _import(*modules: str) -> None:
+    for module in modules:
+        with suppress(Exception):
+            importlib.import_module(module)
+
+
 AFTER_OPENING = (
     "lab3_usd.stage.read.reader",
-    "lab3_usd.judge.ignoring",
-    "lab3_usd.stage.text.ignore_notes",
+    "lab3_usd.judge.results",
+    "lab3_usd.stage.text",
 )
 
 
@@ -65,7 +107,11 @@ def run(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
 
 
 def _watch(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
-    from lab3_usd.commands.steps.watching import Watched, prepare, watch  # noqa: PLC0415 - only with --watch
+    from lab3_usd.commands.steps.watching import (  # noqa: PLC0415 - only with --watch
+        Watched,
+        prepare,
+        watch,
+    )
 
     prepare(options)
     watched = Watched(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd.commands.steps.options import chosen, wants_color, width
-from lab3_usd.config.findings import with_config_applied
+from lab3_usd.config.settings import with_config_applied
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
 from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
@@ -19,7 +19,7 @@ from lab3_usd.report.options import Options
 from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:
-    from lab3_usd.fix.changes import Changes
+    from lab3_usd.fix.repairing import Changes
 
 
 def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:
@@ -87,7 +87,10 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
     written, given = options["write_baseline"], options["baseline"]
     if written is None and given is None:
         return report
-    from lab3_usd.commands.steps.baseline import without_known, write_baseline  # noqa: PLC0415 - rare
+    from lab3_usd.commands.steps.baseline import (  # noqa: PLC0415 - rare
+        without_known,
+        write_baseline,
+    )
 
     if written is not None:
         count = write_baseline(report, written)
@@ -124,7 +127,7 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
 
 
 def _changes(report: Report, options: Mapping[str, Any]) -> Changes:
-    from lab3_usd.fix.changes import text_changes  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.fix.repairing import text_changes  # noqa: PLC0415 - pxr, only when needed
 
     return text_changes(report, load_lab(), options.get("starter"))
 
@@ -133,8 +136,8 @@ def _points(report: Report) -> dict[str, float]:
     """Return what each checkpoint is worth by the lab's rubric, where stages are told together."""
     if len(report.results) < 2 or all(each.checkpoint is None for each in report.results):  # noqa: PLR2004
         return {}
-    from lab3_usd.grade.scoring.load_rubric import load_rubric  # noqa: PLC0415 - for folders
-    from lab3_usd.spec.files import RUBRIC  # noqa: PLC0415 - for folders
+    from lab3_usd.grade.rubric import load_rubric  # noqa: PLC0415 - for folders
+    from lab3_usd.spec.lab import RUBRIC  # noqa: PLC0415 - for folders
 
     points: dict[str, float] = {}
     lab = load_lab()

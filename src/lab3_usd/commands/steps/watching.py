@@ -5,17 +5,133 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
+from msgspec import Struct
 
-from lab3_usd.commands.steps.file_events import Stamp, folders_of, holds, saves, stamp
-from lab3_usd.commands.steps.report_changes import change_lines, changes_between, clock
 from lab3_usd.commands.steps.reporting import write_report
 from lab3_usd.errors import Lab3Error, UsageError
-from lab3_usd.model.finding import Report
+from lab3_usd.model.finding import Finding, Report
+from lab3_usd.report.entries import Entry, entries, site
+from lab3_usd.report.safe_text import printable
+
+# Milliseconds without another event before a save counts as over, and at most.
+STEP, DEBOUNCE = 5, 100
+
+Stamp = tuple[int, int, int]
+
+
+def saves(folders: Iterable[str]) -> Iterator[frozenset[str]]:
+    """Yield the files that were written, moved or removed in these folders, save by save.
+
+    Folders are watched rather than files: whoever saves by renaming makes another file.
+    """
+    from watchfiles import watch as file_events  # noqa: PLC0415 - an extra
+
+    events = file_events(*folders, watch_filter=None, step=STEP, debounce=DEBOUNCE, recursive=False)
+    for changes in events:
+        yield frozenset(os.path.realpath(path) for _, path in changes)
+
+
+def folders_of(files: Iterable[str]) -> set[str]:
+    """Return the folders of files, and of folders all that are in them."""
+    found: set[str] = set()
+    for path in map(os.path.realpath, files):
+        inside = (folder for folder, _, _ in os.walk(path))
+        found.update(inside if Path(path).is_dir() else [str(Path(path).parent)])
+    return {folder for folder in found if Path(folder).is_dir()}
+
+
+def stamp(path: Path) -> Stamp | None:
+    """Return what changes when a file is written; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino
+
+
+def holds(top: str, changed: Iterable[str]) -> bool:
+    """Whether a file that was saved is this one, or lies in this folder."""
+    whole = os.path.realpath(top)
+    return any(path == whole or path.startswith(f"{whole}{os.sep}") for path in changed)
+
+
+_Place = tuple[str, str, str, str | None]
+
+
+class ReportChanges(Struct, frozen=True):
+    """The findings that a save changed."""
+
+    new: tuple[Finding, ...]
+    changed: tuple[Finding, ...]
+    repaired: tuple[Finding, ...]
+
+
+def changes_between(before: Report, after: Report) -> ReportChanges:
+    """Compare two reports; what moved to another line is no news.
+
+    A finding of one rule at one place that says something else now is changed.
+    """
+    old, new = list(entries(before)), list(entries(after))
+    known = Counter(map(_said, old))
+    known.subtract(map(_said, new))
+    added = list(_surplus(new, -known))
+    repaired = list(_surplus(old, +known))
+    changed = []
+    for each in list(added):
+        twin = next((other for other in repaired if _place(other) == _place(each)), None)
+        if twin is not None:
+            added.remove(each)
+            repaired.remove(twin)
+            changed.append(each)
+    return ReportChanges(
+        tuple(each.finding for each in added),
+        tuple(each.finding for each in changed),
+        tuple(each.finding for each in repaired),
+    )
+
+
+def _place(entry: Entry) -> _Place:
+    finding = entry.finding
+    return entry.path, finding.rule, finding.prim, finding.property
+
+
+def _said(entry: Entry) -> tuple[_Place, str]:
+    return _place(entry), entry.finding.message
+
+
+def _surplus(told: list[Entry], more: Counter[tuple[_Place, str]]) -> Iterator[Entry]:
+    """Yield as many entries as one report has more than the other."""
+    left = Counter(more)
+    for each in told:
+        if left[_said(each)] > 0:
+            left[_said(each)] -= 1
+            yield each
+
+
+def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str]:
+    """Yield when which file was saved and what that changed in figures; then finding by finding."""
+    left = Counter(each.finding.severity for each in entries(after))
+    figures = [f"{count} {name}{'s' * (count != 1)}" for name, count in left.items()]
+    changed = f", {len(news.changed)} changed" if news.changed else ""
+    told = f"{len(news.repaired)} repaired, {len(news.new)} new{changed}"
+    yield printable(f"{clock()}  {saved}: {told}; {', '.join(figures) or 'nothing'} left")
+    for word, findings in (("new", news.new), ("changed", news.changed)):
+        for each in findings:
+            yield printable(f"  {word:<9} {each.severity} {each.rule} {site(each)}: {each.message}")
+    for each in news.repaired:
+        yield printable(f"  repaired  {each.severity} {each.rule} {site(each)}: {each.message}")
+
+
+def clock() -> str:
+    """Return the time of day."""
+    return time.strftime("%H:%M:%S")
+
 
 PATIENCE = 0.5  # seconds in which a file that is gone or cannot be read may still be written
 _PAUSE = 0.01
@@ -59,7 +175,9 @@ def prepare(options: Mapping[str, Any]) -> None:
 
 def watch(paths: Iterable[str], watched: Watched, options: Mapping[str, Any]) -> int:
     """Judge, report, and do both again after each save; return the exit code after Ctrl-C."""
-    from lab3_usd.stage.read.watched_files import text_in_memory  # noqa: PLC0415 - pxr, after prepare
+    from lab3_usd.stage.read.watched_files import (  # noqa: PLC0415 - pxr, after prepare
+        text_in_memory,
+    )
 
     given = [*paths, *watched.shared]
     session = _Session(watched, options)
@@ -109,7 +227,9 @@ class _Session:
 
     def _used_by_shared(self) -> frozenset[str]:
         """Return the layers of the stages that all are judged with, of the starter."""
-        from lab3_usd.stage.read.watched_files import used_files  # noqa: PLC0415 - pxr, after prepare
+        from lab3_usd.stage.read.watched_files import (  # noqa: PLC0415 - pxr, after prepare
+            used_files,
+        )
 
         files = (Path(each) for each in self._watched.shared if not Path(each).is_dir())
         return frozenset().union(*map(used_files, files))
@@ -145,7 +265,9 @@ class _Session:
     def close(self) -> None:
         """Leave a page that is a report like any other."""
         if self._is_page and self._version:
-            from lab3_usd.report.html.live_page import version_file  # noqa: PLC0415 - only for pages
+            from lab3_usd.report.html.templates import (  # noqa: PLC0415 - only for pages
+                version_file,
+            )
 
             write_report(self._watched.render(self._whole()), self._options["output"])
             version_file(Path(self._options["output"])).unlink(missing_ok=True)
@@ -166,7 +288,9 @@ class _Session:
         return holds(name, changed)
 
     def _judge(self, name: str) -> None:
-        from lab3_usd.stage.read.watched_files import may_be_whole  # noqa: PLC0415 - pxr, after prepare
+        from lab3_usd.stage.read.watched_files import (  # noqa: PLC0415 - pxr, after prepare
+            may_be_whole,
+        )
 
         path = Path(name)
         until = time.monotonic() + PATIENCE
@@ -224,7 +348,7 @@ class _Session:
             write_report(text, None)
 
     def _write_page(self, text: str) -> None:
-        from lab3_usd.report.html.live_page import (  # noqa: PLC0415 - only for pages
+        from lab3_usd.report.html.templates import (  # noqa: PLC0415 - only for pages
             live_page,
             version_file,
             version_script,

@@ -17,9 +17,12 @@ from pathlib import Path
 from typing import IO, BinaryIO, cast
 
 from lab3_usd.errors import Lab3Error
-from lab3_usd.grade.intake.file_filter import is_read, only_name_counts
-from lab3_usd.grade.intake.limits import TooLargeError
-from lab3_usd.grade.intake.submission_copy import SubmissionCopy
+from lab3_usd.grade.intake.submission_copy import (
+    SubmissionCopy,
+    TooLargeError,
+    is_read,
+    only_name_counts,
+)
 
 ZIP_ENDINGS = (".zip",)
 TAR_ENDINGS = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")

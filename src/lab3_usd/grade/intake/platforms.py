@@ -1,4 +1,4 @@
-"""Reads whose a file is from the name that a learning platform gave it.
+"""Finds the student of each file and folder by its name, as learning platforms write it.
 
 Canvas: `lib/content_zipper.rb` of instructure/canvas-lms. Moodle: `classes/downloader.php` of
 `mod/assign` in moodle/moodle. Blackboard and Brightspace publish no source; their names are those
@@ -7,13 +7,25 @@ of public exports.
 
 from __future__ import annotations
 
+import os
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
+from pathlib import Path
+from typing import Any
 
+import yaml
 from msgspec import Struct
 from msgspec.structs import replace
+
+from lab3_usd.grade.intake.archives import OTHER_ENDINGS, is_archive
+from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.intake.submission_copy import LEFTOVERS
+from lab3_usd.judge.stage import checkpoint_of
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import after_a_student
+from lab3_usd.spec.yaml_file import refuse_deep
 
 
 class FileOwner(Struct, frozen=True):
@@ -223,3 +235,193 @@ def _users(heads: Iterable[str]) -> Mapping[str, str]:
         waiting -= users.keys()
         taken += 1
     return users
+
+
+METADATA = "submission_metadata.yml"
+LARGEST = 20_000_000  # bytes
+_Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_TOP = re.compile(rb"^(?=[^\s#%-])", re.MULTILINE)  # where an entry of the whole file begins
+_NOTHING = {"", "~", "null", "Null", "NULL"}
+
+
+class _AsText(_Safe):  # type: ignore[misc]  # the base is chosen at run time
+    """A safe loader that takes every value as the text it is, whatever its tag says."""
+
+    yaml_constructors: Mapping[Any, Any] = {}
+    yaml_multi_constructors: Mapping[Any, Any] = {}
+    yaml_implicit_resolvers: Mapping[Any, Any] = {}
+
+
+class StudentNames(Struct, frozen=True):
+    """Student number and name by folder, and in a few words what could not be read."""
+
+    by_folder: Mapping[str, tuple[str, str]]
+    fault: str
+
+
+def read_metadata(path: Path) -> StudentNames:
+    """Return who is who from a file; folders that it does not name keep their numbers."""
+    try:
+        if path.stat().st_size > LARGEST:
+            return StudentNames({}, f"it is larger than {LARGEST // 1_000_000} MB")
+        return names_in(path.read_bytes())
+    except OSError as error:
+        return StudentNames({}, f"it cannot be read: {error.strerror}")
+
+
+def names_in(data: bytes | str) -> StudentNames:
+    """Return who is who from the bytes of the file; a text says why there are none."""
+    if isinstance(data, str):
+        return StudentNames({}, data)
+    found: dict[str, tuple[str, str]] = {}
+    fault = ""
+    for document in _documents(data):
+        if isinstance(document, str):
+            fault = fault or document
+            continue
+        for folder, entry in document.items():
+            who = _people(entry)
+            if isinstance(folder, str) and who:
+                found.setdefault(folder, _who(who, folder))
+    return StudentNames(found, fault)
+
+
+def _people(entry: Any) -> list[dict[Any, Any]]:  # noqa: ANN401 - whatever YAML holds
+    people = entry.get(":submitters") if isinstance(entry, dict) else None
+    return [each for each in people if isinstance(each, dict)] if isinstance(people, list) else []
+
+
+class _Fault(Struct, frozen=True):
+    """What is wrong with a piece of YAML, and after how many lines (-1: not known)."""
+
+    text: str
+    line: int = -1
+
+
+def _documents(data: bytes) -> Iterator[dict[Any, Any] | str]:
+    """Yield the whole file, or where it is faulty what can be read of it, and the fault."""
+    whole = _loaded(data)
+    if not isinstance(whole, _Fault):
+        yield whole
+        return
+    yield whole.text
+    begins = [found.start() for found in _TOP.finditer(data)]
+    for start, end in zip(begins, [*begins, len(data)][1:], strict=True):
+        piece = data[start:end]
+        part = _loaded(piece)
+        if isinstance(part, _Fault) and part.line > 0:
+            part = _loaded(b"\n".join(piece.splitlines()[: part.line]))
+        if not isinstance(part, _Fault):
+            yield part
+
+
+def _loaded(data: bytes) -> dict[Any, Any] | _Fault:
+    try:
+        refuse_deep(data)
+        found = yaml.load(data, Loader=_AsText)  # noqa: S506 - a safe loader
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        problem = getattr(error, "problem", None) or "is no YAML"
+        mark = getattr(error, "problem_mark", None)
+        if mark is None:
+            return _Fault(problem)
+        return _Fault(f"line {mark.line + 1}: {problem}", mark.line)
+    return found if isinstance(found, dict) else _Fault("it is no mapping")
+
+
+def _who(people: list[dict[Any, Any]], folder: str) -> tuple[str, str]:
+    numbers = [_text(each, ":sid") or _text(each, ":email") for each in people]
+    names = [_text(each, ":name") for each in people]
+    student = "+".join(filter(None, numbers))
+    return student or folder, ", ".join(filter(None, names)) or folder
+
+
+def _text(person: dict[Any, Any], key: str) -> str:
+    value = person.get(key)
+    return value.strip() if isinstance(value, str) and value.strip() not in _NOTHING else ""
+
+
+_STAGE = (".usd", ".usda", ".usdc", ".usdz", ".uda")
+ARCHIVE_END = re.compile(r"(\.tar)?\.[A-Za-z0-9]+$")
+Entry = tuple[str, bool]
+StudentsByFolder = Mapping[str, tuple[str, str]]
+
+
+class SubmissionPart(Struct, frozen=True):
+    """A file or folder of a class, and whose it is.
+
+    `entry` is the name of a folder that is a submission of its own, whatever student it names;
+    parts without belong together when their students are the same. Of several uploads the one
+    with the highest number is the last. `doubt` names another student that it may be of.
+    """
+
+    student: str
+    name: str
+    source: Source
+    late: bool = False
+    upload: int = 0
+    entry: str = ""
+    doubt: str = ""
+
+
+def entries_in(folder: Path) -> list[Entry]:
+    """Return the names in a folder, and which of them are folders, in order.
+
+    Raises:
+        OSError: the folder cannot be read.
+    """
+    return sorted((name, os.path.isdir(folder / name)) for name in os.listdir(folder))  # noqa: PTH112, PTH208 - pathlib raises where a link leads to what nobody may read
+
+
+def is_leftover(name: str) -> bool:
+    """Whether operating systems and editors leave a file or folder of this name behind."""
+    return name in LEFTOVERS or name.startswith("._") or name in {".DS_Store", ".git"}
+
+
+def is_submission_part(entry: Entry) -> bool:
+    """Whether an entry of a class is somebody's submission, or a part of it."""
+    name, is_folder = entry
+    if name.startswith(".") or is_leftover(name):
+        return False
+    if is_folder or is_archive(name) or name.lower().endswith((*OTHER_ENDINGS, *_STAGE)):
+        return True
+    return is_platform_name(name)
+
+
+def looks_like_submission(entries: Iterable[Entry]) -> bool:
+    """Whether a folder with these entries is itself a submission (see `check.folder`)."""
+    lab = load_lab()
+    stages = lab.submission.folders.stages.lower()
+    known = list(entries)
+    numbered = [name for name, _ in known if checkpoint_of(name, lab)]
+    return len(numbered) > 1 or any(each and name.lower() == stages for name, each in known)
+
+
+def parts_of(entries: Iterable[Entry], known: StudentsByFolder) -> Iterator[SubmissionPart]:
+    """Yield whose each entry is; `known` are the numbers and names of students by their folders."""
+    every = list(entries)
+    owners = file_owners(name for name, _ in every)
+    for name, is_folder in every:
+        owner = owners.get(name)
+        if is_folder and name in known:
+            student, called = known[name]
+            yield SubmissionPart(student, called, Source(Path(name)), entry=name)
+        elif owner is not None:
+            file = "" if is_folder else owner.file or name
+            source = Source(Path(name), file)
+            yield SubmissionPart(
+                owner.student, owner.name, source, owner.late, owner.upload, doubt=owner.doubt
+            )
+        else:
+            yield _of_folder(Path(name)) if is_folder else _of_file(Path(name))
+
+
+def _of_folder(path: Path) -> SubmissionPart:
+    return SubmissionPart(path.name, path.name, Source(path))
+
+
+def _of_file(path: Path) -> SubmissionPart:
+    named = after_a_student(load_lab().files).match(path.name)
+    if named is not None and path.name.lower().endswith(_STAGE):
+        return SubmissionPart(named["name"], named["name"], Source(path, named["file"]))
+    student = ARCHIVE_END.sub("", path.name) or path.name
+    return SubmissionPart(student, student, Source(path, path.name))

@@ -4,21 +4,139 @@ from __future__ import annotations
 
 import hashlib
 import io
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-from lab3_usd.grade.intake.file_filter import (
-    LARGEST_YAML,
-    YAML,
-    RefusedFile,
-    is_hidden,
-    name_fault,
-    only_name_counts,
-    path_parts,
-    yaml_fault,
-)
-from lab3_usd.grade.intake.limits import Limits
+from msgspec import Struct
+
+from lab3_usd.errors import Lab3Error
+from lab3_usd.lab.plain_yaml import bracket_depth
+
+MEGABYTE = 1024 * 1024
+_TIMES_AS_LONG = 10  # a submission has more than one file
+
+
+class TooLargeError(Lab3Error):
+    """A submission holds more than the limits allow; none of it is judged."""
+
+
+class Limits(Struct, frozen=True):
+    """Limits of one submission.
+
+    `seconds` without progress end the judging of a file, `all_seconds` that of the submission;
+    `memory` is in bytes beyond what a worker needs to begin with, `answer_size` what a worker may
+    answer, reports included. Files beyond `file_size` bytes are not opened; `ratio` is how many
+    times larger a packed file may become, `nesting` how deep prims and values may lie in one
+    another.
+    """
+
+    seconds: float = 20.0
+    memory: int = 2048 * MEGABYTE
+    files: int = 4000
+    file_size: int = 64 * MEGABYTE
+    total_size: int = 512 * MEGABYTE
+    ratio: int = 200
+    folders: int = 24
+    nesting: int = 200
+    prims: int = 100_000
+    answer_size: int = 64 * MEGABYTE
+
+    @property
+    def all_seconds(self) -> float:
+        """How long one submission may take, whatever progress it makes; so may fetching it."""
+        return _TIMES_AS_LONG * self.seconds
+
+    def check_count(self, files: int) -> None:
+        """Raise TooLargeError where a submission holds more files than it may."""
+        if files > self.files:
+            message = f"holds more than {self.files} files"
+            raise TooLargeError(message)
+
+    def check_size(self, total: int) -> None:
+        """Raise TooLargeError where the files of a submission hold more bytes than they may."""
+        if total > self.total_size:
+            message = f"holds more than {self.total_size >> 20} MB"
+            raise TooLargeError(message)
+
+
+_LONGEST_NAME = 200  # bytes; file systems end at 255
+_LONGEST_OF_CLASS = 255
+_LONGEST_PATH = 1000
+# Files that operating systems, editors and Isaac Sim leave behind.
+LEFTOVERS = ("__MACOSX", "__pycache__", "Thumbs.db", "desktop.ini")
+YAML = (".yaml", ".yml")
+LARGEST_YAML = 8 << 20  # saved messages may be long; maps and parameters are some kilobytes
+_ALIAS = re.compile(rb"(?<![^\s\[{,:-])\*\w")
+_MOST_ALIASES = 50  # a few lines of aliases of aliases unfold to gigabytes
+_MOST_BRACKETS = 60
+# Their contents are not judged; their names count as deliverables.
+_ONLY_NAMES = (
+    ".mp4", ".mov", ".mkv", ".webm", ".avi", ".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp",
+    ".tif", ".tiff", ".heic", ".pdf", ".doc", ".docx", ".odt",
+)  # fmt: skip
+_MAPS_MAY_BE = (".png", ".bmp")
+_SMALL_PICTURE = 4 << 20
+
+
+class RefusedFile(Struct, frozen=True):
+    """A file of a submission that is not copied, by its path there, and why."""
+
+    path: str
+    reason: str
+
+
+def path_parts(name: str) -> list[str]:
+    """Return the parts of a path in a submission, whichever system wrote it."""
+    return [part for part in name.replace("\\", "/").split("/") if part not in {"", "."}]
+
+
+def is_hidden(parts: list[str]) -> bool:
+    """Whether a file is passed over without a word: hidden files, and what programs leave."""
+    return any((part.startswith(".") and part != "..") or part in LEFTOVERS for part in parts)
+
+
+def name_fault(name: str, limits: Limits, *, of_class: bool = False) -> str:
+    """Say why a file of this name is not copied; '' for a name that is fine.
+
+    The files of a class are looked at again as the student's own, without the student's name.
+    """
+    parts = path_parts(name)
+    if ".." in parts or name.startswith(("/", "\\")) or (len(name) > 1 and name[1] == ":"):
+        return "its name leads out of the submission; it is not unpacked"
+    if "\0" in name or not (of_class or all(part.isprintable() for part in parts)):
+        return "its name holds characters that do not print"
+    lengths = [len(part.encode(errors="surrogateescape")) for part in parts]
+    longest = _LONGEST_OF_CLASS if of_class else _LONGEST_NAME
+    if max(lengths) > longest or sum(lengths) + len(lengths) > _LONGEST_PATH:
+        return "its name is too long"
+    if len(parts) > limits.folders:
+        return f"it lies more than {limits.folders} folders deep"
+    return ""
+
+
+def only_name_counts(name: str, size: int) -> bool:
+    """Whether the contents of a file are not judged: pictures, videos and documents."""
+    lower = name.lower()
+    if lower.endswith(_MAPS_MAY_BE) and size <= _SMALL_PICTURE:
+        return False
+    return lower.endswith(_ONLY_NAMES)
+
+
+def is_read(name: str, size: int, limits: Limits) -> bool:
+    """Whether the contents of a file are read: they are judged, and not too large."""
+    return size <= limits.file_size and not only_name_counts(name, size)
+
+
+def yaml_fault(data: bytes) -> str:
+    """Say why YAML is not opened; it may have more aliases or brackets than maps and parameters."""
+    if len(data) > LARGEST_YAML:
+        return f"it is larger than {LARGEST_YAML >> 20} MB; not opened"
+    if len(_ALIAS.findall(data)) > _MOST_ALIASES or bracket_depth(data) > _MOST_BRACKETS:
+        return "it unfolds to far more than it says; not opened"
+    return ""
+
 
 _CHUNK = 1 << 20
 _AS_LARGE = 8 << 20  # bytes of the placeholder of a large file in the copy of a class

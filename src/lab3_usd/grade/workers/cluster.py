@@ -1,26 +1,113 @@
-"""Judges on more than one machine: tasks go over Dask, and each machine keeps its own fences."""
+"""Judges on more than one machine over Dask: what each needs is packed and sent there."""
 
 from __future__ import annotations
 
 import asyncio
 import atexit
 import importlib
+import os
 import threading
 import time
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from msgspec import Struct
+from msgspec.structs import replace
+
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch
+from lab3_usd.grade.intake.staging import make_scratch, remove_scratch, scratch_folder
 from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task, decode, encode
-from lab3_usd.grade.workers.pool import Runner, run_in
-from lab3_usd.grade.workers.shipment import Shipment, packed, unpacked
+from lab3_usd.grade.workers.pool import Runner, WorkerSlot, judge_in, run_in
 from lab3_usd.grade.workers.worker_process import WorkerError
-from lab3_usd.grade.workers.worker_slot import WorkerSlot, judge_in
-from lab3_usd.report.tool import tool_version
+from lab3_usd.report.options import tool_version
+
+
+class Shipment(Struct, frozen=True):
+    """What a machine of the cluster needs to judge: the files themselves, not where they lie.
+
+    `files` are the starter and its assets, wherever they lie, by their paths below one folder,
+    `lab` those that describe the lab, where it is not the bundled one.
+    """
+
+    version: str
+    files: tuple[tuple[str, bytes], ...]
+    starter: str
+    rubric: bytes | None
+    lab: tuple[tuple[str, bytes], ...]
+    settings: PoolSettings
+
+
+def packed(settings: PoolSettings) -> Shipment:
+    """Return what every machine needs to judge by these settings.
+
+    Raises:
+        UsageError: there is no starter, or it refers to files where other machines have none.
+    """
+    from lab3_usd.stage.fence import files_of  # noqa: PLC0415 - pxr
+
+    if settings.starter is None:
+        message = "--cluster needs a starter"
+        raise UsageError(message)
+    starter = settings.starter.resolve()
+    paths = sorted({Path(path.partition("[")[0]) for path in files_of(starter)})
+    root = Path(os.path.commonpath([starter.parent, *(path.parent for path in paths)]))
+    shipment = Shipment(
+        version=tool_version(),
+        files=tuple((path.relative_to(root).as_posix(), path.read_bytes()) for path in paths),
+        starter=starter.relative_to(root).as_posix(),
+        rubric=None if settings.rubric is None else settings.rubric.read_bytes(),
+        lab=tuple(_lab_files(settings)),
+        settings=replace(settings, readable=tuple(path.absolute() for path in settings.readable)),
+    )
+    with scratch_folder("lab3-starter-") as folder:
+        there = unpacked(shipment, folder).starter
+        found = len(files_of(there)) if there is not None else 0
+        if found < len(files_of(starter)) or not _all_below(folder, there):
+            message = (
+                f"{settings.starter}: refers to files in a way that other machines cannot follow; "
+                "use paths relative to the starter, and no links"
+            )
+            raise UsageError(message)
+    return shipment
+
+
+def _lab_files(settings: PoolSettings) -> Iterator[tuple[str, bytes]]:
+    if settings.lab is not None:
+        for path in sorted(settings.lab.glob("*.yaml")):
+            yield path.name, path.read_bytes()
+
+
+def _all_below(folder: Path, starter: Path | None) -> bool:
+    """Whether a starter in a folder consists of files of that folder alone."""
+    from lab3_usd.stage.fence import files_of  # noqa: PLC0415 - pxr
+
+    real = folder.resolve()
+    return starter is not None and all(
+        Path(each).is_relative_to(real) for each in files_of(starter)
+    )
+
+
+def unpacked(shipment: Shipment, folder: Path) -> PoolSettings:
+    """Write the files of a shipment into a folder, and return the settings that name them there."""
+    for name, data in shipment.files:
+        path = folder / "starter" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    lab = folder / "lab" if shipment.lab else None
+    for name, data in shipment.lab:
+        path = folder / "lab" / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(data)
+    rubric = None
+    if shipment.rubric is not None:
+        rubric = folder / "rubric.yaml"
+        rubric.write_bytes(shipment.rubric)
+    starter = folder / "starter" / shipment.starter
+    return replace(shipment.settings, starter=starter, rubric=rubric, lab=lab)
+
 
 _PER_THREAD = 3  # tasks on their way for each thread of the cluster
 _RETRIES = 5

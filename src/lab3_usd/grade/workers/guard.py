@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from lab3_usd.errors import StageError
-from lab3_usd.grade.intake.limits import Limits
+from lab3_usd.grade.intake.submission_copy import Limits
 
 _TEXT = b"#usda"
 _CRATE = b"PXR-USDC"

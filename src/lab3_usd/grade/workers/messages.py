@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
-from lab3_usd.grade.intake.limits import Limits
 from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.intake.submission_copy import Limits
 
 Json = dict[str, Any]
 OUT_OF_TIME, OUT_OF_MEMORY = "ran out of time", "ran out of memory"

@@ -13,13 +13,12 @@ from msgspec.structs import replace
 
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.check.rule_runs import finding_of
-from lab3_usd.grade.book.reports import write_reports
+from lab3_usd.grade.gradebook import write_reports
 from lab3_usd.grade.intake.archives import ArchiveError
-from lab3_usd.grade.intake.file_filter import RefusedFile
-from lab3_usd.grade.intake.limits import Limits, TooLargeError
 from lab3_usd.grade.intake.staging import stage_submission
-from lab3_usd.grade.scoring.rubric import Rubric
-from lab3_usd.grade.scoring.scoring import Grade, grade
+from lab3_usd.grade.intake.submission_copy import Limits, RefusedFile, TooLargeError
+from lab3_usd.grade.rubric import Rubric
+from lab3_usd.grade.scoring import Grade, grade
 from lab3_usd.grade.workers.guard import check_layer
 from lab3_usd.grade.workers.messages import Json, Task, status_of
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
@@ -28,8 +27,7 @@ from lab3_usd.judge.starter import Starter
 from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.fence.layers import BlockedAsset, Fence
-from lab3_usd.stage.fence.stages import fenced
+from lab3_usd.stage.fence import BlockedAsset, Fence, fenced
 
 
 class GradingSetup(Struct, frozen=True):

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from lab3_usd.data import data_folder, lab_folder
-from lab3_usd.grade.scoring.load_rubric import load_rubric
-from lab3_usd.grade.workers.confine import fence_files, give_up_privileges, limit_resources
+from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.workers.messages import (
     CRASHED,
     OUT_OF_MEMORY,
@@ -35,6 +34,7 @@ from lab3_usd.grade.workers.messages import (
     decode,
     encode,
 )
+from lab3_usd.grade.workers.sandbox import fence_files, give_up_privileges, limit_resources
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.judge.starter import open_starter
 from lab3_usd.spec.load.loader import load_lab
@@ -109,7 +109,7 @@ def _python() -> list[str]:
 def load_setup(settings: PoolSettings) -> GradingSetup:
     """Load what every submission is judged with."""
     # Imported here so that importing it is over before the files are fenced.
-    from lab3_usd.stage.fence.stages import files_of  # noqa: PLC0415
+    from lab3_usd.stage.fence import files_of  # noqa: PLC0415
 
     lab, starter = load_lab(), settings.starter
     return GradingSetup(

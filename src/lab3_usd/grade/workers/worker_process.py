@@ -1,18 +1,31 @@
-"""Starts, asks and ends one worker process."""
+"""Starts, asks and ends one worker process, and tells how it ended."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import queue
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO, NoReturn, TypeVar
+
+from msgspec import Struct
 
 from lab3_usd.data import LAB_VARIABLE, PACKAGE
 from lab3_usd.errors import Lab3Error
-from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch
+from lab3_usd.grade.intake.staging import make_scratch, remove_scratch
+from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers.messages import (
+    CRASHED,
+    OUT_OF_MEMORY,
+    OUT_OF_TIME,
+    TOO_LARGE,
     Assignment,
     Json,
     PoolSettings,
@@ -20,10 +33,190 @@ from lab3_usd.grade.workers.messages import (
     Reply,
     Start,
     Task,
+    decode,
     encode,
 )
-from lab3_usd.grade.workers.process_end import END_SECONDS, kill
-from lab3_usd.grade.workers.worker_pipes import NONSENSE, Turn, Worker, WorkerDiedError, hold_pipes
+
+END_SECONDS = 2.0  # for a process that closed its pipe to end, and for a killed one to be gone
+CLOSED = "stopped answering"
+_POLL_SECONDS = 0.02
+# Nothing in a file sends these: somebody outside does, or a system that is short of memory.
+_FROM_OUTSIDE = {"SIGKILL", "SIGTERM", "SIGINT", "SIGHUP"}
+
+
+def how_it_ended(process: subprocess.Popen[bytes], memory: int) -> tuple[str, bool]:
+    """Say how a process ended that closed its pipe, and whether that came from outside.
+
+    More than `memory` bytes say that it ran out of it. A process that goes on is killed.
+    """
+    until = time.monotonic() + END_SECONDS
+    while not (ended := _has_ended(process)) and time.monotonic() < until:
+        time.sleep(_POLL_SECONDS)
+    kill(process)
+    if not ended:
+        return CLOSED, False
+    status, peak = _figures(process)
+    if peak > memory:
+        return OUT_OF_MEMORY, False
+    if status >= 0:
+        return f"ended the worker (status {status})", False
+    try:
+        name = signal.Signals(-status).name
+    except ValueError:
+        name = f"signal {-status}"
+    return (f"ended by {name}", True) if name in _FROM_OUTSIDE else (f"{CRASHED} ({name})", False)
+
+
+def _has_ended(process: subprocess.Popen[bytes]) -> bool:
+    """Whether a process has ended; its figures stay where they are, as long as that is possible."""
+    if not hasattr(os, "waitid") or process.returncode is not None:
+        return process.poll() is not None
+    try:
+        flags = os.WEXITED | os.WNOHANG | os.WNOWAIT
+        return os.waitid(os.P_PID, process.pid, flags) is not None
+    except ChildProcessError:
+        return True
+
+
+def kill(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process and everything it started; a process that was waited for has no group."""
+    if process.returncode is None:
+        with contextlib.suppress(OSError):
+            if hasattr(os, "killpg"):
+                os.killpg(process.pid, signal.SIGKILL)
+            else:
+                process.kill()
+
+
+def _figures(process: subprocess.Popen[bytes]) -> tuple[int, int]:
+    """Return the exit status of a process that has ended, and the most memory that it had.
+
+    The memory is in bytes, 0 where it is not known.
+    """
+    if not hasattr(os, "wait4") or process.returncode is not None:
+        return process.wait(), 0
+    try:
+        _, status, usage = os.wait4(process.pid, 0)
+    except ChildProcessError:
+        return process.wait(), 0
+    process.returncode = os.waitstatus_to_exitcode(status)
+    scale = 1 if sys.platform == "darwin" else 1024
+    return process.returncode, usage.ru_maxrss * scale
+
+
+_PIPE_POLL_SECONDS = 0.2
+_LEAST_COUNTED = 1024  # bytes; millions of short lines take memory too
+STOPPED, NONSENSE = "stopped", "answered nonsense"
+_Message = TypeVar("_Message", bound=Struct)
+
+
+class WorkerDiedError(Exception):
+    """A worker ended or was ended before it answered."""
+
+    def __init__(self, how: str, file: str, *, external: bool = False, seconds: float = 0) -> None:
+        """Keep how and over which file; `external` is what nothing in the task brought about."""
+        super().__init__(how)
+        self.how = how
+        self.file = file
+        self.external = external
+        self.seconds = seconds
+
+
+@dataclass(slots=True)
+class Worker:
+    """A worker process, the folder it may write to, and the lines that it says.
+
+    After the last comes None, or why the rest is not read. `said` counts bytes since it was asked,
+    `turns` its tasks: it numbers what it says by them. `peak` is the memory in bytes that it had
+    when it was ready, as inherited from the process that started it.
+    """
+
+    process: subprocess.Popen[bytes]
+    scratch: Path
+    limits: Limits
+    lines: queue.Queue[bytes | str | None] = field(default_factory=queue.Queue)
+    tasks: queue.Queue[bytes | None] = field(default_factory=queue.Queue)
+    threads: tuple[threading.Thread, ...] = ()
+    said: int = 0
+    turns: int = 0
+    peak: int = 0
+    confined: Mapping[str, bool] = field(default_factory=dict)
+
+
+def hold_pipes(worker: Worker) -> Iterator[threading.Thread]:
+    """Start the two threads that write to and read from a worker, and yield them."""
+    for hold, pipe in ((_speak, worker.process.stdin), (_listen, worker.process.stdout)):
+        thread = threading.Thread(target=hold, args=(worker, pipe), daemon=True)
+        thread.start()
+        yield thread
+
+
+def _listen(worker: Worker, stream: IO[bytes]) -> None:
+    """Pass on the lines of a worker, as many bytes as an answer may have."""
+    most, end = worker.limits.answer_size, None
+    with stream, contextlib.suppress(OSError, ValueError):
+        while line := stream.readline(most + 1):
+            worker.said += max(len(line), _LEAST_COUNTED)
+            if worker.said > most:
+                end = f"{TOO_LARGE}: answers more than {most / MEGABYTE:.7g} MB"
+                break
+            if not line.endswith(b"\n"):
+                break
+            worker.lines.put(line)
+    worker.lines.put(end)
+
+
+def _speak(worker: Worker, stream: IO[bytes]) -> None:
+    """Write what a worker is told; one that has died says so where it is listened to."""
+    with contextlib.suppress(OSError, ValueError), stream:
+        while (line := worker.tasks.get()) is not None:
+            stream.write(line)
+            stream.flush()
+
+
+@dataclass(slots=True)
+class Turn:
+    """What a worker says about one task, for at most so many seconds."""
+
+    worker: Worker
+    whole: float
+    stopped: Callable[[], bool]
+    file: str = ""
+    begun: bool = False
+    started: float = field(default_factory=time.monotonic)
+
+    def fail(self, how: str, *, external: bool = False) -> NoReturn:
+        """Raise how the worker ended; a failure before the task began is external."""
+        external = external or (not self.begun and how != STOPPED)
+        raise WorkerDiedError(
+            how, self.file, external=external, seconds=time.monotonic() - self.started
+        )
+
+    def next(self, kind: type[_Message], seconds: float) -> _Message:
+        """Return what the worker says next, within `seconds` and before time is up."""
+        silent, over = time.monotonic() + seconds, self.started + self.whole
+        while True:
+            if self.stopped():
+                self.fail(STOPPED)
+            if time.monotonic() > over:
+                self.fail(f"{OUT_OF_TIME} ({self.worker.limits.all_seconds:g} s for all files)")
+            if time.monotonic() > silent:
+                self.fail(f"{OUT_OF_TIME} ({seconds:g} s)")
+            with contextlib.suppress(queue.Empty):
+                return self._decoded(kind, self.worker.lines.get(timeout=_PIPE_POLL_SECONDS))
+
+    def _decoded(self, kind: type[_Message], line: bytes | str | None) -> _Message:
+        if isinstance(line, str):
+            self.fail(line)
+        if line is None:
+            memory = max(self.worker.limits.memory // 2, self.worker.peak)
+            how, from_outside = how_it_ended(self.worker.process, memory)
+            self.fail(how, external=from_outside)
+        try:
+            return decode(line, kind)
+        except ValueError:
+            self.fail(NONSENSE)
+
 
 _START_SECONDS = 120.0
 # `-I` keeps the working directory, which holds untrusted files, off the path of modules.

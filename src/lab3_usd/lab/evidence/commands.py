@@ -1,10 +1,15 @@
-"""Recognises a typed command in a line of saved text, behind whatever prompt and wrapper."""
+"""Typed commands in saved text, and which part of it is the output of which."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import takewhile
 
 from msgspec import Struct
+
+from lab3_usd.lab.evidence.outputs import NAME
+from lab3_usd.spec.ros import Command, EvidenceKind, RosSpec, file_word
 
 _PROGRAM = "ros2"
 # How prompts end: bash, zsh, root, fish; oh-my-zsh, starship, powerlevel10k, and what they like.
@@ -123,3 +128,168 @@ def _cut(command: list[str]) -> TypedCommand:
         elif word:
             words.append(word)
     return TypedCommand(tuple(words), shown=True)
+
+
+_COLOUR = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b\][^\x07\x1b\n]*\x07?")
+_CONTINUED = re.compile(r"\\[ \t]*\n[ \t]*>?")
+_FENCE = "```"
+_PLACE = re.compile(r"[\w/~]+")
+_NUMBER = re.compile(r"[\d.]+")
+_MESSAGE_TYPE = re.compile(r"\w+/(?:msg/)?\w+")
+# What an output looks like, where neither its name nor a command line above it tells.
+_LOOKS = (
+    ("topic_hz", re.compile(r"average rate:")),
+    ("topic_info", re.compile(r"Publisher count:")),
+    ("view_frames", re.compile(r"digraph |frame_yaml=|^[ \t]+parent: '", re.MULTILINE)),
+    ("tf2_echo", re.compile(r"- Translation: \[|Waiting for transform ")),
+    ("lifecycles", re.compile(r"^/\S+: \w+ \[\d\]$", re.MULTILINE)),
+    ("lifecycle", re.compile(r"^\w+ \[\d\]$", re.MULTILINE)),
+    ("topic_type", re.compile(r"\A\w+/msg/\w+\Z")),
+    ("topic_echo", re.compile(r"^[a-z]\w*:", re.MULTILINE)),
+)
+_NAMED = {
+    "hz": "topic_hz",
+    "type": "topic_type",
+    "info": "topic_info",
+    "lifecycle": "lifecycle",
+    "echo": "topic_echo",
+}
+# Asked about nothing, it answers for all.
+_OF_ALL = {"lifecycle"}
+
+
+class CommandOutput(Struct, frozen=True):
+    """The output of one command: its kind, and what it was about."""
+
+    kind: str
+    target: str
+    text: str
+
+
+def split_outputs(text: str, name: str, ros: RosSpec) -> list[CommandOutput]:
+    """Split a saved text at the command lines it holds.
+
+    A text without command lines is one block, told by the name of its file (`name`, without
+    folder), and by what it looks like; an empty list when nothing tells. Commands whose output
+    is not shown have no block.
+    """
+    plain = _COLOUR.sub("", text).replace("\r\n", "\n")
+    lines = _CONTINUED.sub(" ", plain).split("\n")
+    typed = [read_command(line) for line in lines]
+    if any(typed):
+        return list(_typed_blocks(lines, typed, ros.kinds))
+    return list(_named_block(plain, name, ros))
+
+
+def _typed_blocks(
+    lines: Sequence[str], typed: Sequence[TypedCommand | None], kinds: Mapping[str, EvidenceKind]
+) -> Iterator[CommandOutput]:
+    """Give each command the lines up to the next prompt, or to the end of the fence around them."""
+    current: CommandOutput | None = None
+    seen: list[str] = []
+    fenced = False
+    for line, command in zip(lines, typed, strict=True):
+        fence = line.lstrip().startswith(_FENCE)
+        opens = fence and not fenced
+        fenced = fenced != fence
+        ends = command is not None or (fence and not opens) or is_prompt(line)
+        if ends and current is not None:
+            yield CommandOutput(current.kind, current.target, "\n".join(seen))
+            current = None
+        if command is not None:
+            current, seen = recognise(command, kinds), []
+        elif not fence:
+            seen.append(line)
+    if current is not None:
+        yield CommandOutput(current.kind, current.target, "\n".join(seen))
+
+
+def recognise(typed: TypedCommand, kinds: Mapping[str, EvidenceKind]) -> CommandOutput | None:
+    """Tell kind and target of a typed command; None when the lab asks for none such, or differs."""
+    words = _before_node_arguments(typed.words)
+    for kind in kinds.values():
+        pattern = _before_node_arguments(kind.run.split())
+        fixed = [word for word in pattern if not word.startswith(("{", "-"))]
+        if not typed.shown or words[: len(fixed)] != fixed:
+            continue
+        rest = words[len(fixed) :]
+        if any(word.partition("=")[0] in kind.narrowed_by for word in rest):
+            return None
+        count = sum(word.startswith("{") for word in pattern)
+        target = _target(rest, count, of_all=kind.name in _OF_ALL)
+        if target is not None:
+            return CommandOutput(kind.name, target, "")
+    return None
+
+
+def _before_node_arguments(words: Sequence[str]) -> list[str]:
+    return list(takewhile(lambda word: word != "--ros-args", words))
+
+
+def _target(words: Sequence[str], count: int, *, of_all: bool) -> str | None:
+    """Pick a topic or node (with its slash), or two frames (without).
+
+    None when there is none, and when more words stand there than the command takes: a sentence.
+    """
+    given = [
+        (word.strip("'\""), before.startswith("-"))
+        for before, word in zip(("", *words), words, strict=False)
+        if not (word.startswith("-") or _NUMBER.fullmatch(word))
+    ]
+    # The type of the message may follow its topic.
+    places = given[:1] + [each for each in given[1:] if not _MESSAGE_TYPE.fullmatch(each[0])]
+    free = [word for word, led in places if not led]
+    options = sum(word.startswith("-") for word in words)
+    if len(free) > count or len(places) > count + options:
+        return None
+    names = free if len(free) == count else [word for word, _ in places]
+    if count == 0 or (of_all and not names):
+        return ""
+    if count == 1:
+        names.sort(key=lambda name: not name.startswith("/"))
+    if len(names) < count or not all(_PLACE.fullmatch(name) for name in names[:count]):
+        return None
+    found = [name.strip("/") for name in names[:count]]
+    return f"/{found[0]}" if count == 1 else " ".join(found)
+
+
+def _named_block(text: str, name: str, ros: RosSpec) -> Iterator[CommandOutput]:
+    for command in ros.commands:
+        if command.file == name:
+            yield CommandOutput(command.kind.name, command.target, text)
+            return
+    kind = _looks_like(text, ros) or _kind_in(name)
+    if kind == "lifecycles":
+        yield CommandOutput("lifecycle", "", text)
+    elif kind in {"topic_list", "node_list", "view_frames"}:
+        yield CommandOutput(kind, "", text)
+    elif kind is not None:
+        target = _target_in(name, [c for c in ros.commands if c.kind.name == kind])
+        if target:
+            yield CommandOutput(kind, target, text)
+
+
+def _looks_like(text: str, ros: RosSpec) -> str | None:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if lines and all(NAME.match(line) for line in lines):
+        known = {*ros.topics, *ros.system.topics}
+        return "topic_list" if known & {line.split()[0] for line in lines} else "node_list"
+    plain = "\n".join(line.rstrip() for line in text.strip().splitlines())
+    return next((kind for kind, looks in _LOOKS if looks.search(plain)), None)
+
+
+def _kind_in(name: str) -> str | None:
+    """Tell the kind of an output that says nothing of itself by a word in the file's name."""
+    words = file_word(name).lower().split("_")
+    return next((kind for word, kind in _NAMED.items() if word in words), None)
+
+
+def _target_in(name: str, commands: Sequence[Command]) -> str:
+    """Return the longest target that the name of a file spells; empty when it spells none."""
+    spelled = f"_{file_word(name.rpartition('.')[0] or name)}_"
+    found = [
+        command.target
+        for command in commands
+        if all(f"_{file_word(part)}_" in spelled for part in command.target.split())
+    ]
+    return max(found, key=len, default="")

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from lab3_usd.lab.evidence import output_parsers
-from lab3_usd.lab.evidence.command_outputs import CommandOutput, split_outputs
-from lab3_usd.lab.evidence.message import parse_messages
-from lab3_usd.model.folder.lab_files import Evidence, GoalRun, Lookup, Observation
+from lab3_usd.lab.evidence import outputs
+from lab3_usd.lab.evidence.commands import CommandOutput, split_outputs
+from lab3_usd.lab.evidence.outputs import parse_messages
+from lab3_usd.model.folder import Evidence, GoalRun, Lookup, Observation
 from lab3_usd.spec.ros import GoalSpec, RosSpec
 
 MANIFEST = "manifest.tsv"
@@ -19,16 +19,16 @@ _MOST_BYTES = 1_000_000  # of a file; the header of a message stands before its 
 _MOST_OF_ALL = 4_000_000
 _MOST_FILES = 2_000
 _PARSERS: Mapping[str, Callable[[str], object]] = {
-    "topic_list": output_parsers.parse_names,
-    "node_list": output_parsers.parse_names,
-    "topic_type": output_parsers.parse_types,
-    "topic_hz": output_parsers.parse_rate,
-    "topic_echo": output_parsers.parse_message,
-    "topic_info": output_parsers.parse_endpoints,
-    "lifecycle": output_parsers.parse_state,
-    "tf2_echo": output_parsers.parse_lookup,
-    "view_frames": output_parsers.parse_tree,
-    "packages": output_parsers.parse_packages,
+    "topic_list": outputs.parse_names,
+    "node_list": outputs.parse_names,
+    "topic_type": outputs.parse_types,
+    "topic_hz": outputs.parse_rate,
+    "topic_echo": outputs.parse_message,
+    "topic_info": outputs.parse_endpoints,
+    "lifecycle": outputs.parse_state,
+    "tf2_echo": outputs.parse_lookup,
+    "view_frames": outputs.parse_tree,
+    "packages": outputs.parse_packages,
 }
 # What it means that a command, known to have run, printed nothing.
 _SILENCE: Mapping[str, object] = {
@@ -71,7 +71,7 @@ def read_texts(files: Mapping[str, Path], folder: str, ros: RosSpec) -> Evidence
         (PurePosixPath(name).parent / run.file).as_posix(): run
         for name in texts
         if PurePosixPath(name).name == MANIFEST
-        for run in output_parsers.parse_manifest(texts[name])
+        for run in outputs.parse_manifest(texts[name])
     }
     for file, text in texts.items():
         name = PurePosixPath(file).name
@@ -114,10 +114,10 @@ def _beginning(path: Path, most: int) -> bytes:
 def _facts(text: str, name: str, ros: RosSpec, *, ran: bool) -> Iterator[tuple[str, str, object]]:
     """Yield kind, target and fact of everything that a text shows; `ran`: it is an output."""
     for block in split_outputs(text, name, ros):
-        if not output_parsers.was_run(block.text):
+        if not outputs.was_run(block.text):
             continue
         if block.kind == "lifecycle" and not block.target:
-            states = output_parsers.parse_states(block.text)
+            states = outputs.parse_states(block.text)
             yield from (("lifecycle", node, state) for node, state in states.items())
             continue
         fact = _PARSERS[block.kind](block.text)
@@ -143,7 +143,7 @@ def _goal_by_words(text: str, goal: GoalSpec) -> Iterator[GoalRun]:
     """Read what the collecting script, `ros2 action send_goal` or Nav2's log say of a goal."""
     measured = _MEASURED.search(text)
     if measured:
-        yield GoalRun(int(measured[1]), output_parsers.number(measured[2]) if measured[2] else None)
+        yield GoalRun(int(measured[1]), outputs.number(measured[2]) if measured[2] else None)
     numbers = {name: number for number, name in enumerate(goal.names)}
     results = [word.lower() for word in _RESULT.findall(text)]
     # The log of a node, where its name stands in brackets before what it says.

@@ -1,18 +1,21 @@
-"""A dry run as one HTML page that needs nothing else: no network, and no script for reading.
+"""A dry run as one HTML page: maps of the run, the drive over time, and the checks that failed.
 
 Each graph is drawn with how often its nodes computed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path, PurePath
 
+from markupsafe import Markup
+from msgspec import Struct
+
 from lab3_usd.errors import Lab3Error
-from lab3_usd.model.dry_run.behaviour import Behaviour, Frame, Replay
-from lab3_usd.report.behaviour.chart import chart_svg
-from lab3_usd.report.behaviour.maps import furthest, near_svg, room_svg
-from lab3_usd.report.behaviour.words import LOOKS, WHAT_IT_IS, leg_text, rate, sum_text
+from lab3_usd.model.dry_run import Behaviour, Check, Frame, Moment, Place, Replay, Segment
+from lab3_usd.report.behaviour.text import LOOKS, WHAT_IT_IS, leg_text, rate, sum_text
 from lab3_usd.report.html.templates import (
     content_policy,
     environment,
@@ -20,12 +23,267 @@ from lab3_usd.report.html.templates import (
     palette_style,
     text_of,
 )
-from lab3_usd.report.picture import Box, Picture
-from lab3_usd.report.picture_formats.svg import svg
-from lab3_usd.report.picture_formats.svg_style import stylesheet
-from lab3_usd.report.pictures.stage_pictures import stage_pictures
-from lab3_usd.report.tool import NAME, tool_version
+from lab3_usd.report.options import NAME, tool_version
+from lab3_usd.report.picture.model import Box, Picture
+from lab3_usd.report.picture.svg import stylesheet, svg
+from lab3_usd.report.pictures.graph_picture import stage_pictures
 from lab3_usd.spec.lab import Lab
+
+WIDTH, ROW, LEFT, RIGHT, TOP = 720.0, 96.0, 92.0, 16.0, 26.0
+_NAMES = (("x", "m"), ("y", "m"), ("heading", "degrees"))
+_DIGITS = (1, 1, 0)
+_LEAST = (0.1, 0.1, 10.0)  # of an axis
+_WIDE = 34.0  # that the name of a leg needs
+
+
+def chart_svg(moments: Sequence[Moment]) -> str:
+    """Return the drawing; what odometry says are the dots on the lines of the motion."""
+    start = moments[0].robot
+    end = moments[-1].seconds or 1.0
+    parts = [_legs(moments, end)]
+    for number, (name, unit) in enumerate(_NAMES):
+        moved = [(each.seconds, _value(each.robot, start, number)) for each in moments]
+        told = [
+            (each.seconds, _value(each.odometry, start, number))
+            for each in moments
+            if each.odometry is not None
+        ]
+        parts += _row(number, f"{name}, {unit}", moved, told, end)
+    tall = TOP + 3 * ROW + 8
+    label = "x, y and heading over time; odometry as dots"
+    head = f'<svg class="chart" role="img" aria-label="{label}" viewBox="0 0 {WIDTH:g} {tall:g}">'
+    return f"{head}{''.join(parts)}</svg>"
+
+
+def _value(place: Place, start: Place, number: int) -> float:
+    moved = place[number] - start[number]
+    return math.degrees(math.remainder(moved, 2 * math.pi)) if number == 2 else moved  # noqa: PLR2004 - the heading
+
+
+def _row(
+    number: int,
+    name: str,
+    moved: Sequence[tuple[float, float]],
+    told: Sequence[tuple[float, float]],
+    end: float,
+) -> list[str]:
+    values = [value for _, value in (*moved, *told)]
+    low, high = min(values), max(values)
+    more = max(0.0, _LEAST[number] - (high - low)) / 2
+    low, high = low - more, high + more
+    bottom, tall = TOP + (number + 1) * ROW - 12, ROW - 24
+
+    def point(seconds: float, value: float) -> str:
+        x = LEFT + (WIDTH - LEFT - RIGHT) * seconds / end
+        return f"{x:.1f} {bottom - tall * (value - low) / (high - low):.1f}"
+
+    zero = point(0.0, 0.0)
+    return [
+        f'<path class="grid" d="M{zero}H{WIDTH - RIGHT:g}"/>',
+        f'<text x="4" y="{bottom - tall / 2 + 4:.1f}">{name}</text>',
+        _label(bottom + 4, low, number),
+        _label(bottom - tall + 4, high, number),
+        f'<path class="path" d="M{"L".join(point(*each) for each in moved)}"/>',
+        f'<path class="told" d="{"".join(f"M{point(*each)}h0" for each in told)}"/>',
+    ]
+
+
+def _label(y: float, value: float, number: int) -> str:
+    said = f"{round(value, _DIGITS[number]) + 0.0:.{_DIGITS[number]}f}"
+    return f'<text class="end" x="{LEFT - 6:g}" y="{y:.1f}">{said}</text>'
+
+
+def _legs(moments: Sequence[Moment], end: float) -> str:
+    """Return the names of the legs above, as far as there is room, and lines between them."""
+    parts, before = [], 0.0
+    scale = (WIDTH - LEFT - RIGHT) / end
+    for name, group in groupby(moments, key=lambda each: each.leg):
+        last = [*group][-1].seconds
+        x = LEFT + scale * before
+        parts.append(f'<path class="grid" d="M{x:.1f} {TOP - 6:g}V{TOP + 3 * ROW:g}"/>')
+        if scale * (last - before) >= _WIDE and name.isalpha():
+            parts.append(f'<text x="{x + 3:.1f}" y="16">{name}</text>')
+        before = last
+    return "".join(parts)
+
+
+_SCALE = 100.0  # units of the drawing in a metre
+_DOT = "h0"  # a line without length, which a round cap makes a dot
+
+EDGE = 0.3  # metres around what is drawn
+FAR = 25.0  # metres from the robot beyond which nothing is drawn
+STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # metres between lines of the grid
+LINES = 12  # of the grid, at most
+Extent = tuple[float, float, float, float]
+
+
+def room_svg(found: Replay, *, still: bool = False) -> str:
+    """Return the room with the robot and what its lidar sees, moment by moment or at one."""
+    start = found.moments[0].robot
+    walls = [each for each in found.walls if _near(each[:2], start) and _near(each[2:], start)]
+    ends = [point for a, b, c, d in walls for point in ((a, b), (c, d))]
+    seen = [point for each in found.moments for point in each.points if _near(point, start)]
+    box = _box([*ends, *seen, *_path(found)], least=2.0)
+    parts = [
+        _grid(box),
+        f'<path class="wall" d="{_segments_path(walls)}"/>',
+        f'<path class="path" d="{_line_path(_path(found))}"/>',
+        _moments_svg(found.moments, found.radius, furthest(found), scan=True, still=still),
+    ]
+    return _svg_element(box, "The room, the walls, the path and the scan", "room", parts)
+
+
+def near_svg(found: Replay, *, still: bool = False) -> str:
+    """Return the path from near, with what odometry says of it."""
+    told = [each.odometry for each in found.moments if each.odometry is not None]
+    start, edge = found.moments[0].robot, min(found.radius, FAR)
+    says = [(x, y) for x, y, _ in told if _near((x, y), start)]
+    ends = [(x + dx, y + dy) for x, y in (*_path(found), *says) for dx, dy in _around(edge)]
+    box = _box(ends, least=0.8, edge=0.05)
+    parts = [
+        _grid(box),
+        f'<path class="wall" d="{_segments_path(found.walls)}"/>',
+        f'<g class="start">{_robot_svg(found.moments[0].robot, found.radius)}</g>',
+        f'<path class="path" d="{_line_path(_path(found))}"/>',
+        f'<path class="told" d="{_dots_path(says)}"/>' if says else "",
+        _moments_svg(found.moments, found.radius, furthest(found), scan=False, still=still),
+    ]
+    return _svg_element(box, "The path of the robot, and odometry as dots", "near", parts)
+
+
+def furthest(found: Replay) -> int:
+    """Return the number of the moment to show first: when the robot has gone furthest."""
+    x, y, _ = found.moments[0].robot
+    ways = [(each.robot[0] - x) ** 2 + (each.robot[1] - y) ** 2 for each in found.moments]
+    return ways.index(max(ways))
+
+
+def _path(found: Replay) -> list[tuple[float, float]]:
+    start = found.moments[0].robot
+    return [(x, y) for x, y, _ in (each.robot for each in found.moments) if _near((x, y), start)]
+
+
+def _near(point: Sequence[float], start: Sequence[float]) -> bool:
+    return math.hypot(point[0] - start[0], point[1] - start[1]) < FAR
+
+
+def _around(edge: float) -> Iterator[tuple[float, float]]:
+    yield from ((edge, edge), (-edge, -edge))
+
+
+def _box(points: Iterable[tuple[float, float]], least: float, edge: float = EDGE) -> Extent:
+    """Return the box around points: left, bottom, width, height."""
+    xs, ys = zip(*points, strict=True)
+    sides = []
+    for values in (xs, ys):
+        low, high = min(values) - edge, max(values) + edge
+        more = max(0.0, least - (high - low)) / 2
+        sides.append((low - more, high + more))
+    (left, right), (bottom, top) = sides
+    return (left, bottom, right - left, top - bottom)
+
+
+def _grid(box: Extent) -> str:
+    """Return lines a round number of metres apart, with that number at the lower edge."""
+    left, bottom, wide, tall = box
+    step = next(each for each in STEPS if max(wide, tall) / each <= LINES)
+    lines = [(x, bottom, x, bottom + tall) for x in _rounds(left, wide, step)]
+    lines += [(left, y, left + wide, y) for y in _rounds(bottom, tall, step)]
+    size = max(wide, tall)
+    text = (
+        f'<text x="{_units(left + size * 0.015)}" y="{_units(-bottom - size * 0.015)}"'
+        f' font-size="{_units(size * 0.03)}">a square is {step:g} m</text>'
+    )
+    return f'<path class="grid" d="{_segments_path(lines)}"/>{text}'
+
+
+def _rounds(first: float, length: float, step: float) -> Iterator[float]:
+    number = math.ceil(first / step)
+    while number * step < first + length:
+        yield number * step
+        number += 1
+
+
+def _units(metres: float) -> str:
+    """Return a length as the drawing has it."""
+    return f"{metres * _SCALE:.1f}".removesuffix(".0")
+
+
+def _at(x: float, y: float) -> str:
+    """Return a point; y goes up in a room and down in a drawing."""
+    return f"{_units(x)} {_units(-y)}"
+
+
+def _line_path(points: Iterable[tuple[float, float]]) -> str:
+    """Return a line through points."""
+    return "M" + "L".join(_at(x, y) for x, y in points)
+
+
+def _segments_path(segments: Iterable[Segment]) -> str:
+    """Return separate lines."""
+    return "".join(f"M{_at(a, b)}L{_at(c, d)}" for a, b, c, d in segments)
+
+
+def _dots_path(points: Iterable[tuple[float, float]]) -> str:
+    """Return dots."""
+    return "".join(f"M{_at(x, y)}{_DOT}" for x, y in points)
+
+
+def _robot_svg(place: Place, radius: float) -> str:
+    """Return a robot: a circle with a line to where it looks."""
+    x, y, turned = place
+    ahead = (x + radius * math.cos(turned), y + radius * math.sin(turned))
+    circle = f'<circle cx="{_units(x)}" cy="{_units(-y)}" r="{_units(radius)}"/>'
+    return f'{circle}<path d="{_line_path([(x, y), ahead])}"/>'
+
+
+def _moments_svg(
+    moments: Sequence[Moment], radius: float, shown: int, *, scan: bool, still: bool
+) -> str:
+    """Return a group for each moment, all but one hidden; a still has that one alone."""
+    groups = []
+    for number, moment in enumerate(moments):
+        if still and number != shown:
+            continue
+        hidden = "" if number == shown else " hidden"
+        points = f'<path class="scan" d="{_dots_path(moment.points)}"/>' if scan else ""
+        robot = f'<g class="robot">{_robot_svg(moment.robot, radius)}</g>'
+        groups.append(f'<g data-moment="{number}"{hidden}>{points}{robot}</g>')
+    return "".join(groups)
+
+
+def _svg_element(
+    box: tuple[float, float, float, float], label: str, kind: str, parts: Iterable[str]
+) -> str:
+    """Return a whole drawing of a box of the room: left, bottom, width, height in metres."""
+    left, bottom, wide, tall = box
+    view = f"{_units(left)} {_units(-bottom - tall)} {_units(wide)} {_units(tall)}"
+    head = f'<svg class="{kind}" role="img" aria-label="{label}" viewBox="{view}">'
+    return f"{head}{''.join(parts)}</svg>"
+
+
+class DryRunSummary(Struct, frozen=True):
+    """What a report shows of the dry run of one stage; the maps are markup of our own."""
+
+    summary: str
+    legs: tuple[str, ...]
+    wrong: tuple[Check, ...]
+    room: Markup
+    near: Markup
+
+
+def dry_run_summary(found: Behaviour, seen: Replay | None) -> DryRunSummary | None:
+    """Return what a report shows, None where nothing was played."""
+    if seen is None or not seen.moments:
+        return None
+    return DryRunSummary(
+        sum_text(found),
+        tuple(map(leg_text, found.legs)),
+        tuple(each for each in found.checks if each.verdict != "ok"),
+        Markup(room_svg(seen, still=True)),  # noqa: S704 - no name of the stage is in it
+        Markup(near_svg(seen, still=True)),  # noqa: S704
+    )
+
 
 _ABOVE = 6  # pixels between a node and its count
 

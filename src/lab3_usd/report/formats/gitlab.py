@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 
 from lab3_usd.model.finding import Report, Severity
-from lab3_usd.report.entries import Entry, crashes, relative_path, site
-from lab3_usd.report.fingerprints import fingerprint, fingerprinted
+from lab3_usd.report.entries import Entry, crashes, fingerprint, fingerprinted, relative_path, site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 

@@ -8,10 +8,9 @@ from typing import Any
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding, Report, Requirement, StageResult, Submission
-from lab3_usd.report.entries import crashes, site, summarize
+from lab3_usd.report.entries import crashes, site, summarize, summary_line
 from lab3_usd.report.formats.markdown import code, text
 from lab3_usd.report.options import Options, Rules
-from lab3_usd.report.statistics import summary_line
 
 VISIBILITIES = ("hidden", "after_due_date", "after_published", "visible")
 Json = dict[str, Any]

@@ -6,17 +6,13 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from lab3_usd.check.registry import Rule
 from lab3_usd.model.finding import SEVERITIES, ChecklistItem, Crash, Report
-from lab3_usd.report.blocks import Block, blocks
-from lab3_usd.report.faults import faults
-from lab3_usd.report.html.faults import cards, ranks
-from lab3_usd.report.html.model import BlockView, ChecklistSection
+from lab3_usd.report.blocks import Block, blocks, faults
+from lab3_usd.report.entries import plural
+from lab3_usd.report.html.model import BlockView, ChecklistSection, cards, ranks, read_content
 from lab3_usd.report.html.pictures import gallery, topics
-from lab3_usd.report.html.stage_content import read_content
 from lab3_usd.report.html.templates import fill
-from lab3_usd.report.options import Options, Rules
-from lab3_usd.report.statistics import plural
-from lab3_usd.report.text.checklist import STATES
-from lab3_usd.report.tool import NAME, tool_version
+from lab3_usd.report.options import NAME, Options, Rules, tool_version
+from lab3_usd.report.text import STATES
 from lab3_usd.report.topic_table import COLUMNS
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab

@@ -9,11 +9,9 @@ from msgspec import to_builtins
 from msgspec.structs import asdict
 
 from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
-from lab3_usd.report.entries import Summary, summarize
-from lab3_usd.report.fingerprints import fault_id
-from lab3_usd.report.options import Options, Rules
+from lab3_usd.report.entries import Summary, fault_id, summarize
+from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import truncated_values
-from lab3_usd.report.tool import NAME, tool_version
 
 VERSION = 1
 Json = dict[str, Any]

@@ -6,10 +6,9 @@ import re
 from collections.abc import Iterable
 
 from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
-from lab3_usd.report.entries import site, summarize
+from lab3_usd.report.entries import site, summarize, summary_line
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
-from lab3_usd.report.statistics import summary_line
 from lab3_usd.spec.load.loader import load_lab
 
 HEADING = ("Severity", "Rule", "Where", "What is wrong", "How to repair it", "Handout")

@@ -9,13 +9,11 @@ from typing import Any
 from urllib.parse import quote
 
 from lab3_usd.check.registry import Rule
+from lab3_usd.model.changes import TextChange
 from lab3_usd.model.finding import Finding, Report, site_of
-from lab3_usd.model.repair import TextChange
-from lab3_usd.report.entries import Entry, crashes, entries, relative_path, site
-from lab3_usd.report.fingerprints import fingerprinted
-from lab3_usd.report.options import Options, Rules
+from lab3_usd.report.entries import Entry, crashes, entries, fingerprinted, relative_path, site
+from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import visible
-from lab3_usd.report.tool import NAME, tool_version
 
 VERSION = "2.1.0"
 SCHEMA = (

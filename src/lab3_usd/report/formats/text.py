@@ -8,19 +8,10 @@ from msgspec.structs import replace
 
 from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResult, Submission
 from lab3_usd.report.blocks import Block, blocks
-from lab3_usd.report.entries import entries, summarize
+from lab3_usd.report.entries import entries, plural, statistics_table, summarize, summary_line
 from lab3_usd.report.options import Options, Rules
-from lab3_usd.report.safe_text import visible
-from lab3_usd.report.source_excerpt import read_excerpts
-from lab3_usd.report.statistics import plural, statistics_table, summary_line
-from lab3_usd.report.text.ansi import paint
-from lab3_usd.report.text.checklist import checklist_lines
-from lab3_usd.report.text.findings import (
-    REPAIRABLE,
-    Page,
-    finding_blocks,
-    is_repairable,
-)
+from lab3_usd.report.safe_text import paint, read_excerpts, visible
+from lab3_usd.report.text import REPAIRABLE, Page, checklist_lines, finding_blocks, is_repairable
 from lab3_usd.spec.load.loader import load_lab
 
 
@@ -93,7 +84,7 @@ def _together(block: Block, page: Page) -> list[str]:
         lines += _submission_heading(block.submission, page)
     if page.options.verbosity == "quiet":
         return lines
-    from lab3_usd.report.text.order import fault_lines  # noqa: PLC0415 - only for folders
+    from lab3_usd.report.text import fault_lines  # noqa: PLC0415 - only for folders
 
     lines += fault_lines(block, page)
     if block.submission is not None:

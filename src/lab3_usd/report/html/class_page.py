@@ -11,7 +11,7 @@ from markupsafe import Markup
 from msgspec import Struct
 
 from lab3_usd.report.html.templates import content_policy, environment, text_of
-from lab3_usd.report.tool import NAME, tool_version
+from lab3_usd.report.options import NAME, tool_version
 
 STUDENTS, REPORT = "students", "report.html"
 BIN = 10  # per cent

@@ -1,17 +1,105 @@
-"""What the HTML page shows, as plain data: blocks of stages, faults, pictures and topics."""
+"""What the HTML page shows, as plain data: blocks of stages, their content, faults and grades."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+
 from msgspec import Struct
 
-from lab3_usd.model.finding import (
-    ChecklistItem,
-    Crash,
-    Severity,
-)
-from lab3_usd.report.blocks import Block, Stages
-from lab3_usd.report.faults import Fault
-from lab3_usd.report.source_excerpt import Excerpt
+from lab3_usd.check.ros.topics import endpoints
+from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unresolved_frames
+from lab3_usd.errors import Lab3Error, StageError
+from lab3_usd.model.finding import ChecklistItem, Crash, Finding, Severity, StageResult, section_key
+from lab3_usd.model.stage import StageModel
+from lab3_usd.report.blocks import Block, Fault, Stages
+from lab3_usd.report.picture.model import Picture
+from lab3_usd.report.pictures.graph_picture import stage_pictures
+from lab3_usd.report.safe_text import Excerpt, excerpt_lines, read_excerpts
+from lab3_usd.report.tf_tree import TreeReport, as_text
+from lab3_usd.report.topic_table import TopicReport, cells
+from lab3_usd.spec.lab import Lab
+
+
+class StageContent(Struct, frozen=True):
+    """Pictures, TF tree as text, and topics as table cells of one stage."""
+
+    pictures: tuple[Picture, ...] = ()
+    tree: tuple[str, ...] = ()
+    topics: tuple[tuple[str, ...], ...] = ()
+
+
+def read_content(result: StageResult, lab: Lab) -> StageContent | None:
+    """Return the content of the stage of a result, None if it cannot be read."""
+    model = _read(result, lab)
+    try:
+        return None if model is None else _content(result, model, lab)
+    except StageError:  # it is damaged where no rule has looked
+        return None
+
+
+def _read(result: StageResult, lab: Lab) -> StageModel | None:
+    if result.verdict == "unreadable":
+        return None
+    from lab3_usd.stage.read.reader import read_stage  # noqa: PLC0415 - pxr, only for pages
+
+    try:
+        return read_stage(Path(result.path), lab)
+    except (Lab3Error, OSError, ValueError):
+        return None
+
+
+def _content(result: StageResult, model: StageModel, lab: Lab) -> StageContent:
+    checkpoint = lab.checkpoints.get(result.checkpoint or "")
+    edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
+    tree = TreeReport(
+        result.path, edges, unknown_publishers(model, lab), lab.frames.reserved, hidden
+    )
+    topics = TopicReport(result.path, endpoints(model, lab), edges, hidden)
+    return StageContent(
+        pictures=tuple(stage_pictures(lab, checkpoint, model, result.findings)),
+        tree=tuple(as_text(tree)),
+        topics=tuple(tuple(cells(each, topics)) for each in topics.endpoints),
+    )
+
+
+class GradeItem(Struct, frozen=True):
+    """One item of the rubric: what it earned, of how many points, and why not of all.
+
+    `state` is that of the gradebook. `possible` is what counts of the item's `points`; `lost` are
+    the requirements that cost points here, of which `more` are not named.
+    """
+
+    title: str
+    state: str
+    earned: float
+    possible: float
+    points: float
+    why: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    more: int = 0
+
+
+class GradeSummary(Struct, frozen=True):
+    """The grade of one student; `percent` is None where nothing could be judged.
+
+    `title` is that of the rubric, `because` says what limits the grade as a whole.
+    """
+
+    title: str
+    student: str
+    name: str
+    earned: float
+    possible: float
+    percent: float | None
+    because: tuple[str, ...] = ()
+    items: tuple[GradeItem, ...] = ()
+
+    @property
+    def heading(self) -> str:
+        """Whose grade it is: the name, or where none is known the student's number."""
+        return self.name or self.student
 
 
 class Link(Struct, frozen=True):
@@ -120,3 +208,77 @@ class BlockView(Struct, frozen=True):
 
 
 Excerpts = dict[tuple[str, int], Excerpt]
+
+
+EXCERPT_WIDTH = 96
+MOST_EXCERPTS = 80  # in one block: a page stays small whatever a stage holds
+
+
+def cards(
+    block: Block, found: Iterable[Fault], links: Mapping[str, tuple[Link, ...]]
+) -> Iterator[Card]:
+    """Yield a card for each fault, with the lines of its file where those can be read."""
+    all_faults = list(found)
+    excerpts = read_excerpts(fault.finding for fault in all_faults[:MOST_EXCERPTS])
+    for fault in all_faults:
+        frame = tuple(_excerpt(fault.finding, excerpts))
+        yield Card(fault, block.span(fault.stages), frame, links.get(fault.id, ()))
+
+
+def _excerpt(finding: Finding, excerpts: Excerpts) -> Iterator[ExcerptLine]:
+    if not finding.layer or not finding.line:
+        return
+    excerpt = excerpts.get((finding.layer, finding.line))
+    if excerpt is None:
+        return
+    for row in excerpt_lines(excerpt, finding.line, finding.column, EXCERPT_WIDTH):
+        gutter, bar, text = row.partition(" |")
+        yield ExcerptLine(gutter + bar, text, is_hit=row.startswith(">"))
+
+
+def ranks(found: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
+    """Group cards, which are in order already, by severity, part and section of the handout."""
+    titles: dict[str, list[str]] = {}
+    for each in lab.checkpoints.values():
+        titles.setdefault(each.part, []).append(each.title)
+    return tuple(
+        Rank(severity, tuple(_chapters(list(inside), titles)))
+        for severity, inside in groupby(found, key=_severity)
+    )
+
+
+def _severity(card: Card) -> Severity | None:
+    return None if card.fault.is_cause else card.fault.finding.severity
+
+
+def _chapters(found: Iterable[Card], titles: Mapping[str, list[str]]) -> Iterator[Chapter]:
+    parts: dict[str, dict[str, list[Card]]] = {}
+    for card in found:
+        name = card.fault.finding.handout or ""
+        title = "Not opened" if card.fault.is_cause else _chapter(name, titles)
+        parts.setdefault(title, {}).setdefault(name, []).append(card)
+    for title, sections in parts.items():
+        inside = (Section(name, tuple(cards)) for name, cards in sections.items())
+        yield Chapter(title, tuple(inside))
+
+
+def _chapter(section: str, titles: Mapping[str, list[str]]) -> str:
+    """Name the part of the handout that a section is in, by the checkpoint of that part."""
+    part = max((each for each in titles if _is_in(section, each)), key=len, default="")
+    _, letter, number, _, _ = section_key(section)
+    if part:
+        name = f"Part {part}" if len(part) == 1 else part
+        return f"{name}: {titles[part][0]}" if len(titles[part]) == 1 else name
+    if letter:
+        return f"Part {letter}"
+    return f"Section {number}" if number else section or "Beside the handout"
+
+
+def _is_in(section: str, part: str) -> bool:
+    """Whether a section is of a part: A5 of A, 4.5 of 4, Ex 3.2 of Ex 3, but Ex 31 is not."""
+    if not part or not section.startswith(part):
+        return False
+    last, following = part[-1], section[len(part) : len(part) + 1]
+    return not (last.isdigit() and following.isdigit()) and not (
+        last.isalpha() and following.isalpha()
+    )

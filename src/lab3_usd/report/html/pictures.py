@@ -11,13 +11,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from msgspec import Struct, field
 
 from lab3_usd.model.finding import Finding
-from lab3_usd.report.blocks import Block
-from lab3_usd.report.faults import Fault
-from lab3_usd.report.html.model import Link, PagePicture, Topic
-from lab3_usd.report.html.stage_content import StageContent
-from lab3_usd.report.layout.canvas import LEGEND_LINE
-from lab3_usd.report.picture import HEADER, Box, Picture, port_id
-from lab3_usd.report.picture_formats.svg import svg
+from lab3_usd.report.blocks import Block, Fault
+from lab3_usd.report.html.model import Link, PagePicture, StageContent, Topic
+from lab3_usd.report.picture.canvas import LEGEND_LINE
+from lab3_usd.report.picture.model import HEADER, Box, Picture, port_id
+from lab3_usd.report.picture.svg import svg
 
 _WIDTH = 380.0  # of the part of a picture beside a fault, unless the box is wider
 _SHAPE = 0.5  # its height, by its width

@@ -8,22 +8,25 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.model.changes import Edit, StageChange
+from lab3_usd.model.changes import ChangeKind, StageChange
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import Node
-from lab3_usd.report.layout.box_size import sized
-from lab3_usd.report.layout.canvas import on_canvas
-from lab3_usd.report.layout.missing_positions import position_missing
-from lab3_usd.report.layout.text_width import clip_end
-from lab3_usd.report.picture import Box, Curve, End, Picture, Row, State
+from lab3_usd.report.picture.canvas import on_canvas, position_missing
+from lab3_usd.report.picture.model import Box, Curve, End, Picture, Row, State, clip_end, sized
 from lab3_usd.report.pictures.graph_picture import MOST_LETTERS, laid_out
-from lab3_usd.report.pictures.node_boxes import absent_box, ends, node_box
-from lab3_usd.report.pictures.port_rows import MOST_LABEL, BoxSubject
-from lab3_usd.report.pictures.site_findings import SiteFindings, findings_by_site
+from lab3_usd.report.pictures.node_boxes import (
+    MOST_LABEL,
+    BoxSubject,
+    SiteFindings,
+    absent_box,
+    ends,
+    findings_by_site,
+    node_box,
+)
 
 NodePair = tuple[Node | None, Node | None]
 Wires = dict[tuple[End, End], bool]
-STATE_OF: Mapping[Edit, State] = {"added": "extra", "removed": "missing", "changed": "wrong"}
+STATE_OF: Mapping[ChangeKind, State] = {"added": "extra", "removed": "missing", "changed": "wrong"}
 _ON_ROWS = ("value", "target")
 
 
@@ -95,7 +98,7 @@ def _box(
         {end.port: state for end, state in leaving.items() if end.key == key},
         found,
     )
-    edit: Edit | None = None
+    edit: ChangeKind | None = None
     if before is None or after is None:
         edit = "added" if before is None else "removed"
     elif key in touched:

@@ -1,4 +1,4 @@
-"""Pictures of Action Graphs: of a spec, or of a stage with its faults marked."""
+"""Pictures of Action Graphs, of a spec or of a stage, with its faults marked."""
 
 from __future__ import annotations
 
@@ -7,21 +7,125 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import chain
 
-from lab3_usd.check.match.result import Roles
+from msgspec.structs import replace
+
+from lab3_usd.check.match.graphs import match_all
+from lab3_usd.check.match.subject import Roles
+from lab3_usd.check.robot.location import relocated_lab, relocated_spec, robot_relocations
+from lab3_usd.check.robot.sensors import sensor_relocations
+from lab3_usd.check.tf.frames import published_edges, unresolved_frames
 from lab3_usd.model.finding import Finding, Severity
-from lab3_usd.model.stage import GraphModel
-from lab3_usd.report.layout.canvas import on_canvas
-from lab3_usd.report.layout.editor_positions import at_editor_positions
-from lab3_usd.report.layout.layered import Placed, layered
-from lab3_usd.report.layout.missing_positions import position_missing
-from lab3_usd.report.layout.text_width import clip_end
-from lab3_usd.report.picture import STATES, Box, Curve, End, Picture, Remark, State
-from lab3_usd.report.pictures.node_boxes import absent_box, ends, node_box
-from lab3_usd.report.pictures.node_roles import NodeRoles, assigned_roles, reference_roles
-from lab3_usd.report.pictures.port_rows import BoxSubject
-from lab3_usd.report.pictures.site_findings import SiteFindings, findings_by_site
-from lab3_usd.report.pictures.wires import judged_wires, spec_wires
-from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.model.stage import GraphModel, StageModel
+from lab3_usd.report.picture.canvas import at_editor_positions, on_canvas, position_missing
+from lab3_usd.report.picture.layered import Placed, layered
+from lab3_usd.report.picture.model import STATES, Box, Curve, End, Picture, Remark, State, clip_end
+from lab3_usd.report.pictures.node_boxes import (
+    BoxSubject,
+    NodeRoles,
+    SiteFindings,
+    absent_box,
+    assigned_roles,
+    ends,
+    findings_by_site,
+    node_box,
+    reference_roles,
+)
+from lab3_usd.report.pictures.tf_picture import frames_picture
+from lab3_usd.spec.graph import GraphSpec, PortRef
+from lab3_usd.spec.lab import Checkpoint, Lab
+
+
+def spec_wires(spec: GraphSpec, node_roles: NodeRoles) -> tuple[Curve, ...]:
+    """Return the wires that the spec asks for."""
+    return tuple(
+        Curve(
+            node_roles.end(wire.source),
+            node_roles.end(wire.target),
+            dashed=_signal(spec, wire.target),
+        )
+        for wire in spec.wires
+    )
+
+
+def _signal(spec: GraphSpec, target: PortRef) -> bool:
+    port = spec.nodes[target.role].type.port(target.port)
+    return port is not None and port.is_execution
+
+
+def judged_wires(
+    asked: tuple[Curve, ...], graph: GraphModel | None, node_roles: NodeRoles, found: SiteFindings
+) -> tuple[Curve, ...]:
+    """Return the wires of the stage and, as missing, those that are asked for and not there."""
+    sources = {curve.target: curve.source for curve in asked}
+    real = {} if graph is None else dict(_real(graph, sources, node_roles))
+    wanted = {(curve.source, curve.target) for curve in asked}
+    curves = [
+        _marked(curve, "missing", found)
+        for curve in asked
+        if (curve.source, curve.target) not in real
+        and _has_ends(curve, node_roles)
+        and _is_missed(curve, real, node_roles, found)
+    ]
+    for (source, target), dashed in real.items():
+        curve = Curve(source, target, dashed)
+        if (source, target) in wanted:
+            curves.append(curve)
+        else:
+            curves.append(_marked(curve, _state(curve, node_roles, found), found))
+    return tuple(curves)
+
+
+def _real(
+    graph: GraphModel, sources: Mapping[End, End], node_roles: NodeRoles
+) -> Iterator[tuple[tuple[End, End], bool]]:
+    """Yield the ends of each wire in the file, and whether it carries execution."""
+    for node in graph.nodes:
+        for name, state in node.ports.items():
+            port = None if node.type is None else node.type.port(name)
+            target = End(node.path, name)
+            for path in state.sources:
+                prim, _, prop = path.rpartition(".")
+                source = End(prim, prop)
+                asked = sources.get(target)
+                if (
+                    asked is not None
+                    and asked.key in node_roles.missing
+                    and prim not in node_roles.nodes
+                ):
+                    continue  # the dead source is the missing node, whose wires are missing
+                yield (source, target), port is not None and port.is_execution
+
+
+def _has_ends(curve: Curve, node_roles: NodeRoles) -> bool:
+    """Whether the wire could be drawn: a node of another type may lack the port."""
+    ends = ((node_roles.nodes.get(end.key), end.port) for end in (curve.source, curve.target))
+    return all(node is None or node.has_port(port) for node, port in ends)
+
+
+def _is_missed(
+    curve: Curve, real: Mapping[tuple[End, End], bool], node_roles: NodeRoles, found: SiteFindings
+) -> bool:
+    """Whether the wire is missing, rather than replaced by one that nobody finds fault with."""
+    if curve.source.key in node_roles.missing or curve.target.key in node_roles.missing:
+        return True
+    if found.state(curve.target.key, curve.target.port) == "wrong":
+        return True
+    return all(target != curve.target for _, target in real)
+
+
+def _state(curve: Curve, node_roles: NodeRoles, found: SiteFindings) -> State:
+    state = found.state(curve.target.key, curve.target.port)
+    if state == "ok" and (
+        curve.source.key in node_roles.unassigned or curve.target.key in node_roles.unassigned
+    ):
+        return "extra"
+    return state
+
+
+def _marked(curve: Curve, state: State, found: SiteFindings) -> Curve:
+    note = found.note(curve.target.key, curve.target.port)
+    return Curve(curve.source, curve.target, curve.dashed, state, note)
+
 
 MOST_REMARKS = 4
 MOST_LETTERS = 110
@@ -190,3 +294,51 @@ def _counted(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> str:
     parts = [f"{here} node{'s' * (here != 1)}, {wires} wire{'s' * (wires != 1)}"]
     parts += [f"{states[state]} {state}" for state in STATES if state != "ok" and states[state]]
     return "  ·  ".join([path, *parts])
+
+
+def stage_pictures(
+    lab: Lab,
+    checkpoint: Checkpoint | None,
+    stage: StageModel,
+    findings: Sequence[Finding] = (),
+    *,
+    every_port: bool = False,
+) -> Iterator[Picture]:
+    """Yield the graphs that the checkpoint asks for, the stage's other graphs, and the TF tree.
+
+    The tree is left out where neither the checkpoint asks for one nor the stage publishes any.
+    Without a checkpoint every graph is drawn as it is.
+    """
+    lab = relocated_lab(lab, robot_relocations(lab, stage))
+    relocations = sensor_relocations(lab, stage)
+    specs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
+    matched = {} if checkpoint is None else match_all(specs, stage, lab.catalog.scripts)
+    asked = () if checkpoint is None else checkpoint.graphs
+    for name, roles in matched.items():
+        if name in asked or roles.graph is not None:
+            part = _part_of(roles, matched)
+            yield graph_picture(specs[name], roles, part, findings, every_port=every_port)
+    known = {roles.graph.path for roles in matched.values() if roles.graph is not None}
+    for graph in stage.graphs:
+        if graph.active and graph.path not in known:
+            yield graph_picture(None, None, graph, findings, every_port=every_port)
+    yield from _tree(lab, checkpoint, stage)
+
+
+def _part_of(roles: Roles, matched: Mapping[str, Roles]) -> GraphModel | None:
+    """Return the graph without the nodes that play roles of other graphs built in it."""
+    if roles.graph is None or not roles.merged_graphs:
+        return roles.graph
+    others = {path for name in roles.merged_graphs for path in matched[name].role_of}
+    others |= {node.path for name in roles.merged_graphs for node in matched[name].extra}
+    own = {*roles.role_of, *(node.path for node in (*roles.extra, *roles.retyped.values()))}
+    kept = (node for node in roles.graph.nodes if node.path in own or node.path not in others)
+    return replace(roles.graph, nodes=tuple(kept))
+
+
+def _tree(lab: Lab, checkpoint: Checkpoint | None, stage: StageModel) -> Iterator[Picture]:
+    edges, hidden = published_edges(stage, lab), unresolved_frames(stage, lab)
+    required = checkpoint is not None and checkpoint.frames
+    localized = checkpoint is not None and checkpoint.localization
+    if edges or hidden or required:
+        yield frames_picture(lab.frames, edges, hidden, required=required, localized=localized)

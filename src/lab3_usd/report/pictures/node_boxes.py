@@ -1,16 +1,309 @@
-"""The boxes of an Action Graph: title, rows and size of each."""
+"""The boxes of an Action Graph: titles, rows, roles, and the findings that mark them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+from msgspec import Struct, field
 from msgspec.structs import replace
 
-from lab3_usd.report.layout.box_size import sized
-from lab3_usd.report.layout.text_width import clip_end
-from lab3_usd.report.picture import Box, Curve, End, Family, Row, State
-from lab3_usd.report.pictures.port_rows import BoxSubject, rows, short
-from lab3_usd.spec.catalog import NodeType
+from lab3_usd.check.match.subject import Roles
+from lab3_usd.model.changes import Site
+from lab3_usd.model.finding import SEVERITIES, Finding
+from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.report.picture.model import (
+    Box,
+    Curve,
+    End,
+    Family,
+    Row,
+    Side,
+    State,
+    clip_end,
+    clip_path,
+    is_port,
+    sized,
+)
+from lab3_usd.spec.catalog import INPUT, NodeType, Port, Value
+from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef
+
+
+class SiteFindings(Struct, frozen=True):
+    """The findings at each site, the gravest first."""
+
+    at: Mapping[Site, tuple[Finding, ...]] = field(default_factory=dict)
+
+    def state(self, prim: str, prop: str | None = None) -> State:
+        """Return how the site is drawn: wrong for an error, extra for a warning, else ok.
+
+        Properties that are no ports (a node's type) count for the node.
+        """
+        found = self._found(prim, prop)
+        severities = {finding.severity for finding in found}
+        if "error" in severities:
+            return "wrong"
+        return "extra" if "warning" in severities else "ok"
+
+    def note(self, prim: str, prop: str | None = None) -> str:
+        """Return the messages at the site, one per line."""
+        return "\n".join(finding.message for finding in self._found(prim, prop))
+
+    def _found(self, prim: str, prop: str | None) -> list[Finding]:
+        sites = [prop] if prop is not None else [None, *self._others(prim)]
+        return [finding for site in sites for finding in self.at.get((prim, site), ())]
+
+    def _others(self, prim: str) -> list[str]:
+        return sorted(self._named(prim) - self.ports(prim))
+
+    def _named(self, prim: str) -> frozenset[str]:
+        return frozenset(prop for path, prop in self.at if path == prim and prop is not None)
+
+    def expected(self, prim: str, prop: str) -> str | None:
+        """Return what the site should hold, where an error or warning says it."""
+        for finding in self.at.get((prim, prop), ()):
+            if finding.severity != "note" and finding.expected is not None:
+                return finding.expected
+        return None
+
+    def ports(self, prim: str) -> frozenset[str]:
+        """Return the ports of a prim that a finding names."""
+        return frozenset(prop for prop in self._named(prim) if is_port(prop))
+
+
+def findings_by_site(findings: Iterable[Finding]) -> SiteFindings:
+    """Sort findings by site."""
+    at: dict[Site, list[Finding]] = {}
+    for finding in findings:
+        at.setdefault((finding.prim, finding.property), []).append(finding)
+    return SiteFindings(
+        {
+            site: tuple(sorted(found, key=lambda one: SEVERITIES.index(one.severity)))
+            for site, found in at.items()
+        }
+    )
+
+
+class NodeRoles(Struct, frozen=True):
+    """The key of each role's box; `missing` are the keys of the roles that no node has.
+
+    `nodes` are the nodes of the file by path. `unassigned` are the paths of those that have no
+    role and stand in for none.
+    """
+
+    box_keys: Mapping[str, str] = field(default_factory=dict)
+    missing: frozenset[str] = frozenset()
+    nodes: Mapping[str, Node] = field(default_factory=dict)
+    unassigned: frozenset[str] = frozenset()
+
+    def end(self, port: PortRef) -> End:
+        """Return the end of a wire of the spec."""
+        return End(self.box_keys[port.role], port.port)
+
+
+def reference_roles(spec: GraphSpec) -> NodeRoles:
+    """Return the roles of a spec that is drawn without a stage."""
+    return NodeRoles({role: f"{spec.path}/{role}" for role in spec.nodes})
+
+
+def assigned_roles(
+    spec: GraphSpec | None, roles: Roles | None, graph: GraphModel | None
+) -> NodeRoles:
+    """Return the roles of a stage's graph; without roles or spec none is assigned or missing."""
+    nodes = {} if graph is None else {node.path: node for node in graph.nodes}
+    if spec is None or (roles is None and graph is not None):
+        return NodeRoles(nodes=nodes)
+    folder = spec.path if graph is None else graph.path
+    players = {role: None if roles is None else _node_of(roles, role) for role in spec.nodes}
+    box_keys: dict[str, str] = {}
+    missing = []
+    for role, node in players.items():
+        if node is not None and node.path in nodes:
+            box_keys[role] = node.path
+            continue
+        box_keys[role] = _unused(f"{folder}/{role}", nodes)
+        missing.append(box_keys[role])
+    playing = set(box_keys.values())
+    stand_ins = {} if roles is None else roles.equivalents
+    unassigned = frozenset(path for path in nodes if path not in playing and path not in stand_ins)
+    return NodeRoles(box_keys, frozenset(missing), nodes, unassigned)
+
+
+def _node_of(roles: Roles, role: str) -> Node | None:
+    """Return the node that has a role; one of another type in its place is drawn as wrong."""
+    return roles.node_of.get(role) or roles.retyped.get(role)
+
+
+def _unused(path: str, nodes: Mapping[str, Node]) -> str:
+    """Return a path for a missing node: a node of another type may have the name already."""
+    while path in nodes:
+        path += "_missing"
+    return path
+
+
+MOST_LABEL = 44
+MOST_NOTE = 400
+MOST_LINES = 24
+MOST_VALUE = 34  # characters of a value in a box; the pointer resting on it reads more
+MOST_PRIMS = 12
+
+
+class BoxSubject(Struct, frozen=True):
+    """The node that one box shows: its spec (None without a role), itself, and its wires."""
+
+    key: str
+    spec: NodeSpec | None
+    node: Node | None
+    arriving: Mapping[str, State]
+    leaving: Mapping[str, State]
+    found: SiteFindings = field(default_factory=SiteFindings)
+    every_port: bool = False
+
+    @property
+    def type(self) -> NodeType | None:
+        """The node's own type; that of its role where there is no node."""
+        if self.node is not None:
+            return self.node.type
+        return None if self.spec is None else self.spec.type
+
+    def port(self, name: str) -> Port | None:
+        """The port of the node's type; for an unknown type that of its role."""
+        found = None if self.type is None else self.type.port(name)
+        return found if found is not None or self.spec is None else self.spec.type.port(name)
+
+
+def rows(subject: BoxSubject) -> Iterator[Row]:
+    """Yield a row for every port, in the order of the type; not all of them need be drawn."""
+    for name in _names(subject):
+        yield _row(subject, name, subject.port(name))
+
+
+def _names(subject: BoxSubject) -> list[str]:
+    """Name the ports in the order of the type; then those that only the file or wires have."""
+    names = dict.fromkeys([] if subject.type is None else subject.type.ports)
+    if subject.spec is not None and subject.type is subject.spec.type:
+        names |= dict.fromkeys(subject.spec.grown)
+    if subject.type is None and subject.node is not None:
+        names |= dict.fromkeys(subject.node.ports)
+    names |= dict.fromkeys([*subject.arriving, *subject.leaving])
+    return list(names | dict.fromkeys(sorted(subject.found.ports(subject.key))))
+
+
+def _row(subject: BoxSubject, name: str, port: Port | None) -> Row:
+    state = subject.found.state(subject.key, name)
+    wire = subject.arriving.get(name, "ok")
+    if state == "ok" or (state == "wrong" and wire == "missing"):
+        state = wire
+    value, muted = _value(subject, name, port)
+    expected = subject.found.expected(subject.key, name) if state != "ok" and value else None
+    return Row(
+        port=name,
+        label=clip_end(short(name), MOST_LABEL),
+        side=_side(subject, name, port),
+        execution=port is not None and port.is_execution,
+        wired=name in subject.arriving or name in subject.leaving,
+        value=value,
+        expected=() if expected is None else (clip_end(_bare(expected), MOST_LABEL),),
+        state=state,
+        note=subject.found.note(subject.key, name) or _whole(subject, name),
+        muted=muted,
+    )
+
+
+def _side(subject: BoxSubject, name: str, port: Port | None) -> Side:
+    if name in subject.arriving and name in subject.leaving:
+        return "both"
+    if name in subject.leaving or (port is not None and port.is_source):
+        return "out"
+    if name.startswith(INPUT) or name in subject.arriving:
+        return "in"
+    return "out"
+
+
+def _value(subject: BoxSubject, name: str, port: Port | None) -> tuple[tuple[str, ...], bool]:
+    """Return the lines to show for an input, and whether it is a default that nobody set."""
+    if not name.startswith(INPUT) or (port is not None and port.is_execution):
+        return (), False
+    asked = _asked(subject.spec, name)
+    if subject.node is None:
+        return asked, False
+    if subject.node.targets(name):
+        return prim_lines(subject.node.targets(name)), False
+    if port is not None and port.is_target:
+        return (prim_lines(()) if asked else ()), True
+    return _attribute(subject, subject.node, name, is_asked=bool(asked))
+
+
+def _attribute(
+    subject: BoxSubject, node: Node, name: str, *, is_asked: bool
+) -> tuple[tuple[str, ...], bool]:
+    """Return the value of an attribute where it matters: a wire takes its place."""
+    state = node.state(name)
+    is_default = state is None or state.value is None
+    value = node.value(name)
+    if value is None:
+        return (("not set",) if is_asked else ()), True
+    if name in subject.arriving and not is_asked:
+        return (), False
+    matters = is_asked or subject.every_port or subject.found.state(subject.key, name) != "ok"
+    return (value_line(value) if matters or not is_default else ()), is_default
+
+
+def _asked(spec: NodeSpec | None, name: str) -> tuple[str, ...]:
+    if spec is None:
+        return ()
+    for setting in spec.settings:
+        if setting.port == name:
+            return value_line(setting.value)
+    for target in spec.targets:
+        if target.port == name:
+            return prim_lines(target.prims)
+    return ()
+
+
+def _whole(subject: BoxSubject, name: str) -> str:
+    """Return the value at a length that the row has no room for."""
+    state = None if subject.node is None else subject.node.state(name)
+    if state is None:
+        return ""
+    if state.targets:
+        return "\n".join(clip_path(prim, MOST_NOTE) for prim in state.targets[:MOST_LINES])
+    return "" if state.value is None else clip_end(value_text(state.value), MOST_NOTE)
+
+
+def _bare(text: str) -> str:
+    """Return a value as rows show it, without the quotes that it has in messages."""
+    quoted = len(text) > 2 and text[0] == text[-1] == "'"  # noqa: PLR2004 - the two quotes
+    return text[1:-1] if quoted else text
+
+
+def short(name: str) -> str:
+    """Return a port's name without `inputs:` or `outputs:`."""
+    return name.partition(":")[2] or name
+
+
+def value_text(value: Value) -> str:
+    """Write a value as short as it stays readable."""
+    if isinstance(value, bool):
+        return str(value)
+    if isinstance(value, float):
+        return f"{value:.7g}"
+    if isinstance(value, tuple):
+        return f"[{', '.join(value_text(part) for part in value)}]"
+    return str(value) if value != "" else '""'
+
+
+def value_line(value: Value) -> tuple[str, ...]:
+    """Return a value as the one line of a row."""
+    return (clip_end(value_text(value), MOST_VALUE),)
+
+
+def prim_lines(prims: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the targets of a relationship, one line each."""
+    lines = [clip_path(prim, MOST_VALUE) for prim in prims[:MOST_PRIMS]]
+    if len(prims) > MOST_PRIMS:
+        lines.append(f"and {len(prims) - MOST_PRIMS} more")
+    return tuple(lines) or ("no prim",)
+
 
 MOST_TITLE = 44
 

@@ -9,12 +9,10 @@ from functools import lru_cache
 from msgspec import Struct
 
 from lab3_usd.check.tf.frames import Edge
-from lab3_usd.check.tf.unresolved_frames import UnresolvedFrames
-from lab3_usd.report.layout.box_size import sized
-from lab3_usd.report.layout.canvas import on_canvas
-from lab3_usd.report.layout.layered import Placed, layered
-from lab3_usd.report.layout.text_width import clip_end
-from lab3_usd.report.picture import STATES, Box, Curve, End, Picture, State
+from lab3_usd.check.tf.targets import UnresolvedFrames
+from lab3_usd.report.picture.canvas import on_canvas
+from lab3_usd.report.picture.layered import Placed, layered
+from lab3_usd.report.picture.model import STATES, Box, Curve, End, Picture, State, clip_end, sized
 from lab3_usd.spec.lab import FrameSpec, LocalizationSpec
 
 Pair = tuple[str, str]

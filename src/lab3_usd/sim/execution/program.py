@@ -11,12 +11,19 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.model.dry_run.scene import Graph, Input, Node, Scene
-from lab3_usd.sim.execution.registry import CONSTANT, FRAME, STEP, event_of, function_of
-from lab3_usd.sim.execution.running import Running, initial, push
+from lab3_usd.model.dry_run import Graph, Input, Node, Scene
+from lab3_usd.sim.execution.running import (
+    CONSTANT,
+    FRAME,
+    STEP,
+    Running,
+    event_of,
+    function_of,
+    initial,
+    push,
+)
 from lab3_usd.sim.execution.world import World
-from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_connect
-from lab3_usd.spec.values import are_alike
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, are_alike, can_connect
 
 _USD = {"execution": "uint"}
 _UNLISTED = {  # ports of types that the catalog does not describe, as far as they run here

@@ -1,21 +1,142 @@
-"""What nodes see while a stage plays: the scene, the robot, the network, the sensors, the time.
+"""What nodes see while a stage plays.
+
+The scene, the robot, the ROS network, the sensors, the time.
 
 A render product has writers, which publish what its sensor sees.
 """
 
 from __future__ import annotations
 
+import json
+import re
 from typing import Any
 
 from msgspec import Struct, field
 
-from lab3_usd.model.dry_run.scene import Scene
-from lab3_usd.sim.execution.drive import RATE
-from lab3_usd.sim.execution.ros import Endpoint, Network
+from lab3_usd.model.dry_run import Scene
+from lab3_usd.model.transforms import Vector
+from lab3_usd.sim.execution.record import RATE, Message, Profile
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.lidar.rays import Beam
-from lab3_usd.sim.lidar.surroundings import Surroundings
+from lab3_usd.sim.lidar import Beam, Surroundings
 from lab3_usd.sim.robot.machines import Machines
+
+_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_FIELDS = (
+    "history", "depth", "reliability", "durability",
+    "deadline", "lifespan", "liveliness", "leaseDuration",
+)  # fmt: skip
+DEFAULT_CONTEXT = 0
+STATIC = Profile(depth=1, is_durable=True)  # of static transforms, whatever their node says
+Twist = tuple[Vector, Vector]  # linear and angular velocity
+
+
+class Endpoint(Struct, frozen=True):
+    """A publisher or subscriber: its domain and the full name of its topic."""
+
+    domain: int
+    topic: str
+    profile: Profile = Profile()
+
+
+class Network(Struct):
+    """What runs over DDS: commands come in, messages go out."""
+
+    environment: str  # ROS_DOMAIN_ID of the process
+    contexts: dict[int, int] = field(default_factory=dict)  # domain by handle
+    sent: list[Message] = field(default_factory=list)
+    command: tuple[int, Twist | None] = (0, None)  # the number of the last Twist, and the Twist
+    commands: Endpoint = Endpoint(0, "")  # where commands come from
+
+    def domain(self, handle: int) -> int | None:
+        """Return the domain of a context; None where the handle means nothing."""
+        if handle == DEFAULT_CONTEXT:
+            return domain_number(self.environment) or 0
+        return self.contexts.get(handle)
+
+
+def domain_number(text: str) -> int | None:
+    """Return a domain that is written as a number."""
+    return int(text) if text.isdecimal() else None
+
+
+def trimmed(name: str) -> str:
+    """Strip what is neither letter nor digit from both ends (Ros2Node.h:304-325)."""
+    return re.sub(r"^[^A-Za-z0-9]+|[^A-Za-z0-9]+$", "", name)
+
+
+def namespace_of(node: Running, world: World, start: str = "") -> str:
+    """Return the namespace of a node (Ros2Node.h:227-275); TF publishers take the outermost.
+
+    Sensor helpers begin at their sensor instead of at themselves.
+    """
+    given = node.text("nodeNamespace", world)
+    if given:
+        return given
+    names = [] if start else [node.node.namespace]
+    above = world.scene.above(start or node.path)
+    names += [str(each.values.get("isaac:namespace") or "") for each in above]
+    names = [each for each in reversed(names) if each]
+    outermost = "TransformTree" in node.type.type
+    return names[0] if outermost and names else "/".join(names)
+
+
+def open_endpoint(node: Running, world: World, start: str = "") -> Endpoint | None:
+    """Open a publisher or subscriber as its inputs say now, or return None where it fails."""
+    domain = world.network.domain(int(node.number("context", world)))
+    space = trimmed(namespace_of(node, world, start))  # Ros2Node.h:139
+    name = node.text("topicName", world)
+    topic = f"{'/' + space if space else ''}/{trimmed(name)}" if name else ""
+    profile = profile_of(node.text("qosProfile", world), int(node.number("queueSize", world)))
+    if domain is None:
+        node.fails("its context is none", "W02")
+    elif profile is None:
+        node.fails("its QoS profile is none", "P04")
+    elif _NAME.fullmatch(topic) is None:
+        node.fails(f"{topic or 'an empty name'} is no topic", "P01")
+    else:
+        return Endpoint(domain, topic, profile)
+    return None
+
+
+def profile_of(text: str, queue_size: int) -> Profile | None:
+    """Return the profile of `qosProfile`, which is JSON, or None where it is none (Ros2QoS.h)."""
+    if not text:
+        return Profile(queue_size or Profile().depth)
+    try:
+        qos = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(qos, dict) or not set(_FIELDS) <= qos.keys():
+        return None
+    depth = qos["depth"] if isinstance(qos["depth"], int) else 0
+    return Profile(
+        depth=0 if qos["history"] == "keepAll" else max(depth, 1),
+        is_reliable=qos["reliability"] != "bestEffort",
+        is_durable=qos["durability"] == "transientLocal",
+    )
+
+
+def opened_endpoint(node: Running, world: World) -> tuple[Endpoint | None, bool]:
+    """Return the endpoint of a publisher, and whether it was there before this compute.
+
+    The first compute only opens it (OgnROS2PublishClock.cpp:40-90).
+    """
+    endpoint: Endpoint | None = node.memory.get("endpoint")
+    if endpoint is not None:
+        return endpoint, True
+    node.memory["endpoint"] = endpoint = open_endpoint(node, world)
+    return endpoint, False
+
+
+def send(node: Running, world: World, endpoint: Endpoint, message: Message) -> None:
+    """Hand a message to the network."""
+    if endpoint.domain != world.network.commands.domain:
+        message.away = endpoint.domain
+    message.topic, message.node = endpoint.topic, node.path
+    message.profile = STATIC if message.static else endpoint.profile
+    message.session, message.at = world.session, world.since_play
+    world.network.sent.append(message)
+
 
 LATE = 1.0e9  # seconds: what system time counts from
 

@@ -9,11 +9,9 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.files import CHECKPOINTS
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.handout import Handout
-from lab3_usd.spec.lab import Checkpoint, FrameSpec, Policy
-from lab3_usd.spec.load.records import record
+from lab3_usd.spec.lab import CHECKPOINTS, Checkpoint, FrameSpec, Handout, Policy
+from lab3_usd.spec.yaml_file import record
 
 _ID = re.compile(r"[A-Za-z0-9]+")
 

@@ -18,7 +18,7 @@ from typing import TypeVar
 
 from msgspec.structs import replace
 
-from lab3_usd.data import PACKAGE
+from lab3_usd.data import PACKAGE, data_folder
 from lab3_usd.spec.isaac import IsaacTypes
 from lab3_usd.spec.lab import Lab
 
@@ -116,3 +116,19 @@ def _write(path: Path, data: bytes) -> None:
     temporary = path.with_name(f"{path.name}.{os.getpid()}")
     temporary.write_bytes(data)
     temporary.replace(path)
+
+
+@lru_cache(maxsize=1)
+def load_isaac_types() -> IsaacTypes:
+    """Load every public node type of Isaac Sim, which the lab's catalog is a part of.
+
+    Raises:
+        SpecError: a file is missing or wrong.
+    """
+    return compiled_or_loaded_types(data_folder("graphs") / "isaac", _assemble_types)
+
+
+def _assemble_types(folder: Path) -> IsaacTypes:
+    from lab3_usd.spec.load.catalog import assemble_types  # noqa: PLC0415 - not if compiled
+
+    return assemble_types(folder)

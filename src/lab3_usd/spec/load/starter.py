@@ -10,11 +10,10 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.files import SCENE, STARTER
-from lab3_usd.spec.load.records import record
-from lab3_usd.spec.load.scene import parse_scene
+from lab3_usd.spec.lab import SCENE, STARTER
+from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.scene import Number3, RobotSpec, StageUnits
-from lab3_usd.spec.yaml_file import read_yaml
+from lab3_usd.spec.yaml_file import read_yaml, record
 
 _Data = dict[str, Any]
 

@@ -10,11 +10,17 @@ from msgspec import Struct
 from pxr import Usd
 
 from lab3_usd.model.changes import Part, StageChange
-from lab3_usd.model.paths import is_at_or_below
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.lab import Lab
-from lab3_usd.stage.compare.placement import matrix_of, shown_place
-from lab3_usd.stage.compare.terms import applied_schemas, pattern
-from lab3_usd.stage.compare.values import display_value, same_place, same_value
+from lab3_usd.stage.compare.values import (
+    applied_schemas,
+    display_value,
+    matrix_of,
+    pattern,
+    same_place,
+    same_value,
+    shown_place,
+)
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.read.properties import targets_of
 

@@ -1,17 +1,124 @@
-"""Whether two values of two stages are the same, and how to show them when they are not."""
+"""How prims of two stages are compared.
+
+Which properties matter, whether two values are the same, and two places.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from fnmatch import translate
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from pxr import Gf, Sdf
+from msgspec import Struct
+from pxr import Gf, Sdf, Usd, UsdGeom
 
-from lab3_usd.model.formatting import display
+from lab3_usd.model.changes import Difference
+from lab3_usd.model.finding import display
 from lab3_usd.spec.catalog import Value
-from lab3_usd.stage.read.plain_values import plain_value
+from lab3_usd.spec.submission import StarterRules
+from lab3_usd.stage.read.properties import plain_value
+from lab3_usd.stage.read.transforms import ORDER, RESET, TransformCache, local_transform
+
+Class = Literal["never", "physics", "pose", "shape", "look", "other"]
+_POSE = "xformOp"
+
+
+class Terms(Struct, frozen=True):
+    """How prims are compared.
+
+    `classes` tells what a property is about, `limits` are a length in stage units, an angle in
+    degrees and a relative scale. `root` is the robot, whose own place is not compared;
+    `articulated` are the prims that may carry the articulation root instead of each other.
+    """
+
+    rules: StarterRules
+    classes: Callable[[str], Class]
+    number: float
+    mass: float
+    limits: tuple[float, float, float]
+    root: str
+    articulated: tuple[str, ...]
+    bodies_rest: bool
+    """Whether the bodies still stand where the starter has them."""
+    unknown: tuple[str, ...] = ()
+    """Prims of the starter that lack an asset: what a stage has there may be the asset's."""
+
+
+@lru_cache(maxsize=4)
+def classifier(rules: StarterRules) -> Callable[[str], Class]:
+    """Return the function that says what a property is about."""
+    never, physics = pattern(rules.never), pattern(rules.physics)
+    looks = pattern(rules.looks)
+    shapes = frozenset(rules.shapes)
+
+    @cache
+    def of(name: str) -> Class:
+        if never.match(name):
+            return "never"
+        if name.startswith(_POSE):
+            return "pose"
+        if physics.match(name):
+            return "physics"
+        if name in shapes:
+            return "shape"
+        return "look" if looks.match(name) else "other"
+
+    return of
+
+
+def pattern(names: Iterable[str]) -> re.Pattern[str]:
+    """Return what matches every name that fits one of the patterns with `*`."""
+    return re.compile("|".join(map(translate, names)))
+
+
+def applied_schemas(prim: Usd.Prim) -> list[str]:
+    """Return every applied schema by its name, known to usd-core or not."""
+    return [str(name) for name in Usd.Prim.GetPrimTypeInfo(prim).GetAppliedAPISchemas()]
+
+
+def is_light_or_camera(prim: Usd.Prim) -> bool:
+    """Whether the prim lights the scene or looks at it."""
+    kind = str(prim.GetTypeName())
+    return (
+        kind.endswith("Light")
+        or bool(prim.IsA(UsdGeom.Camera))
+        or "LightAPI" in applied_schemas(prim)
+    )
+
+
+def is_physical(prim: Usd.Prim, rules: StarterRules) -> bool:
+    """Whether the prim itself collides, moves, joins, or is otherwise one of physics."""
+    named = (str(prim.GetTypeName()), *applied_schemas(prim))
+    return any(name.startswith(rules.physics_names) for name in named)
+
+
+def affects_physics(prim: Usd.Prim, rules: StarterRules) -> bool:
+    """Whether the prim, or something below or above it, is one of physics."""
+    below = Usd.PrimRange(prim, Usd.TraverseInstanceProxies())
+    return any(is_physical(each, rules) for each in below) or is_collision_shape(prim, rules)
+
+
+def is_collision_shape(prim: Usd.Prim, rules: StarterRules) -> bool:
+    """Whether the prim is a collision shape, by itself or by a prim above it."""
+    while prim and not prim.IsPseudoRoot():
+        if rules.collision in applied_schemas(prim):
+            return True
+        prim = prim.GetParent()
+    return False
+
+
+def body_of(prim: Usd.Prim, rules: StarterRules) -> str:
+    """Return the path of the rigid body that the prim belongs to, '' for none."""
+    while prim and not prim.IsPseudoRoot():
+        if rules.body in applied_schemas(prim):
+            return str(prim.GetPath())
+        prim = prim.GetParent()
+    return ""
+
 
 _LONGEST = 60  # characters of a value in a message
 _QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
@@ -147,3 +254,82 @@ def _angle(one: Gf.Vec3d, other: Gf.Vec3d) -> float:
         return 0.0
     across = Gf.Cross(one, other).GetLength()
     return math.degrees(math.atan2(across, Gf.Dot(one, other)))
+
+
+_SCALE = "xformOp:scale"
+
+
+def place_differences(
+    prim: Usd.Prim, twin: Usd.Prim, terms: Terms, *, same_parent: bool
+) -> Iterator[Difference]:
+    """Yield how the place of a prim differs; what a run moves may have moved."""
+    was, now = (matrix_of(each, local=same_parent) for each in (prim, twin))
+    if terms.bodies_rest or terms.rules.body not in applied_schemas(prim):
+        what = same_place(was, now, terms.limits)
+    else:  # a run moves bodies, and scales none
+        what = "" if same_scale(was, now, terms.limits[2]) else "scaled"
+    if not what:
+        return
+    names = [n for n in twin.GetAuthoredPropertyNames() if terms.classes(n) == "pose"]
+    changed = [name for name in names if not _same_pose_value(prim, twin, name)]
+    before, after = (shown_place(what, matrix) for matrix in (was, now))
+    physics = affects_physics(prim, terms.rules) and not is_light_or_camera(prim)
+    yield Difference("place", next(iter(changed), ""), before, after, physics)
+
+
+def authored_place_differences(
+    prim: Usd.Prim, twin: Usd.Prim, names: list[str], terms: Terms
+) -> Iterator[Difference]:
+    """Compare places where layers say all of the place, else operation by operation."""
+    order = twin.GetAttribute(ORDER).Get() or ()
+    if len(order) and all(is_authored(twin, name) for name in (ORDER, *_operations(order))):
+        yield from place_differences(prim, twin, terms, same_parent=True)
+        return
+    moves = not terms.bodies_rest and terms.rules.body in applied_schemas(prim)
+    for name in names:
+        was, now = (each.GetAttribute(name) for each in (prim, twin))
+        may_differ = name == ORDER or (moves and not name.startswith(_SCALE))
+        if may_differ or not was or same_value(was.Get(), now.Get(), terms.limits[2]):
+            continue
+        physics = affects_physics(prim, terms.rules) and not is_light_or_camera(prim)
+        yield Difference("place", name, display_value(was.Get()), display_value(now.Get()), physics)
+
+
+def _operations(order: Iterable[str]) -> list[str]:
+    return [name.rpartition("!")[2] for name in order if not name.startswith(RESET)]
+
+
+def is_authored(prim: Usd.Prim, name: str) -> bool:
+    """Whether a layer at hand gives the property a value, or takes it away."""
+    attribute = prim.GetAttribute(name)
+    if attribute:
+        return bool(attribute.HasAuthoredValueOpinion())
+    relationship = prim.GetRelationship(name)
+    return bool(relationship and relationship.HasAuthoredTargets())
+
+
+def _same_pose_value(prim: Usd.Prim, twin: Usd.Prim, name: str) -> bool:
+    one, other = prim.GetAttribute(name), twin.GetAttribute(name)
+    return bool(one) and bool(other) and one.Get() == other.Get()
+
+
+def matrix_of(prim: Usd.Prim, *, local: bool) -> Gf.Matrix4d:
+    """Return the transform of a prim to its parent, or to the world."""
+    # UsdGeom raises where the value of an operation is of a type that the operation does not take.
+    matrix, is_reset = local_transform(prim)
+    return Gf.Matrix4d(*(matrix if local and not is_reset else TransformCache().world(prim)))
+
+
+def shown_place(what: str, matrix: Gf.Matrix4d) -> str:
+    """Say of a transform where it places a prim, how it turns or how it scales one."""
+    if what == "moved":
+        return "at " + _text(matrix.ExtractTranslation())
+    if what == "scaled":
+        return "scale " + _text([matrix.GetRow3(row).GetLength() for row in range(3)])
+    turn = matrix.GetOrthonormalized().ExtractRotation()
+    axes = (Gf.Vec3d.ZAxis(), Gf.Vec3d.YAxis(), Gf.Vec3d.XAxis())
+    return f"turned {_text(reversed(list(turn.Decompose(*axes))))} degrees"
+
+
+def _text(numbers: Iterable[float]) -> str:
+    return "(" + ", ".join(f"{round(number, 6) + 0.0:.6g}" for number in numbers) + ")"

@@ -10,9 +10,8 @@ from pxr import Gf, Usd, Vt
 
 from lab3_usd.model.prims import Collider, Colliders, Matrix, Prims
 from lab3_usd.stage.read.opening import stage_errors
-from lab3_usd.stage.read.plain_values import CENTIMETRES, elements, stage_number
 from lab3_usd.stage.read.prims import PrimReader
-from lab3_usd.stage.read.properties import authored_data
+from lab3_usd.stage.read.properties import CENTIMETRES, authored_data, elements, stage_number
 from lab3_usd.stage.read.transforms import TransformCache
 
 _Corner = tuple[float, float, float]

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
-from lab3_usd.stage.read.time_samples import hold_start_values
+from lab3_usd.stage.read.properties import hold_start_values
 
 _T = TypeVar("_T")
 _PARSE_ERROR = r":(\d+):\d+: parse error"

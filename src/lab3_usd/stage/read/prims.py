@@ -11,13 +11,11 @@ from msgspec import Struct, field
 from pxr import Sdf, Usd
 
 from lab3_usd.model.prims import NameFilter, Prim, Prims
-from lab3_usd.spec.catalog import Value
-from lab3_usd.spec.graph_form import GraphForm
+from lab3_usd.spec.catalog import GraphForm, Value
 from lab3_usd.spec.scene import SensorSpec
-from lab3_usd.stage.read.missing_assets import IS_PRESENT, is_in_scene
+from lab3_usd.stage.read.assets import IS_PRESENT, is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
-from lab3_usd.stage.read.plain_values import plain_value
-from lab3_usd.stage.read.properties import AuthoredProperties
+from lab3_usd.stage.read.properties import AuthoredProperties, plain_value
 from lab3_usd.stage.read.transforms import TransformCache
 
 Authored = dict[str, tuple[str, Value]]  # type and value by name

@@ -1,8 +1,14 @@
-"""What a composed prim says itself, without what its schemas add.
+"""What a composed prim says itself.
 
-usd-core parses every schema that it has, once in a process, when it is first asked for a property
-that no layer holds or for the type of one. That takes as long as judging a stage. Here the layers
-are asked what they hold, and the stage only for values, sources and targets that are there.
+Properties, plain values, and what holds when the timeline starts.
+
+Isaac Sim opens a stage at its first time code and plays from there on, and a time sample beats
+the default value. So the values of that moment are written into the session layer of a stage, where
+everybody who asks for a value finds them.
+
+usd-core parses every schema that it has, once in a process, when it is first asked for a
+property that no layer holds or for the type of one. That takes as long as judging a stage. Here the
+layers are asked what they hold, and the stage only for values, sources and targets that are there.
 
 Methods of prims and attributes are called on the class, here and wherever it is done for each
 prim: called on the object, usd-core first looks whether that is still valid, in Python's way of
@@ -12,13 +18,158 @@ without that look, a prim that is none ends the process.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import Any
 
 from msgspec import Struct
-from pxr import Sdf, Tf, Usd
+from msgspec.structs import astuple
+from pxr import Gf, Sdf, Tf, Usd
 
+from lab3_usd.model.stage import AnimatedAttribute
 from lab3_usd.spec.catalog import Value
-from lab3_usd.stage.read.plain_values import plain_value
+
+CENTIMETRES = 0.01  # per unit, where a stage does not say
+LONGEST = 4096  # elements; longer arrays (points, faces) are nothing a rule asks about
+# Sets of types, as to ask whether a value is an instance of one takes many times as long.
+_NUMBERS = {int, float}
+_PLAIN = {type(None), bool, int, float, str}
+_VECTORS = {
+    *(Gf.Vec2d, Gf.Vec2f, Gf.Vec2h, Gf.Vec2i),
+    *(Gf.Vec3d, Gf.Vec3f, Gf.Vec3h, Gf.Vec3i),
+    *(Gf.Vec4d, Gf.Vec4f, Gf.Vec4h, Gf.Vec4i),
+}
+_HALF = "e"
+_QUATERNIONS = {Gf.Quatd, Gf.Quatf, Gf.Quath}
+
+
+def plain_value(value: Any) -> Value | None:  # noqa: ANN401 - whatever usd-core returns
+    """Return the value without Gf, Sdf and Vt; None where there is none or nobody asks for it.
+
+    Quaternions come in OGN's order x, y, z, w.
+    """
+    kind = type(value)
+    if kind in _PLAIN:
+        result: Value | None = value
+        return result
+    if kind in _QUATERNIONS:
+        x, y, z = elements(value.imaginary)
+        return (x, y, z, float(value.real))
+    if kind is Sdf.AssetPath:
+        return str(value.path)
+    return tuple(elements(value)) if kind in _VECTORS else _items(value)
+
+
+def stage_number(value: Any, otherwise: float) -> float:  # noqa: ANN401
+    """Return a number that a stage says of itself, else the default.
+
+    A damaged file may say anything; to usd-core that is nothing.
+    """
+    return float(value) if type(value) in _NUMBERS else otherwise
+
+
+def _items(value: Any) -> Value | None:  # noqa: ANN401
+    try:
+        count = len(value)
+    except TypeError:
+        return None
+    if count > LONGEST:
+        return None
+    # Iterating over a Vt or Gf type is five to twenty times as slow as asking for its elements.
+    items = (plain_value(value[index]) for index in range(count))
+    return tuple(item for item in items if item is not None)
+
+
+def elements(vector: Any) -> list[Any]:  # noqa: ANN401 - of any size and precision
+    """Return the numbers of a vector of Gf's.
+
+    Raises:
+        TypeError: the value is none.
+    """
+    view = memoryview(vector)
+    if view.format == _HALF:  # which Python reads no buffer of
+        return [vector[index] for index in range(len(vector))]
+    return view.tolist()
+
+
+_KEY = "changes after the start"
+_RELATIVE = 1e-6
+
+
+def hold_start_values(stage: Usd.Stage) -> None:
+    """Have every attribute with time samples hold the value that it starts with.
+
+    A stage is held once, as it was when that was asked first. Prims of instances stay as they are,
+    for no layer can say anything else of one instance.
+    """
+    session = stage.GetSessionLayer()
+    layers = stage.GetUsedLayers()
+    if _KEY in session.customLayerData or not any(each.ListAllTimeSamples() for each in layers):
+        return
+    start = stage.GetStartTimeCode()
+    sampled = list(_sampled(stage))
+    held = [(each, each.Get(start)) for each in sampled]
+    changes = [found for each, value in held for found in _changes(each, value, start)]
+    with Sdf.ChangeBlock():
+        for attribute, value in held:
+            _write(session, attribute, value)
+        import json  # noqa: PLC0415 - few stages have samples
+
+        session.customLayerData = {_KEY: json.dumps([astuple(each) for each in changes])}
+
+
+def release_start_values(stage: Usd.Stage) -> None:
+    """Have every attribute say again what its layers say, as before it was held."""
+    if _KEY in stage.GetSessionLayer().customLayerData:
+        stage.GetSessionLayer().Clear()
+
+
+def changes_after_start(stage: Usd.Stage) -> tuple[AnimatedAttribute, ...]:
+    """Return what changes after the start, of a stage that was held there."""
+    written = stage.GetSessionLayer().customLayerData.get(_KEY)
+    if written is None:
+        return ()
+    import json  # noqa: PLC0415 - few stages have samples
+
+    return tuple(AnimatedAttribute(*each) for each in json.loads(written))
+
+
+def _sampled(stage: Usd.Stage) -> Iterator[Usd.Attribute]:
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate):
+        for attribute in prim.GetAuthoredAttributes():
+            if attribute.GetNumTimeSamples():
+                yield attribute
+
+
+def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[AnimatedAttribute]:  # noqa: ANN401
+    """Yield the first sample after the start that is not as the value there."""
+    for time in attribute.GetTimeSamples():
+        then = attribute.Get(time) if time > start else first
+        if then != first and not _alike(plain_value(first), plain_value(then)):
+            prim, name = str(attribute.GetPrim().GetPath()), str(attribute.GetName())
+            yield AnimatedAttribute(prim, name, time, _text(first), _text(then))
+            return
+
+
+def _alike(one: Any, other: Any) -> bool:  # noqa: ANN401 - plain values of any depth
+    """Whether two values are the same up to float noise."""
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_alike, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=_RELATIVE, abs_tol=_RELATIVE)
+    return bool(one == other) and one is not None
+
+
+def _text(value: Any) -> str:  # noqa: ANN401
+    known = plain_value(value)
+    return "another value" if known is None else str(known)
+
+
+def _write(session: Sdf.Layer, attribute: Usd.Attribute, value: Any) -> None:  # noqa: ANN401
+    prim = Sdf.CreatePrimInLayer(session, attribute.GetPrim().GetPath())
+    spec = Sdf.AttributeSpec(prim, attribute.GetName(), attribute.GetTypeName())
+    spec.default = Sdf.ValueBlock() if value is None else value
+
 
 RELATIONSHIP = "rel"
 _WITH_VARIABLES = {Sdf.AssetPath, Sdf.AssetPathArray}  # of which the stage makes a path

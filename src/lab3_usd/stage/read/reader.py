@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pxr import Usd
@@ -13,20 +13,63 @@ from lab3_usd.model.stage import (
     AbsentPrim,
     GraphModel,
     Node,
+    PortState,
     Script,
     StageModel,
 )
-from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Value
 from lab3_usd.spec.lab import Lab
+from lab3_usd.stage.read.assets import IS_PRESENT, find_muted, find_unresolved, is_in_scene
 from lab3_usd.stage.read.colliders import StageColliders
-from lab3_usd.stage.read.layers import find_muted
-from lab3_usd.stage.read.missing_assets import IS_PRESENT, find_unresolved, is_in_scene
 from lab3_usd.stage.read.opening import cached, held, open_stage, quiet, stage_errors
-from lab3_usd.stage.read.plain_values import CENTIMETRES, plain_value, stage_number
-from lab3_usd.stage.read.ports import read_ports
 from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
-from lab3_usd.stage.read.properties import AuthoredProperties, authored_data
-from lab3_usd.stage.read.time_samples import changes_after_start
+from lab3_usd.stage.read.properties import (
+    CENTIMETRES,
+    RELATIONSHIP,
+    AuthoredProperties,
+    AuthoredProperty,
+    authored_data,
+    changes_after_start,
+    plain_value,
+    stage_number,
+)
+
+
+def read_ports(properties: AuthoredProperties, kind: NodeType | None) -> Mapping[str, PortState]:
+    """Return the ports among the properties of a prim, by full name; `kind` is its node type.
+
+    Of outputs only the names count: what flows through them is made at run time.
+    """
+    ports = {}
+    for name in properties.names():
+        if name.startswith(OUTPUT):
+            ports[name] = PortState(name)
+        elif name.startswith(INPUT):
+            ports[name] = _input(name, properties[name], kind)
+    return ports
+
+
+def _input(name: str, found: AuthoredProperty, kind: NodeType | None) -> PortState:
+    value, sources = found.value(), found.sources()
+    if value is None and not sources:
+        if found.type == RELATIONSHIP:
+            return PortState(name, RELATIONSHIP, targets=found.targets())
+        value = _value_in_metadata(name, found, kind)
+    # The type of a port without a value says nothing that a rule asks about.
+    return PortState(name, "" if value is None else found.type, value, sources)
+
+
+def _value_in_metadata(
+    name: str, attribute: AuthoredProperty, kind: NodeType | None
+) -> Value | None:
+    """Return the literal of an extended port, which Kit keeps beside the attribute's value."""
+    known = None if kind is None else kind.port(name)
+    # Files declare a port that takes values of several types as a token.
+    is_extended = attribute.type == "token" if known is None else known.is_union
+    if not is_extended:
+        return None
+    return plain_value(attribute.custom_data("omni", "graph", "attrValue"))
+
 
 _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"

@@ -6,11 +6,9 @@ from typing import Any
 
 from pxr import Usd, UsdGeom
 
-from lab3_usd.model.dry_run.affine import HERE, Affine
-from lab3_usd.model.dry_run.scene import Graph, Input, Node, Prim, Scene
-from lab3_usd.stage.read.missing_assets import find_unresolved
-from lab3_usd.stage.read.plain_values import CENTIMETRES, stage_number
-from lab3_usd.stage.read.properties import targets_of
+from lab3_usd.model.dry_run import HERE, Affine, Graph, Input, Node, Prim, Scene
+from lab3_usd.stage.read.assets import find_unresolved
+from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
 
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"
 IGNORED = ("Replicator", "Render")

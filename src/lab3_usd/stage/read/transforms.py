@@ -16,9 +16,8 @@ from typing import Any
 from pxr import Gf, Usd, Vt
 
 from lab3_usd.model.prims import Matrix
-from lab3_usd.model.transform_math import IDENTITY, multiply
-from lab3_usd.stage.read.plain_values import elements
-from lab3_usd.stage.read.properties import authored_data
+from lab3_usd.model.transforms import IDENTITY, multiply
+from lab3_usd.stage.read.properties import authored_data, elements
 
 ORDER = "xformOpOrder"
 RESET = "!resetXformStack!"

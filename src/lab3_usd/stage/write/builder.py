@@ -14,11 +14,10 @@ from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.files import temporary_beside
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read.layers import layer_files
+from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import open_stage, quiet
-from lab3_usd.stage.write.author import author_graph, author_sensor
-from lab3_usd.stage.write.starter import starter_layer
-from lab3_usd.stage.write.starter_check import is_root_articulated, starter_problems
+from lab3_usd.stage.write.graphs import author_graph, author_sensor
+from lab3_usd.stage.write.starter import is_root_articulated, starter_layer, starter_problems
 
 _URI = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")
 LIDAR = "lidar"

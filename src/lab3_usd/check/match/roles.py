@@ -1,0 +1,304 @@
+"""Matches the nodes of a graph to the roles of its spec so that the fewest differences remain."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+
+from msgspec import Struct, field
+
+from lab3_usd.check.match.conformance import setting_matches, source_path, target_matches
+from lab3_usd.check.match.subject import Roles
+from lab3_usd.check.ros.running import effective_value
+from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.spec.catalog import INPUT, Port, Scripts
+from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
+
+# Steps of the search. A graph that somebody made takes some dozens; the limit only keeps files
+# that were made to be slow from taking longer, and the best assignment so far is used then.
+MOST_STEPS = 20_000
+
+Pairs = dict[str, Node | None]
+# Differences in wires, values and targets; in names; in values and targets alone.
+_Cost = tuple[int, int, int]
+
+
+class _Search(Struct):
+    """A branch-and-bound search over the roles in `order`; the others have no choice.
+
+    `nodes` holds the nodes of each role's type, `spare` how many roles of a type must stay
+    without one, `wires` the wires between a role and those before it, `least` what the roles
+    from each depth on cost at least.
+    """
+
+    spec: GraphSpec
+    order: list[str]
+    nodes: Mapping[str, list[Node]]
+    spare: dict[str, int]
+    wires: Mapping[str, list[Wire]]
+    own: Mapping[tuple[str, str], _Cost]
+    least: list[_Cost]
+    pairs: Pairs = field(default_factory=dict)
+    best: Pairs | None = None
+    cost: _Cost = (0, 0, 0)
+    steps: int = MOST_STEPS
+
+
+def assign(spec: GraphSpec, graph: GraphModel) -> Pairs:
+    """Return the node of each role, None where the graph has too few of its type.
+
+    Of all assignments that leave as few roles as possible without a node, the one with the
+    fewest differences is taken; ties go to names, then values, then the order of roles and paths.
+    """
+    search = _search(spec, graph)
+    _descend(search, 0, (0, 0, 0))
+    best = search.best or {}
+    return {role: best.get(role) for role in spec.nodes}
+
+
+def _search(spec: GraphSpec, graph: GraphModel) -> _Search:
+    by_type: dict[str, list[Node]] = {}
+    for node in sorted(graph.nodes, key=lambda each: each.path):
+        if node.type is not None:
+            by_type.setdefault(node.type.type, []).append(node)
+    nodes = {role: by_type.get(each.type.type, []) for role, each in spec.nodes.items()}
+    asked = Counter(each.type.type for each in spec.nodes.values())
+    spare = {kind: count - len(by_type.get(kind, ())) for kind, count in asked.items()}
+    pairs = {
+        role: next(iter(nodes[role]), None)
+        for role, each in spec.nodes.items()
+        if asked[each.type.type] == 1 and len(nodes[role]) <= 1
+    }
+    # Roles with few candidates come first: they say most about the others.
+    order = sorted(
+        (role for role in spec.nodes if role not in pairs), key=lambda role: len(nodes[role])
+    )
+    own = {
+        (role, node.path): _own(spec.nodes[role], node) for role in order for node in nodes[role]
+    }
+    least = [(0, 0, 0)]
+    for role in reversed(order):
+        stays = spare[spec.nodes[role].type.type] > 0
+        offers = [] if stays else [own[role, node.path] for node in nodes[role]]
+        least.append(_sum(least[-1], _floor(offers)))
+    return _Search(spec, order, nodes, spare, _wires(spec, order), own, least[::-1], pairs)
+
+
+def _floor(offers: list[_Cost]) -> _Cost:
+    """Return what a role costs at least in each respect, whichever node plays it."""
+    if not offers:
+        return (0, 0, 0)
+    wires, names, values = zip(*offers, strict=True)
+    return min(wires), min(names), min(values)
+
+
+def _wires(spec: GraphSpec, order: list[str]) -> dict[str, list[Wire]]:
+    """File each wire under the later one of its two roles, unless neither is in the order."""
+    depth = {role: number for number, role in enumerate(order)}
+    wires: dict[str, list[Wire]] = {role: [] for role in order}
+    for wire in spec.wires if order else ():
+        ends = [role for role in (wire.source.role, wire.target.role) if role in depth]
+        if ends:
+            wires[max(ends, key=depth.__getitem__)].append(wire)
+    return wires
+
+
+def _own(spec: NodeSpec, node: Node) -> _Cost:
+    """Count what differs between a role and a node, its wires left out."""
+    unmet = sum(not setting_matches(node, each, node.value(each.port)) for each in spec.settings)
+    unmet += sum(not target_matches(node, target) for target in spec.targets)
+    return unmet, int(node.name != spec.role), unmet
+
+
+def _sum(one: _Cost, other: _Cost) -> _Cost:
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+
+
+def _descend(search: _Search, depth: int, cost: _Cost) -> None:
+    if search.best is not None and _is_hopeless(search, depth, cost):
+        return
+    if depth == len(search.order):
+        search.best, search.cost = dict(search.pairs), cost
+        return
+    role = search.order[depth]
+    kind = search.spec.nodes[role].type.type
+    for added, node in sorted(_offers(search, role), key=lambda offer: offer[0]):
+        search.steps -= 1
+        search.pairs[role] = node
+        search.spare[kind] -= node is None
+        _descend(search, depth + 1, _sum(cost, added))
+        search.spare[kind] += node is None
+        del search.pairs[role]
+
+
+def _is_hopeless(search: _Search, depth: int, cost: _Cost) -> bool:
+    """Whether nothing better than the best can come of the roles still open."""
+    return search.steps <= 0 or _sum(cost, search.least[depth]) >= search.cost
+
+
+def _offers(search: _Search, role: str) -> Iterator[tuple[_Cost, Node | None]]:
+    """Yield the nodes that are free for a role with what each of them adds to the cost."""
+    used = {node.path for node in search.pairs.values() if node is not None}
+    for node in search.nodes[role]:
+        if node.path not in used:
+            unmet = sum(_is_unmet(search, wire, role, node) for wire in search.wires[role])
+            yield _sum(search.own[role, node.path], (unmet, 0, 0)), node
+    if search.spare[search.spec.nodes[role].type.type] > 0:
+        yield (0, 0, 0), None
+
+
+def _is_unmet(search: _Search, wire: Wire, role: str, node: Node) -> bool:
+    source = node if wire.source.role == role else search.pairs[wire.source.role]
+    target = node if wire.target.role == role else search.pairs[wire.target.role]
+    if source is None or target is None:
+        return False
+    return source_path(source, wire) not in target.sources(wire.target.port)
+
+
+NO_SCRIPTS = Scripts((), ())
+
+
+def match(spec: GraphSpec, graph: GraphModel | None, scripts: Scripts = NO_SCRIPTS) -> Roles:
+    """Assign the graph's nodes to roles of the same type.
+
+    Among all assignments the one is taken that leaves the fewest differences in wires, values
+    and targets; then the fewest in names, then in values alone; then the first in the order of
+    roles and paths. Prim names decide nothing else, the order of the nodes decides nothing. A node
+    that runs one of `scripts` stands in no other's place.
+    """
+    if graph is None:
+        return Roles(None, dict.fromkeys(spec.nodes), {})
+    return complete_roles(spec, graph, assign(spec, graph), graph.nodes, scripts)
+
+
+def complete_roles(
+    spec: GraphSpec,
+    graph: GraphModel,
+    node_of: Pairs,
+    offered: Sequence[Node],
+    scripts: Scripts,
+) -> Roles:
+    """Return the roles as assigned, and what the other nodes are; `offered` may be extra nodes."""
+    taken = {node.path for node in node_of.values() if node is not None}
+    others = sorted(
+        (node for node in graph.nodes if node.path not in taken), key=lambda node: node.path
+    )
+    free = {node.path for node in offered}
+    extra = [node for node in others if node.path in free]
+    retyped = _retyped(spec, node_of, [node for node in extra if not _has_a_job(node, scripts)])
+    used = {node.path for node in retyped.values()}
+    return Roles(
+        graph=graph,
+        node_of=node_of,
+        role_of={node.path: role for role, node in node_of.items() if node is not None},
+        equivalents=_stand_ins(
+            node_of,
+            [node for node in others if node.path not in used],
+            {node.path: node for node in graph.nodes},
+        ),
+        extra=tuple(node for node in extra if node.path not in used),
+        retyped=retyped,
+    )
+
+
+def _stand_ins(pairs: Pairs, others: Sequence[Node], nodes: Mapping[str, Node]) -> dict[str, str]:
+    """Map each other node that does the same as a matched one to that one's role.
+
+    What is wired from a stand-in counts as wired from the node that it stands in for.
+    """
+    found: dict[str, str] = {}
+    before = -1
+    while len(found) > before:
+        before = len(found)
+        for node in others:
+            role = None if node.path in found else _same_as(node, pairs, found, nodes)
+            if role is not None:
+                found[node.path] = role
+    return found
+
+
+def _same_as(
+    node: Node, pairs: Pairs, found: Mapping[str, str], nodes: Mapping[str, Node]
+) -> str | None:
+    """Return the role of the node's type that is played by one with the same effective inputs."""
+    players = {path: matched for path, role in found.items() if (matched := pairs[role])}
+    for role, matched in pairs.items():
+        if matched is not None and node.type is not None and node.type is matched.type:
+            names = {port.name for port in node.type.ports.values() if not _is_output(port)}
+            names |= {name for each in (node, matched) for name in each.ports if _grows(each, name)}
+            if all(_same_input(node, matched, name, players, nodes) for name in names):
+                return role
+    return None
+
+
+def _is_output(port: Port) -> bool:
+    return port.is_source and not port.output_only
+
+
+def _grows(node: Node, name: str) -> bool:
+    return name.startswith(INPUT) and node.type is not None and node.type.port(name) is not None
+
+
+def _same_input(
+    one: Node, other: Node, port: str, players: Mapping[str, Node], nodes: Mapping[str, Node]
+) -> bool:
+    """Whether the same reaches two inputs: over wires, as a value, as targets."""
+    sources = [_played(each.sources(port), players) for each in (one, other)]
+    if any(sources) and sources[0] == sources[1]:
+        return True
+    if one.targets(port) != other.targets(port):
+        return False
+    values = [effective_value(each, port, nodes) for each in (one, other)]
+    is_known = values[0] is not None or not any(sources)
+    return is_known and values[0] == values[1]
+
+
+def _played(sources: Sequence[str], players: Mapping[str, Node]) -> list[str]:
+    """Return the sources with the node that plays the role in the place of one that stands in."""
+    ends = (source.rpartition(".") for source in sources)
+    return sorted(
+        f"{players[path].path}.{port}" if path in players else f"{path}.{port}"
+        for path, _, port in ends
+    )
+
+
+def _has_a_job(node: Node, scripts: Scripts) -> bool:
+    """Whether the node talks to ROS 2 or runs a script, and so stands in nobody's place."""
+    return scripts.runs(node.type_name) or (node.type is not None and bool(node.type.role))
+
+
+def _retyped(spec: GraphSpec, pairs: Pairs, extra: Sequence[Node]) -> dict[str, Node]:
+    """Pair each role without a node with the node of another type that stands in its place.
+
+    Its place is known by the wires that run to and from it, or by its name.
+    """
+    found: dict[str, Node] = {}
+    for role in spec.nodes:
+        if pairs[role] is not None:
+            continue
+        offers = (
+            sorted(
+                (-_overlap(spec, pairs, role, node), node.path, node)
+                for node in extra
+                if node.path not in {each.path for each in found.values()}
+            )
+            if extra
+            else []
+        )
+        if offers and offers[0][0] < 0:
+            found[role] = offers[0][2]
+    return found
+
+
+def _overlap(spec: GraphSpec, pairs: Pairs, role: str, node: Node) -> int:
+    """Count the wires of `role` that this node has to the right neighbours."""
+    shared = int(node.name == role)
+    for wire in spec.wires:
+        other = pairs[wire.target.role] if wire.source.role == role else None
+        if other is not None:
+            sources = other.sources(wire.target.port)
+            shared += any(source.startswith(f"{node.path}.") for source in sources)
+        other = pairs[wire.source.role] if wire.target.role == role else None
+        if other is not None:
+            shared += source_path(other, wire) in node.sources(wire.target.port)
+    return shared

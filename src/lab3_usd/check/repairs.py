@@ -1,0 +1,366 @@
+"""How to repair what rules found: a finding and the spec give the edits."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+from msgspec.structs import replace
+
+from lab3_usd.check.match.conformance import setting_matches, source_path
+from lab3_usd.check.match.subject import GraphSubject, StageSubject
+from lab3_usd.check.robot.poses import ORDER
+from lab3_usd.check.robot.wheels import base_side, wheel_joints
+from lab3_usd.check.ros.topics import likely_name
+from lab3_usd.check.tf.targets import NAME_OVERRIDE
+from lab3_usd.model.changes import (
+    Activate,
+    AddGraph,
+    AddNode,
+    ApplySchema,
+    ClearValue,
+    Connect,
+    Edit,
+    MovePrim,
+    RemovePrim,
+    RemoveSchema,
+    RenameProperty,
+    Repair,
+    Restore,
+    Retarget,
+    SetValue,
+)
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.physics import FIXED, JOINT_ENABLED
+from lab3_usd.model.stage import DEACTIVATED, OVER, Node, PortState
+from lab3_usd.spec.catalog import Catalog, NodeType, Port
+from lab3_usd.spec.graph import NodeSpec
+
+TYPE, VERSION = "node:type", "node:typeVersion"
+
+
+def property_edits(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[Edit]:
+    """Yield what makes one property of a node right; nothing where it is."""
+    spec = subject.spec.nodes[role]
+    port = spec.type.port(name)
+    if name in {TYPE, VERSION}:
+        yield from _type_edits(spec, node)
+    elif port is None:
+        yield from _unknown_port_edits(subject, role, node, name)
+    elif port.is_target:
+        yield from _target_edits(spec, node, name)
+    else:
+        yield from _renaming(spec, node, name)
+        yield from _wire_edits(subject, role, node, port)
+        yield from _value_edits(subject, role, node, port)
+
+
+def _type_edits(spec: NodeSpec, node: Node) -> Iterator[Edit]:
+    if node.type_name != spec.type.type:
+        yield SetValue(node.path, TYPE, "token", spec.type.type)
+    if node.version != spec.type.version:
+        yield SetValue(node.path, VERSION, "int", spec.type.version)
+
+
+def modern_types(nodes: Iterable[Node], catalog: Catalog) -> Iterator[Edit]:
+    """Yield the names that the types of nodes have now, where they are of an earlier release."""
+    for node in nodes:
+        now = catalog.modern(node.type_name)
+        if now != node.type_name:
+            yield SetValue(node.path, TYPE, "token", now)
+
+
+def _unknown_port_edits(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[Edit]:
+    """Yield what makes a port right that the type does not have: its name, else no connection."""
+    kind = subject.spec.nodes[role].type
+    likely = likely_name(name, [*kind.ports])
+    if likely is not None and _misspelt(kind, node, likely) == name:
+        yield from property_edits(subject, role, node, likely)
+    elif node.sources(name):
+        yield Connect(node.path, name, "token")
+
+
+def _renaming(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:
+    written = _misspelt(spec.type, node, name)
+    if written is not None:
+        yield RenameProperty(node.path, written, name)
+
+
+def _misspelt(kind: NodeType, node: Node, name: str) -> str | None:
+    """Return the property that was likely meant to be a port which the node does not have."""
+    unknown = [each for each in node.ports if kind.port(each) is None]
+    written = likely_name(name, unknown) if name not in node.ports else None
+    return written if written and likely_name(written, [*kind.ports]) == name else None
+
+
+def _target_edits(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:
+    asked = next((each.prims for each in spec.targets if each.port == name), ())
+    if node.targets(name) != asked:
+        yield Retarget(node.path, name, asked)
+
+
+def _wire_edits(subject: GraphSubject, role: str, node: Node, port: Port) -> Iterator[Edit]:
+    actual = node.sources(port.name)
+    asked = tuple(_sources(subject, role, node, port.name))
+    if actual != asked:
+        yield Connect(node.path, port.name, port.usd_type, asked)
+
+
+def _sources(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[str]:
+    """Yield what an input should be connected to; an optional connection stays."""
+    for wire in (*subject.spec.wires, *subject.spec.optional_wires):
+        source = subject.roles.node_of[wire.source.role]
+        if (wire.target.role, wire.target.port) == (role, name) and source is not None:
+            path = source_path(source, wire)
+            if wire in subject.spec.wires or path in node.sources(name):
+                yield path
+
+
+def _value_edits(subject: GraphSubject, role: str, node: Node, port: Port) -> Iterator[Edit]:
+    spec, state = subject.spec.nodes[role], node.state(port.name)
+    setting = next((each for each in spec.settings if each.port == port.name), None)
+    if setting is not None:
+        is_typed = state is None or state.usd_type in {"", port.usd_type}
+        if not is_typed or not setting_matches(node, setting, node.value(port.name)):
+            yield SetValue(node.path, port.name, port.usd_type, setting.value)
+    elif state is not None and not _is_left_alone(subject, role, state, port):
+        yield ClearValue(node.path, port.name)
+
+
+def _is_left_alone(subject: GraphSubject, role: str, state: PortState, port: Port) -> bool:
+    """Whether an input that the handout does not set has no value of its own, or is connected."""
+    is_connected = any(each.target.port == port.name for each in subject.spec.wires_into(role))
+    return is_connected or state.value is None or state.value == port.default
+
+
+_SCHEMA = r"[A-Z]\w+API(:\w+)?"
+_GRAPH_PLACE = "G02"
+_GRAPH_KIND = "G03"
+_NAMESPACE = "P10"
+_OLD_TYPES = "N06"
+_MISSING_GRAPH = "G01"
+_MISSING_NODE = "N01"
+_UNWANTED = ("N02", "N07", "N08", "N09", "N12", "S21", "S23", "L07")
+_EARLY = ("G04", "S18", "L08", "C09", "D07")
+_MISSING_PRIM = "S01"
+_MOVED = (_MISSING_PRIM, "S07", "L02", "C02", _GRAPH_PLACE)
+_ARTICULATION = "S11"
+_WHEEL_SHAPE = "S06"
+_LOOSE_LINK = "S12"
+_NOT_AT_REST = "S19"
+_OTHER_ASSET = "L11"  # a reference to an asset that is not here
+_FRAMES = "physics:local"
+_SCENE = ("S", "L", "C")
+_NEEDS_CONSENT = (AddGraph, AddNode, RemovePrim, MovePrim)
+
+
+def with_repairs(
+    findings: Iterable[Finding], subjects: Sequence[GraphSubject], whole: StageSubject
+) -> Iterator[Finding]:
+    """Yield the findings, those that have one right repair together with it."""
+    for each in findings:
+        edits = () if each.severity == "note" else tuple(_edits(each, subjects, whole))
+        yield replace(each, fix=repair_by(edits)) if edits else each
+
+
+def repair_by(edits: tuple[Edit, ...]) -> Repair:
+    """Return the repair that makes these edits, safe where none adds, removes or moves a prim."""
+    is_safe = not any(
+        isinstance(each, _NEEDS_CONSENT) or (isinstance(each, Restore) and each.property is None)
+        for each in edits
+    )
+    return Repair("; ".join(map(_title, edits)), edits, is_safe)
+
+
+def _title(edit: Edit) -> str:
+    words = type(edit).__struct_config__.tag
+    name = getattr(edit, "property", None)
+    return f"{str(words).replace('-', ' ')} {edit.prim}{f'.{name}' if name else ''}"
+
+
+def _edits(
+    finding: Finding, subjects: Sequence[GraphSubject], whole: StageSubject
+) -> Iterator[Edit]:
+    if finding.rule in (*_UNWANTED, *_EARLY) or _is_of_extra_node(finding, subjects):
+        yield RemovePrim(finding.prim)
+    elif finding.rule in _MOVED and finding.expected in (*finding.related, _path_asked(finding)):
+        yield from _move(finding)
+    elif finding.rule == _NAMESPACE or finding.property == NAME_OVERRIDE:
+        yield ClearValue(finding.prim, finding.property or "")
+    elif finding.rule[0] in _SCENE:
+        yield from _scene_edits(finding, whole)
+    else:
+        for subject in subjects:
+            yield from _graph_edits(finding, subject)
+
+
+def _is_of_extra_node(finding: Finding, subjects: Sequence[GraphSubject]) -> bool:
+    """Whether an error tells what harm a node does that plays no role in the lab."""
+    return finding.severity == "error" and any(
+        node.path == finding.prim for subject in subjects for node in subject.roles.extra
+    )
+
+
+def _path_asked(finding: Finding) -> str | None:
+    return finding.expected if finding.rule == _GRAPH_PLACE else None
+
+
+def _move(finding: Finding) -> Iterator[Edit]:
+    if finding.expected is not None and finding.expected != finding.prim:
+        yield MovePrim(finding.prim, finding.expected)
+
+
+def _graph_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
+    graph, spec = subject.roles.graph, subject.spec
+    if finding.rule == _MISSING_GRAPH and finding.prim == spec.path:
+        yield from _missing_graph_edits(subject)
+    elif graph is not None and finding.prim == graph.path:
+        if finding.rule == _GRAPH_KIND:
+            yield from _kind_edits(finding, subject)
+        if finding.rule == _OLD_TYPES:
+            yield from modern_types(graph.nodes, subject.lab.catalog)
+        if finding.rule == _MISSING_NODE:
+            yield from _node_edits(finding, subject)
+    else:
+        for site in _sites(finding):
+            yield from _site_edits(site, subject)
+
+
+def _missing_graph_edits(subject: GraphSubject) -> Iterator[Edit]:
+    """Yield how to get a graph back; a prim of another kind at its path stays."""
+    path = subject.spec.path
+    there = subject.stage.prims.get(path)
+    if there is None:
+        yield AddGraph(path, subject.spec.name)
+    elif not there.present:
+        yield Activate(path)
+
+
+def _kind_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
+    for each in subject.lab.catalog.graph.attributes:
+        if each.name == finding.property:
+            yield SetValue(finding.prim, each.name, each.usd_type, each.value)
+
+
+def _node_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
+    """Yield how to get a missing node: one that is in the file is activated."""
+    for role, spec in subject.spec.nodes.items():
+        if f"({role}) is missing" not in finding.message or spec.type.type != finding.expected:
+            continue
+        if any(f" is {each}" in finding.message for each in (DEACTIVATED, OVER)):
+            yield Activate(finding.related[0])
+        elif not finding.related:
+            yield AddNode(f"{finding.prim}/{role}", subject.spec.name, role)
+
+
+def _sites(finding: Finding) -> Iterator[tuple[str, str]]:
+    """Yield the properties that a finding names."""
+    if finding.property:
+        yield finding.prim, finding.property
+    for each in finding.related:
+        prim, dot, name = each.partition(".")
+        if dot:
+            yield prim, name
+
+
+def _site_edits(site: tuple[str, str], subject: GraphSubject) -> Iterator[Edit]:
+    path, name = site
+    role, node = subject.roles.role_of.get(path), subject.live_nodes.get(path)
+    if role is None:
+        role = next((r for r, each in subject.roles.retyped.items() if each.path == path), None)
+    if role is not None and node is not None:
+        yield from property_edits(subject, role, node, name)
+
+
+def _scene_edits(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
+    schema = finding.expected if re.fullmatch(_SCHEMA, finding.expected or "") else None
+    if finding.rule == _ARTICULATION:
+        yield from _articulation_edits(finding, whole, is_there=schema is None)
+    elif schema is not None and finding.rule != _WHEEL_SHAPE:
+        yield ApplySchema(finding.prim, schema)
+    elif schema is None and re.fullmatch(_SCHEMA, finding.actual or ""):
+        yield RemoveSchema(finding.prim, finding.actual or "")
+    elif finding.rule == _WHEEL_SHAPE and len(off := _deactivated(finding, whole)) == 1:
+        yield Activate(off[0])
+    elif schema is not None:
+        yield Restore(finding.prim)
+    else:
+        yield from _restores(finding, whole)
+
+
+def _restores(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
+    """Yield how to restore the properties that a finding names, else its prims."""
+    if finding.property:
+        sites = () if _is_turned_round(finding, whole) else _sites(finding)
+        yield from (Restore(*each) for each in sites)
+    elif finding.rule == _MISSING_PRIM and finding.related:  # where the prim seems to be
+        if len(finding.related) == 1:
+            yield MovePrim(finding.related[0], finding.prim)
+    elif finding.expected == FIXED:  # a joint of another type
+        yield Restore(finding.prim)
+    elif finding.rule == _LOOSE_LINK and finding.related:  # joints that are switched off
+        yield from (Restore(each, JOINT_ENABLED) for each in finding.related)
+    elif not _is_out_of_reach(finding, whole):
+        yield from map(Restore, (finding.prim, *finding.related))
+
+
+def _is_out_of_reach(finding: Finding, whole: StageSubject) -> bool:
+    """Whether a fault is in what a prim refers to, or in a prim above the one that is named."""
+    if finding.rule == _NOT_AT_REST and finding.prim == whole.lab.scene.robot.path:
+        grounds = map(whole.stage.prim, finding.related)
+        return not any(ORDER in each.attributes for each in grounds if each)
+    return finding.rule == _OTHER_ASSET
+
+
+def _is_turned_round(finding: Finding, whole: StageSubject) -> bool:
+    """Whether it is about the frame of a joint whose bodies are the other way round."""
+    return (finding.property or "").startswith(_FRAMES) and any(
+        each.site == finding.prim and base_side(each) == 1 for each in wheel_joints(whole)
+    )
+
+
+def _deactivated(finding: Finding, whole: StageSubject) -> list[str]:
+    """Return what is deactivated at and below the link that a finding is about."""
+    link = next(iter(finding.related), finding.prim)
+    return [each.path for each in whole.stage.below(link) if not each.active]
+
+
+def _articulation_edits(finding: Finding, whole: StageSubject, *, is_there: bool) -> Iterator[Edit]:
+    """Yield how to have one articulation root, switched on, on the prim that the lab names."""
+    asked = whole.lab.scene.robot.articulation
+    if is_there:
+        yield RemoveSchema(finding.prim, asked.api)
+        yield ApplySchema(asked.target, asked.api)
+    else:
+        yield ApplySchema(finding.prim, asked.api)
+        yield ClearValue(finding.prim, asked.switch)
+
+
+_MISSING, _STARTER_SCHEMA, _PLACE, _ADDED = "U01", "U03", "U05", "U07"
+_ABSENT = "missing"
+_POSE = "xformOpOrder"
+
+
+def with_starter_repairs(
+    findings: Iterable[Finding], is_supplied: Callable[[str], bool]
+) -> Iterator[Finding]:
+    """Yield the findings, those that have one right repair together with it.
+
+    What stands elsewhere than in the starter has none: nothing is supplied at its path.
+    Of several differences of a prim the first is repaired; the next one is found after that.
+    """
+    for each in findings:
+        is_there = each.rule == _ADDED or is_supplied(each.prim)
+        edits = tuple(_starter_edits(each)) if is_there else ()
+        yield replace(each, fix=repair_by(edits)) if edits and each.severity != "note" else each
+
+
+def _starter_edits(finding: Finding) -> Iterator[Edit]:
+    if finding.rule == _MISSING and finding.actual != _ABSENT:
+        yield Activate(finding.prim)
+    elif finding.rule == _STARTER_SCHEMA and finding.expected:
+        yield ApplySchema(finding.prim, finding.expected)
+    elif finding.property or finding.rule == _PLACE:
+        yield Restore(finding.prim, finding.property or _POSE)
+    elif finding.rule != _ADDED:
+        yield Restore(finding.prim)

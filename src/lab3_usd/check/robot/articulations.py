@@ -1,0 +1,278 @@
+"""The robots that nodes command or follow: articulations, joints, drives, wheels and bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from msgspec import Struct
+
+from lab3_usd.check.robot.wheels import joint_names
+from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
+from lab3_usd.check.tf.targets import articulation_links
+from lab3_usd.model.physics import (
+    BODIES,
+    FIXED,
+    JOINT_ENABLED,
+    REVOLUTE,
+    is_articulated,
+    is_excluded,
+    is_joint_type,
+    is_switched_off,
+)
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import Node, StageModel, is_subtree_unresolved, is_unresolved
+from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts, can_connect
+from lab3_usd.spec.isaac import BodyOf, UnitOf
+
+
+def unit_of(node: Node, port: str, subject: LintSubject, depth: int = 8) -> float | None:
+    """Return how many metres are 1 in what comes into an input, None where nothing tells it."""
+    sources = list(live_sources(node, port, subject.live)) if depth else []
+    if len(sources) != 1 or not _is_taken(sources[0], node, port):
+        return None
+    source, out = sources[0]
+    said = None if source.type is None else subject.types.units.get(source.type.type)
+    if said is None or out.removeprefix(OUTPUT) in said.metres:
+        return None if said is None else 1.0
+    unit = unit_of(source, INPUT + said.passes, subject, depth - 1) if said.passes else None
+    factor = _factor(source, said, subject)
+    return None if unit is None or factor is None else unit * factor
+
+
+def _is_taken(end: tuple[Node, str], node: Node, port: str) -> bool:
+    """Whether OmniGraph takes a wire: it refuses one between types that do not go together."""
+    source, out = end
+    left = None if source.type is None else source.type.port(out)
+    enters = None if node.type is None else node.type.port(port)
+    return left is None or enters is None or can_connect(left, enters)
+
+
+def _factor(node: Node, said: UnitOf, subject: LintSubject) -> float | None:
+    """Return by how much a node makes the unit larger, None where it gives nothing."""
+    if not said.by:
+        return 1.0
+    unit = subject.stage.meters_per_unit or 1.0
+    factors = {said.to_stage: unit, said.to_metres: 1.0 / unit}
+    return factors.get(str(effective_value(node, INPUT + said.by, subject.live)))
+
+
+AXES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
+_MIMIC = "Mimic"
+
+
+class Command(Struct, frozen=True, eq=False):
+    """A node that moves joints: its robot, and the joints that it names, None where unknown.
+
+    `robot` is '' where the stage does not tell; `is_open` where an asset could hold the robot.
+    """
+
+    node: Node
+    ports: DrivePorts
+    port: str
+    robot: str
+    roots: tuple[str, ...]
+    names: tuple[str, ...] | None
+    is_open: bool
+
+
+def commands(subject: LintSubject) -> Iterator[Command]:
+    """Yield every live node that moves joints, in the order of the stage."""
+    for node in subject.live.values():
+        ports = None if node.type is None else node.type.drives
+        if ports is None:
+            continue
+        path = effective_value(node, ports.path, subject.live)
+        is_by_path = path is None or bool(path)
+        aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
+        yield Command(
+            node=node,
+            ports=ports,
+            port=ports.path if is_by_path else ports.target,
+            robot=aim,
+            roots=tuple(articulations(aim, subject.stage)) if aim else (),
+            names=_names(node, ports, subject),
+            is_open=not aim or is_subtree_unresolved(subject.stage, aim),
+        )
+
+
+def _names(node: Node, ports: DrivePorts, subject: LintSubject) -> tuple[str, ...] | None:
+    """Return the names of the joints, None where they are unknown or given by number."""
+    numbers = node.state(ports.joints.replace("Names", "Indices"))
+    if numbers is not None and (numbers.sources or numbers.value):
+        return None
+    return joint_names(node, ports.joints, subject.live)
+
+
+def articulations(top: str, stage: StageModel) -> Iterator[str]:
+    """Yield the roots of articulations at and below a prim."""
+    for prim in stage.below(top):
+        if is_articulated(prim):
+            yield prim.path
+
+
+def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
+    """Return the joints of a robot that can move, by name.
+
+    Joints may stand anywhere: those count that tie a body of the robot's own subtree, or stand in
+    it. The subtree is that of the target and of the articulation root; of joints of other names
+    also that of the prim right above the root, where its links may stand beside it.
+    """
+    inside = {command.robot, *command.roots}
+    around = {root.rpartition("/")[0] or root for root in command.roots}
+    joints = [
+        prim
+        for prim in stage.of_type(is_joint_type)
+        if prim.present and prim.type != FIXED and not is_excluded(prim)
+    ]
+    found: dict[str, Prim] = {}
+    for tops in (inside, around):
+        for joint in joints:
+            if any(
+                is_at_or_below(path, top) for path in (joint.path, *ends(joint)) for top in tops
+            ):
+                found.setdefault(joint.name, joint)
+    return found
+
+
+def ends(joint: Prim) -> tuple[str, ...]:
+    """Return the bodies that a joint ties."""
+    return tuple(path for name in BODIES for path in joint.relationships.get(name, ()))
+
+
+def told_joints(command: Command, port: str, subject: LintSubject) -> list[Prim]:
+    """Return the joints that a command surely moves: those that are named, or all of the robot.
+
+    Without names each joint gets a command only where there are as many commands as joints, and
+    none of them stands still.
+    """
+    if command.names:
+        known = joints_of(command, subject.stage)
+        return [known[name] for name in dict.fromkeys(command.names) if name in known]
+    value = effective_value(command.node, port, subject.live)
+    if isinstance(value, tuple):
+        is_moving = all(value)
+    else:
+        is_moving = controller_of(command, subject) is not None
+    joints = _axes(command, subject.stage) if is_moving and command.names == () else []
+    return joints if number_of_commands(command, port, subject) == len(joints) else []
+
+
+def _axes(command: Command, stage: StageModel) -> list[Prim]:
+    """Return the joints of the one robot of a command, none where they are not all plain axes."""
+    root = stage.prim(command.roots[0]) if len(command.roots) == 1 else None
+    links = (None if root is None else articulation_links(root, stage)) or {}
+    joints = [each for each in joints_of(command, stage).values() if set(ends(each)) & set(links)]
+    return joints if all(_is_axis(each) for each in joints) else []
+
+
+def _is_axis(joint: Prim) -> bool:
+    """Whether a joint has one axis that moves by itself, and not as another joint does."""
+    follows = any(_MIMIC in api for api in joint.apis)
+    return joint.type in AXES and not follows and not is_switched_off(joint, JOINT_ENABLED)
+
+
+def wired_commands(command: Command) -> list[str]:
+    """Return the kinds of commands that a node gives: the names of its inputs."""
+    given = []
+    for port in command.ports.commands:
+        state = command.node.state(port)
+        if state is not None and (state.sources or state.value):
+            given.append(port)
+    return given
+
+
+def number_of_commands(command: Command, port: str, subject: LintSubject) -> int | None:
+    """Return how many values come into an input for commands, None where nothing tells it."""
+    sources = list(live_sources(command.node, port, subject.live))
+    if len(sources) > 1:
+        return None
+    for source, out in sources:
+        kind = source.type
+        if kind is not None and out in kind.sizes:
+            return kind.sizes[out]
+        if kind is not None and kind.dynamic is not None:
+            count = effective_value(source, INPUT + kind.dynamic.count, subject.live)
+            return count if isinstance(count, int) else None
+    value = effective_value(command.node, port, subject.live)
+    return len(value) if isinstance(value, tuple) else None
+
+
+def controller_of(command: Command, subject: LintSubject) -> Node | None:
+    """Return the node that computes the wheel speeds of a command, None for several or none."""
+    for port in command.ports.commands:
+        for source, _ in live_sources(command.node, port, subject.live):
+            if source.type is not None and source.type.step_limits:
+                return source
+    return None
+
+
+class Followed(Struct, frozen=True, eq=False):
+    """A node that follows a body: the prim that it names, and the one that stands for it.
+
+    `body` is None where a robot lists no link.
+    """
+
+    node: Node
+    asked: BodyOf
+    prim: Prim
+    body: Prim | None
+
+    @property
+    def port(self) -> str:
+        """The input that names the prim."""
+        return INPUT + self.asked.prim
+
+    @property
+    def is_body(self) -> bool:
+        """Whether there is anything to follow."""
+        return self.body is not None and _is_body(self.body, self.asked)
+
+
+def followed_bodies(subject: LintSubject) -> Iterator[Followed]:
+    """Yield the nodes that follow a prim of which the stage tells everything."""
+    stage = subject.stage
+    for node in subject.live.values():
+        asked = _asked(node, subject)
+        prim = None if asked is None else stage.prim(_first(node.targets(INPUT + asked.prim)))
+        if asked is None or prim is None:
+            continue  # of a target that is not there another rule speaks
+        path = prim.path
+        if asked.robot in prim.apis and not _is_body(prim, asked):
+            path = _first(_links(prim, asked, subject))
+        if not any(is_unresolved(stage, each) for each in (prim.path, path)):
+            yield Followed(node, asked, prim, stage.prim(path))
+
+
+def _first(paths: Iterable[str]) -> str:
+    return next(iter(paths), "")
+
+
+def _is_body(prim: Prim, asked: BodyOf) -> bool:
+    return bool(set(prim.apis) & set(asked.schemas))
+
+
+def _asked(node: Node, subject: LintSubject) -> BodyOf | None:
+    return None if node.type is None else subject.types.bodies.get(node.type.type)
+
+
+def _links(robot: Prim, asked: BodyOf, subject: LintSubject, depth: int = 8) -> Iterator[str]:
+    """Yield the links of a robot and of the robots that it lists; what is not known of as well."""
+    if asked.link in robot.apis:
+        yield robot.path
+    elif asked.robot in robot.apis and depth:
+        for path in robot.relationships.get(asked.links, ()):
+            listed = subject.stage.prim(path)
+            if listed is not None:
+                yield from _links(listed, asked, subject, depth - 1)
+            elif is_unresolved(subject.stage, path):
+                yield path
+
+
+def moving_source(node: Node, subject: LintSubject) -> Node | None:
+    """Return the node that follows a body and gives what comes into another one, None for none."""
+    for port in node.ports:
+        for source, out in live_sources(node, port, subject.live):
+            asked = _asked(source, subject)
+            if asked is not None and out.removeprefix(OUTPUT) in asked.gives:
+                return source
+    return None

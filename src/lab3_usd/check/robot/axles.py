@@ -1,0 +1,143 @@
+"""Where the wheel joints sit on the robot, and about what they turn the wheels.
+
+Bodies are placed by the frames of the joints that tie them, not by the poses in the file: a
+stage that was saved after a run has the robot, and all of its bodies, wherever it had driven.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of
+from lab3_usd.model.physics import FIXED, bodies, joints, numbers, vector
+from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
+from lab3_usd.model.stage import is_pose_unresolved, is_unresolved, once_per_stage
+from lab3_usd.model.transforms import (
+    AXES,
+    IDENTITY,
+    Vector,
+    decompose,
+    inverse,
+    multiply,
+    relative_transform,
+    rotate_by_quaternion,
+    rotate_vector,
+    scaled,
+    transform_point,
+)
+from lab3_usd.spec.catalog import Value
+
+_ALONG: dict[Any, Vector] = dict(zip("XYZ", AXES, strict=True))
+AXIS = "physics:axis"
+_FRAMES = tuple(f"physics:local{part}{side}" for part in ("Pos", "Rot") for side in (0, 1))
+
+
+def axle(joint: WheelJoint, subject: StageSubject) -> Vector | None:
+    """Return the direction about which a positive velocity turns the wheel, in the base's frame.
+
+    The base's side of the joint is asked: how far the wheel has turned does not matter then.
+    None where a body is missing.
+    """
+    side = base_side(joint)
+    frame = None if side is None else _frame(ends_of(joint)[side], subject)
+    if side is None or frame is None or joint.prim is None:
+        return None
+    attributes = joint.prim.attributes
+    along = _ALONG.get(attributes.get(AXIS, "X"))
+    if along is None:
+        return None
+    local = rotate_by_quaternion(along, _quaternion(attributes.get(f"physics:localRot{side}")))
+    # A joint turns its second body against its first.
+    sign = 1.0 if side == 0 else -1.0
+    return scaled(rotate_vector(local, decompose(frame).rotation), sign)
+
+
+def anchor(joint: WheelJoint, subject: StageSubject) -> Vector | None:
+    """Return where the joint sits, in the base's frame and in metres; None without a base."""
+    side = base_side(joint)
+    frame = None if side is None else _frame(ends_of(joint)[side], subject)
+    if frame is None or joint.prim is None:
+        return None
+    local = joint.prim.attributes.get(f"physics:localPos{side}")
+    point = transform_point(vector(local), frame)
+    return scaled(point, subject.stage.meters_per_unit)
+
+
+def _frame(end: str, subject: StageSubject) -> Matrix | None:
+    """Return where a joint's end stands as seen from the robot's base, at rest.
+
+    What no fixed joint ties to the base is taken from where both stand in the file.
+    """
+    placed = rest_frames(subject)
+    body = next((path for path in placed if is_at_or_below(end, path)), None)
+    if body is None:
+        return _between(end, _base(subject), subject)
+    on_body = IDENTITY if end == body else _between(end, body, subject)
+    return None if on_body is None else multiply(on_body, placed[body])
+
+
+def _between(path: str, other: str, subject: StageSubject) -> Matrix | None:
+    """Return where one prim stands as seen from another in the file, None where nothing says."""
+    one, base = subject.stage.prim(path), subject.stage.prim(other)
+    if one is None or base is None or one.world is None or base.world is None:
+        return None
+    if is_pose_unresolved(subject.stage, one) or is_pose_unresolved(subject.stage, base):
+        return None
+    return relative_transform(one.world, base.world)
+
+
+def _base(subject: StageSubject) -> str:
+    """Return the path of the robot's base, of the robot where it has none."""
+    robot = subject.lab.scene.robot
+    return robot.path if subject.stage.prim(robot.base) is None else robot.base
+
+
+@once_per_stage
+def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
+    """Map the base, and each body that fixed joints tie to it, to where it stands on the base."""
+    found = {_base(subject): IDENTITY}
+    fixed = welds(subject)
+    is_growing = True
+    while is_growing:
+        is_growing = False
+        for weld in fixed:
+            ends = bodies(weld)
+            for side, other in ((0, 1), (1, 0)):
+                if ends[side] not in found or not ends[other] or ends[other] in found:
+                    continue
+                undone = inverse(_joint_frame(weld, other))
+                if undone:
+                    seen = multiply(undone, _joint_frame(weld, side))
+                    found[ends[other]] = multiply(seen, found[ends[side]])
+                    is_growing = True
+    return found
+
+
+@once_per_stage
+def welds(subject: StageSubject) -> list[Prim]:
+    """Return the joints that hold two bodies where they say."""
+    return [joint for joint in joints(subject.stage) if _is_weld(joint, subject)]
+
+
+def _is_weld(joint: Prim, subject: StageSubject) -> bool:
+    """Whether a joint holds its bodies where it says, and no missing asset may say otherwise."""
+    if joint.type != FIXED:
+        return False
+    is_known = not is_unresolved(subject.stage, joint.path)
+    return is_known or joint.attributes.keys() >= {*_FRAMES}
+
+
+def _joint_frame(joint: Prim, side: int) -> Matrix:
+    """Return where the joint sits on one of its bodies."""
+    x, y, z = vector(joint.attributes.get(f"physics:localPos{side}"))
+    turn = _quaternion(joint.attributes.get(f"physics:localRot{side}"))
+    one, two, three = (rotate_by_quaternion(along, turn) for along in AXES)
+    return (*one, 0.0, *two, 0.0, *three, 0.0, x, y, z, 1.0)
+
+
+def _quaternion(value: Value | None) -> tuple[float, float, float, float]:
+    found = numbers(value)
+    if len(found) != 4:  # noqa: PLR2004 - x, y, z, w
+        return (0.0, 0.0, 0.0, 1.0)
+    return (found[0], found[1], found[2], found[3])

@@ -1,0 +1,214 @@
+"""The ground of a stage, what carries the robot, and what pulls it down."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.robot.poses import vector_text
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.physics import (
+    BODY_API,
+    BODY_ENABLED,
+    DOWN,
+    FIXED,
+    GRAVITY,
+    GRAVITY_DIRECTION,
+    KINEMATIC,
+    PLANE,
+    SCENE,
+    TILT,
+    bodies,
+    collides,
+    is_down,
+    is_felt,
+    is_switched_off,
+    joints,
+    number,
+    vector,
+)
+from lab3_usd.model.prims import Collider, Prim, is_at_or_below
+from lab3_usd.model.stage import StageModel
+from lab3_usd.model.transforms import Vector, angle_between, decompose
+
+_OWNER, _DISABLED = "physics:simulationOwner", "physxRigidBody:disableGravity"
+
+
+def gravity_faults(subject: StageSubject) -> Iterator[Problem]:
+    """Say what is wrong with the gravity of the scenes that the robot's bodies belong to."""
+    links = _links(subject)
+    if links and all(link.attributes.get(_DISABLED) is True for link in links):
+        message = "gravity is switched off for all links of the robot"
+        site, switches = links[0].path, tuple(f"{link.path}.{_DISABLED}" for link in links[1:])
+        yield Problem(site, message, _DISABLED, "False", "True", related=switches)
+    for scene in _scenes(subject, links):
+        yield from _faults_of(scene, subject.stage.meters_per_unit or 1.0)
+
+
+def _links(subject: StageSubject) -> list[Prim]:
+    robot = subject.lab.scene.robot.path
+    bodies = subject.stage.with_api(BODY_API)
+    return [each for each in bodies if each.present and is_at_or_below(each.path, robot)]
+
+
+def _scenes(subject: StageSubject, links: list[Prim]) -> list[Prim]:
+    """Return the scenes of the bodies; one that names none belongs to the first (UsdPhysics)."""
+    known = [prim for prim in subject.stage.of_type(SCENE) if prim.present]
+    owners = {owner for link in links for owner in link.relationships.get(_OWNER, ("",))}
+    is_owned = {each.path for each in known} & owners
+    return [each for each in known if each.path in is_owned] or known[:1]
+
+
+def _faults_of(scene: Prim, meters_per_unit: float) -> Iterator[Problem]:
+    if not is_felt(scene.attributes, meters_per_unit):
+        strength = f"{number(scene.attributes.get(GRAVITY)):g}"
+        message = f"gravity is {strength}, expected about 9.81 m/s²"
+        yield Problem(scene.path, message, GRAVITY, "9.81", strength)
+    elif not is_down(scene.attributes):
+        is_, down = vector_text(vector(scene.attributes.get(GRAVITY_DIRECTION))), vector_text(DOWN)
+        message = f"gravity pulls along {is_}, expected {down}"
+        yield Problem(scene.path, message, GRAVITY_DIRECTION, down, is_)
+
+
+# A shape as high as a wall is ground and wall in one; how high its ground is, no box says.
+_STEP = 0.15  # metres
+AXIS, UP = "axis", (0.0, 0.0, 1.0)
+_AXES = ("X", "Y", "Z")
+_LIGHT = re.compile(r"Light(_\d+)?$")
+_LIGHT_API = re.compile(r"^(Mesh|Volume)?LightAPI$")
+
+
+def planes(stage: StageModel, robot: str) -> Iterator[Prim]:
+    """Yield the endless fixed planes beside the robot that face up and that others bump into."""
+    fixed = (each for each in _solid_planes(stage, robot) if moving_body(stage, each.path) is None)
+    return (each for each in fixed if not _is_steep(each))
+
+
+def steep_planes(stage: StageModel, robot: str) -> Iterator[Prim]:
+    """Yield the planes that would carry the robot if they faced up."""
+    return (each for each in _solid_planes(stage, robot) if _is_steep(each))
+
+
+def _is_steep(plane: Prim) -> bool:
+    faces = facing(plane)
+    return faces is not None and not angle_between(faces, UP) <= TILT
+
+
+def facing(plane: Prim) -> Vector | None:
+    """Return where the front of a plane faces, None where nothing says how it is turned."""
+    axis = plane.attributes.get(AXIS, "Z")
+    if plane.world is None or axis not in _AXES:
+        return None
+    return decompose(plane.world).rotation[_AXES.index(axis)]
+
+
+def _solid_planes(stage: StageModel, robot: str) -> Iterator[Prim]:
+    for prim in stage.of_type(PLANE):
+        is_outside = not is_at_or_below(prim.path, robot)
+        if is_outside and (collides(prim) or _collides_above(stage, prim.path)):
+            yield prim
+
+
+def _collides_above(stage: StageModel, path: str) -> bool:
+    """Whether an ancestor makes all shapes below it collide."""
+    parent = path.rpartition("/")[0]
+    found = stage.prims.get(parent)
+    return found is not None and (collides(found) or _collides_above(stage, parent))
+
+
+def boxes(subject: StageSubject) -> Iterator[Collider]:
+    """Yield the fixed shapes that lie below the place where the starter has the robot."""
+    stage = subject.stage
+    return (each for each in _boxes_below(subject) if moving_body(stage, each.path) is None)
+
+
+def _boxes_below(subject: StageSubject) -> Iterator[Collider]:
+    robot = subject.lab.scene.robot
+    x, y, z = robot.pose.translate
+    reach = z + subject.lab.scene.tolerance.root_position
+    for box in subject.stage.colliders.beside(robot.path):
+        if _covers(box, x, y) and box.low[2] <= reach:
+            yield box
+
+
+def moving_body(stage: StageModel, path: str, known: frozenset[str] = frozenset()) -> Prim | None:
+    """Return the rigid body that what stands at a path moves with, None where it stays.
+
+    Kinematic bodies stay, and so do those that a fixed joint ties to what stays. `known` are bodies
+    that are being asked about already: they end the search where bodies are tied in a ring.
+    """
+    while path:
+        prim = stage.prim(path)
+        if prim is not None and BODY_API in prim.apis and not is_switched_off(prim, BODY_ENABLED):
+            is_driven = prim.attributes.get(KINEMATIC) is True
+            is_tied = path not in known and _is_tied(stage, path, known | {path})
+            return None if is_driven or is_tied else prim
+        path = path.rpartition("/")[0]
+    return None
+
+
+def _is_tied(stage: StageModel, body: str, known: frozenset[str]) -> bool:
+    """Whether a fixed joint ties a body to the world, or to what stays."""
+    for joint in joints(stage):
+        ends = bodies(joint)
+        others = [end for end in ends if not is_at_or_below(end, body)]
+        if joint.type == FIXED and len(others) == 1:
+            is_there = not others[0] or stage.prim(others[0]) is not None
+            if is_there and moving_body(stage, others[0], known) is None:
+                return True
+    return False
+
+
+def falling_ground(subject: StageSubject) -> tuple[Prim, Prim] | None:
+    """Return what would carry the robot if it did not move, and the body that it moves with."""
+    stage, robot = subject.stage, subject.lab.scene.robot.path
+    paths = [prim.path for prim in _solid_planes(stage, robot)]
+    paths += [box.path for box in _boxes_below(subject) if _is_on(stage, box)]
+    found = ((stage.prims[path], moving_body(stage, path)) for path in paths)
+    return next(((prim, body) for prim, body in found if body is not None), None)
+
+
+def _covers(box: Collider, x: float, y: float) -> bool:
+    return box.low[0] <= x <= box.high[0] and box.low[1] <= y <= box.high[1]
+
+
+def has_ground(subject: StageSubject) -> bool:
+    """Whether anything fixed can carry the robot."""
+    robot = subject.lab.scene.robot.path
+    found = itertools.chain(planes(subject.stage, robot), _live_boxes(subject))
+    return any(True for _ in found)
+
+
+def _live_boxes(subject: StageSubject) -> Iterator[Collider]:
+    return (box for box in boxes(subject) if _is_on(subject.stage, box))
+
+
+def _is_on(stage: StageModel, box: Collider) -> bool:
+    prim = stage.prim(box.path)
+    return prim is not None and collides(prim)
+
+
+def highest_ground(subject: StageSubject) -> tuple[float, str] | None:
+    """Return how high the ground is below the robot, in metres, and which prim it is.
+
+    None where no box says how high it is.
+    """
+    stage, robot = subject.stage, subject.lab.scene.robot
+    heights = [
+        (prim.world[14] * stage.meters_per_unit, prim.path)
+        for prim in planes(stage, robot.path)
+        if prim.world
+    ]
+    step = robot.pose.translate[2] + _STEP
+    tops = [(box.high[2], box.path) for box in _live_boxes(subject)]
+    if any(top > step for top, _ in tops) and not heights:
+        return None
+    return max([*heights, *(each for each in tops if each[0] <= step)], default=None)
+
+
+def lights(stage: StageModel) -> Iterator[Prim]:
+    """Yield the prims that shine, in the scene or not."""
+    yield from stage.of_type(lambda name: _LIGHT.search(name) is not None)
+    yield from stage.with_api(lambda name: _LIGHT_API.match(name) is not None)

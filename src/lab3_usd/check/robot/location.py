@@ -1,0 +1,192 @@
+"""Where the robot and its links really stand in a stage, and the lab as it reads there.
+
+That is a mistake of its own, reported once: what moved along is judged where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from msgspec.structs import replace
+
+from lab3_usd.check.match.subject import Roles
+from lab3_usd.check.robot.sensors import is_named
+from lab3_usd.model.physics import bodies_below, is_articulated
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import StageModel, is_subtree_unresolved, is_unresolved
+from lab3_usd.spec.graph import GraphSpec, Target
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.scene import SceneSpec
+
+_LEAST_LINKS = 0.5  # of the robot's links that a prim must hold to be taken for the robot
+
+
+def robot_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
+    """Map the path of the robot, and of a link that has none, to where it stands instead.
+
+    The robot is the prim that holds the most of its links, at least half of them, or that has its
+    name while the asset with its links cannot be found. A link is the
+    only prim of its name below the robot, or where no other is missing the only body beside the
+    robot's links that is none of them. Paths of links are those below the robot where it stands.
+    """
+    expected = lab.scene.robot.path
+    root = expected
+    relocations: dict[str, str] = {}
+    is_nowhere = expected not in stage.prims or not is_unresolved(stage, expected)
+    if stage.prim(expected) is None and is_nowhere:
+        root = _robot(lab, stage) or _namesake(lab, stage) or expected
+        if root != expected:
+            relocations[expected] = root
+    if stage.prim(root) is not None:
+        relocations |= _link_relocations(tuple(lab.scene.robot.links), root, stage)
+    return relocations
+
+
+def _robot(lab: Lab, stage: StageModel) -> str | None:
+    links = lab.scene.robot.links
+    name = lab.scene.robot.path.rpartition("/")[2]
+    held: dict[str, int] = {}
+    for prim in stage.named(links.__contains__):
+        if prim.present and stage.prim(prim.parent):
+            held[prim.parent] = held.get(prim.parent, 0) + 1
+    offers = sorted(
+        (-count, path.rpartition("/")[2] != name, path)
+        for path, count in held.items()
+        if count >= _LEAST_LINKS * len(links)
+    )
+    return offers[0][2] if offers else None
+
+
+def _namesake(lab: Lab, stage: StageModel) -> str | None:
+    """Return the first prim of the robot's name whose links an asset may hold that is missing."""
+    name = lab.scene.robot.path.rpartition("/")[2]
+    named = (prim for prim in stage.named(lambda each: is_named(each, [name])) if prim.active)
+    return min(
+        (prim.path for prim in named if is_subtree_unresolved(stage, prim.path)), default=None
+    )
+
+
+def _link_relocations(links: tuple[str, ...], root: str, stage: StageModel) -> dict[str, str]:
+    missing = [name for name in links if not _is_there(stage, f"{root}/{name}")]
+    relocations: dict[str, str] = {}
+    for name in missing:
+        others = same_named_prims(stage, root, name)
+        if len(others) == 1:
+            relocations[f"{root}/{name}"] = others[0]
+    if len(missing) == 1 and not relocations:
+        bodies = [prim.path for prim in _strange_bodies(links, root, stage)]
+        if len(bodies) == 1:
+            relocations[f"{root}/{missing[0]}"] = bodies[0]
+    return relocations
+
+
+def _is_there(stage: StageModel, path: str) -> bool:
+    return path in stage.prims or is_unresolved(stage, path)
+
+
+def same_named_prims(stage: StageModel, root: str, name: str) -> tuple[str, ...]:
+    """Return the prims below the robot that have the name of a missing link."""
+    prims = (prim for prim in stage.named(name) if prim.present)
+    has_type = (prim.path for prim in prims if prim.type == "Xform")
+    return tuple(sorted(found for found in has_type if is_at_or_below(found, root)))
+
+
+def _strange_bodies(links: tuple[str, ...], root: str, stage: StageModel) -> Iterator[Prim]:
+    for path in sorted(bodies_below(stage, root)):
+        prim = stage.prims[path]
+        if prim.parent == root and prim.name not in links:
+            yield prim
+
+
+def lost_graphs(
+    specs: Mapping[str, GraphSpec], roles: Mapping[str, Roles], robot: str, stage: StageModel
+) -> dict[str, str]:
+    """Map each graph that is missing together with a prim to that prim, whose finding names it.
+
+    That is the topmost prim above it that is not in the scene, or the robot at `robot` where it
+    stands elsewhere ('' where it does not) and none of its graphs came along.
+    """
+    lost: dict[str, str] = {}
+    on_robot = [name for name in roles if robot and is_at_or_below(specs[name].path, robot)]
+    stayed_behind = all(roles[name].graph is None for name in on_robot)
+    for name in (name for name, each in roles.items() if each.graph is None):
+        above = _topmost_missing(stage, specs[name].path.rpartition("/")[0])
+        if name in on_robot and stayed_behind:
+            lost[name] = robot
+        elif above and stage.unresolved_above(above) is None:
+            lost[name] = above
+    return lost
+
+
+def _topmost_missing(stage: StageModel, path: str) -> str:
+    missing = ""
+    while path:
+        if stage.prim(path) is None:
+            missing = path
+        path = path.rpartition("/")[0]
+    return missing
+
+
+def is_root_articulated(lab: Lab, stage: StageModel) -> bool:
+    """Whether the robot root carries the articulation, and the handout's prim does not."""
+    robot = lab.scene.robot
+    if not robot.articulation.target:
+        return False
+    root, base = stage.prim(robot.path), stage.prim(robot.articulation.target)
+    is_on_base = base is not None and is_articulated(base)
+    return root is not None and is_articulated(root) and not is_on_base
+
+
+def relocated_lab(lab: Lab, relocations: Mapping[str, str]) -> Lab:
+    """Return the lab as it reads where the robot or a link stands elsewhere."""
+    if not relocations:
+        return lab
+    graphs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
+    return replace(lab, graphs=graphs, scene=_relocated_scene(lab.scene, relocations))
+
+
+def _relocated_scene(scene: SceneSpec, relocations: Mapping[str, str]) -> SceneSpec:
+    robot = scene.robot
+    target = relocated_path(robot.articulation.target, relocations)
+    placed = replace(
+        robot,
+        path=relocated_path(robot.path, relocations),
+        articulation=replace(robot.articulation, target=target),
+    )
+    sensors = {
+        name: replace(sensor, path=relocated_path(sensor.path, relocations))
+        for name, sensor in scene.sensors.items()
+    }
+    return replace(scene, robot=placed, sensors=sensors)
+
+
+def relocated_spec(spec: GraphSpec, relocations: Mapping[str, str]) -> GraphSpec:
+    """Return the spec as it reads where a sensor or the robot stands elsewhere than asked.
+
+    `relocations` maps the path of such a prim to where it really is.
+    """
+    if not relocations:
+        return spec
+    nodes = {
+        role: replace(
+            node, targets=tuple(_relocated_target(target, relocations) for target in node.targets)
+        )
+        for role, node in spec.nodes.items()
+    }
+    return replace(spec, path=relocated_path(spec.path, relocations), nodes=nodes)
+
+
+def _relocated_target(target: Target, relocations: Mapping[str, str]) -> Target:
+    return replace(target, prims=tuple(relocated_path(prim, relocations) for prim in target.prims))
+
+
+def relocated_path(path: str, relocations: Mapping[str, str]) -> str:
+    """Return where `path` is when the prims of `relocations` stand elsewhere.
+
+    They are applied in their order. A prim below another that was moved is expected where the other
+    one stands.
+    """
+    for expected, actual in relocations.items():
+        if path == expected or path.startswith(f"{expected}/"):
+            path = actual + path[len(expected) :]
+    return path

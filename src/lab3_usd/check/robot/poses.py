@@ -1,0 +1,166 @@
+"""How far a prim's pose is from the one the handout asks for, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal
+
+from msgspec import Struct
+
+from lab3_usd.model.prims import Matrix, Prim
+from lab3_usd.model.stage import StageModel
+from lab3_usd.model.transforms import (
+    Vector,
+    decompose,
+    distance,
+    euler_angles,
+    rotation_difference,
+    rotation_from_euler,
+    scaled,
+)
+from lab3_usd.spec.scene import PoseSpec, SceneSpec
+
+Kind = Literal["translate", "rotate", "scale"]
+ORDER = "xformOpOrder"
+_PIVOT = ":pivot"
+RESET = "!resetXformStack!"  # in that order: leave out the transforms of all parents
+# The operations of the Property panel; others that do the same, in the order of preference.
+OPERATIONS: Mapping[Kind, tuple[str, ...]] = {
+    "translate": ("xformOp:translate",),
+    "rotate": ("xformOp:orient", "xformOp:rotate"),
+    "scale": ("xformOp:scale",),
+}
+
+
+UNSCALED: Vector = (1.0, 1.0, 1.0)
+
+
+class Units(Struct, frozen=True):
+    """How many metres one unit of a stage has, and how many the lab asks for.
+
+    Where they differ, lengths that are right in either are right.
+    """
+
+    is_: float = 1.0
+    asked: float = 1.0
+
+    def shown(self, metres: Vector) -> Vector:
+        """Return what the Property panel shows in a stage with the units asked for."""
+        return scaled(metres, 1.0 / self.asked)
+
+
+class Tolerance(Struct, frozen=True):
+    """What counts as the same pose: lengths in metres, degrees, factors.
+
+    `units` are those of the stage and of the lab, whose files give lengths in metres.
+    """
+
+    position: float
+    angle: float
+    scale: float
+    units: Units
+
+
+class PoseError(Struct, frozen=True):
+    """One part of a pose that is wrong, the property that says so, and how to repair it."""
+
+    kind: Kind
+    property: str
+    message: str
+    expected: str
+    actual: str
+    hint: str
+
+
+def sensor_tolerance(scene: SceneSpec, stage: StageModel) -> Tolerance:
+    """Return how exactly a sensor must stand."""
+    spec = scene.tolerance
+    return Tolerance(spec.sensor_position, spec.sensor_angle, spec.scale, units_of(scene, stage))
+
+
+def root_tolerance(scene: SceneSpec, stage: StageModel) -> Tolerance:
+    """Return how exactly the robot must stand."""
+    spec = scene.tolerance
+    return Tolerance(spec.root_position, spec.root_angle, spec.scale, units_of(scene, stage))
+
+
+def units_of(scene: SceneSpec, stage: StageModel) -> Units:
+    """Return the units of a stage beside those of the lab."""
+    return Units(stage.meters_per_unit, scene.stage.meters_per_unit)
+
+
+def pose_errors(
+    prim: Prim, matrix: Matrix, expected: PoseSpec, tolerance: Tolerance
+) -> Iterator[PoseError]:
+    """Yield what is wrong with a transform.
+
+    A number that is none (NaN) is near nothing, which is why each test is the other way round.
+    """
+    pose = decompose(matrix)
+    if not is_near(pose.translation, expected.translate, tolerance.position, tolerance.units):
+        shown = tolerance.units.shown(expected.translate)
+        yield _misfit(prim, "translate", pose.translation, shown, "")
+    rotation = expected.rotate
+    if not rotation_difference(pose.rotation, rotation_from_euler(rotation)) <= tolerance.angle:
+        yield _misfit(prim, "rotate", euler_angles(pose.rotation), rotation, " degrees")
+    if not distance(pose.scale, expected.scale) <= tolerance.scale:
+        yield _misfit(prim, "scale", pose.scale, expected.scale, "")
+
+
+def _misfit(prim: Prim, kind: Kind, actual: Vector, expected: Vector, unit: str) -> PoseError:
+    name = {"translate": "translation", "rotate": "rotation", "scale": "scale"}[kind]
+    is_, should = vector_text(actual), vector_text(expected)
+    message = f"{name} is {is_}{unit}, expected {should}"
+    name, pivot = pose_property(prim, kind), _pivot(prim)
+    hint = f"set {kind.capitalize()} to {should} in the Property panel"
+    if pivot is not None and kind == "translate":
+        hint = f"{hint}, and remove the pivot ({pivot}), which shifts what is turned or scaled"
+    return PoseError(kind, name, message, should, is_, hint)
+
+
+def is_near(one: Vector, other: Vector, tolerance: float, units: Units) -> bool:
+    """Whether two points are the same, with `one` in stage units and `other` in metres.
+
+    A stage whose units are wrong is right in one of two ways: in its units, or in those asked for.
+    """
+    ways = (scaled(one, units.asked), scaled(one, units.is_))
+    return min(distance(each, other) for each in ways) <= tolerance
+
+
+def pose_property(prim: Prim, kind: Kind) -> str:
+    """Return the operation that sets this part of the pose, as authored, else as the panel would.
+
+    A pose written as one matrix has no part of its own to point at; the panel's name stands in.
+    """
+    authored = _operations(prim)
+    for operation in OPERATIONS[kind]:
+        for name in authored:
+            if name.startswith(operation):
+                return name
+    return OPERATIONS[kind][0]
+
+
+def _operations(prim: Prim) -> list[str]:
+    """Return the names of the operations that move a prim, in their order."""
+    order = prim.attributes.get(ORDER)
+    return [name for name in order if isinstance(name, str)] if isinstance(order, tuple) else []
+
+
+def _pivot(prim: Prim) -> str | None:
+    """Return the operation that sets the point about which a prim is turned and scaled."""
+    return next((name for name in _operations(prim) if name.endswith(_PIVOT)), None)
+
+
+def vector_text(numbers: Sequence[float]) -> str:
+    """Write a vector as the Property panel shows it, without float noise."""
+    return "(" + ", ".join(f"{round(number, 6) + 0.0:g}" for number in numbers) + ")"
+
+
+def scale_of(prim: Prim) -> Vector:
+    """Return by what a prim is scaled on its parent."""
+    return UNSCALED if prim.local is None else decompose(prim.local).scale
+
+
+def is_scaled(prim: Prim, tolerance: float) -> bool:
+    """Whether a prim has another size than its parent gives it."""
+    return not distance(scale_of(prim), UNSCALED) <= tolerance  # so that NaN is far as well

@@ -1,0 +1,265 @@
+"""Where the sensors of the lab really stand in a stage, and where the camera looks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Iterator
+
+from msgspec import Struct
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.robot.poses import (
+    PoseError,
+    pose_errors,
+    pose_property,
+    sensor_tolerance,
+    vector_text,
+)
+from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
+from lab3_usd.model.stage import StageModel, is_pose_unresolved, is_unresolved, once_per_stage
+from lab3_usd.model.transforms import IDENTITY, angle_between, camera_axes, relative_transform
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.scene import ANYWHERE, SensorSpec, ViewSpec
+
+LIDAR, CAMERA = "lidar", "camera"  # the kinds that have rules of their own
+OTHER = "other"
+
+
+class SensorLocation(Struct, frozen=True):
+    """The prim that is a required sensor, at its path or elsewhere; None where there is none.
+
+    `wrong_type_prim` is the prim of another type that stands at the path instead.
+    """
+
+    path: str
+    prim: Prim | None = None
+    wrong_type_prim: Prim | None = None
+
+    @property
+    def is_misplaced(self) -> bool:
+        """Whether the sensor has another name or parent."""
+        return self.prim is not None and self.prim.path != self.path
+
+    @property
+    def related(self) -> tuple[str, ...]:
+        """The path at which the handout wants the sensor that stands elsewhere."""
+        return (self.path,) if self.is_misplaced else ()
+
+
+def sensors_of(subject: StageSubject, kind: str) -> tuple[str, ...]:
+    """Name the sensors that the checkpoint asks for and the rules of a kind judge."""
+    return tuple(
+        name for name in subject.checkpoint.sensors if kind_of(subject.lab.sensors[name]) == kind
+    )
+
+
+def later_sensors(subject: StageSubject, kind: str) -> tuple[str, ...]:
+    """Name the sensors of a kind that only a later checkpoint asks for."""
+    return tuple(
+        name
+        for name, spec in subject.lab.sensors.items()
+        if kind_of(spec) == kind and name not in subject.checkpoint.sensors
+    )
+
+
+def kind_of(spec: SensorSpec) -> str:
+    """Return which rules judge a sensor: those of its kind, or those of all others."""
+    return spec.kind if spec.kind in (LIDAR, CAMERA) else OTHER
+
+
+def find_sensor(lab: Lab, stage: StageModel, name: str) -> SensorLocation:
+    """Find the sensor `name` of the scene file: at its path, else the prim that is meant.
+
+    Meant is a prim of the right type that hangs below the robot, or has the name and is used by a
+    graph; for a sensor that is recognised anywhere, every prim of the type. Of several such, the
+    one that a graph uses is the lab's, even beside an unused one at the path. No prim is two
+    sensors.
+    """
+    spec = lab.sensors[name]
+    path = spec.path
+    at = stage.prim(path)
+    is_there = at is not None and at.type == spec.type
+    if is_there and spec.recognised != ANYWHERE:
+        return SensorLocation(path, at)
+    if at is not None and not at.type and is_unresolved(stage, path):
+        return SensorLocation(path)  # the missing asset may say what it is
+    others = _others(lab, stage, name)
+    found = [prim for prim in sensor_candidates(lab, stage, name) if prim.path not in others]
+    if len(found) > 1:
+        found.sort(
+            key=lambda prim: (not is_used_by_graph(stage, prim), _strangeness(prim, path, lab))
+        )
+    return SensorLocation(path, found[0] if found else None, None if is_there else at)
+
+
+def _others(lab: Lab, stage: StageModel, name: str) -> set[str]:
+    """Return the prims that are other sensors of the type: at their paths, or found before."""
+    alike = [each for each, spec in lab.sensors.items() if spec.type == lab.sensors[name].type]
+    paths = {lab.sensors[each].path for each in alike if each != name}
+    for each in alike[: alike.index(name)]:
+        prim = find_sensor(lab, stage, each).prim
+        paths |= {prim.path} if prim is not None else set()
+    return paths
+
+
+def is_used_by_graph(stage: StageModel, prim: Prim) -> bool:
+    """Whether a node names the prim as its target, or a graph that holds nodes lies below it."""
+    below = f"{prim.path}/"
+    for graph in stage.graphs:
+        if graph.active and graph.nodes and graph.path.startswith(below):
+            return True
+    states = (state for node in stage.nodes() for state in node.ports.values())
+    return any(prim.path in state.targets for state in states)
+
+
+def sensor_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
+    """Map the path of each sensor that stands elsewhere to the path where it really is."""
+    places = [find_sensor(lab, stage, name) for name in lab.sensors]
+    return {
+        place.path: place.prim.path
+        for place in places
+        if place.prim is not None and place.is_misplaced
+    }
+
+
+def sensor_candidates(lab: Lab, stage: StageModel, name: str) -> Iterator[Prim]:
+    """Yield the prims of the scene that could be meant as the sensor."""
+    spec = lab.sensors[name]
+    robot = lab.scene.robot.path
+    for prim in stage.of_type(spec.type):
+        if prim.present:
+            is_known = spec.recognised == ANYWHERE or is_at_or_below(prim.path, robot)
+            if is_known or (prim.name == spec.name and is_used_by_graph(stage, prim)):
+                yield prim
+
+
+def _strangeness(prim: Prim, path: str, lab: Lab) -> tuple[bool, bool, bool, str]:
+    parent, _, name = path.rpartition("/")
+    is_off_robot = not is_at_or_below(prim.path, lab.scene.robot.path)
+    return prim.name != name, prim.parent != parent, is_off_robot, prim.path
+
+
+def candidate_transforms(stage: StageModel, place: SensorLocation) -> list[Matrix]:
+    """Return the transforms a sensor may be judged by.
+
+    One that hangs below another parent may stand right as seen from there or from the parent
+    that it should have: Isaac Sim keeps the world transform when a prim is dragged. There is none
+    where a missing asset may say how the sensor stands.
+    """
+    prim = place.prim
+    if prim is None or is_pose_unresolved(stage, prim):
+        return []
+    frames = [prim.local or IDENTITY]
+    parent = place.path.rpartition("/")[0]
+    base = stage.prim(parent)
+    if prim.parent != parent and base is not None and base.world and prim.world:
+        seen = relative_transform(prim.world, base.world)
+        frames += [seen] if seen is not None else []
+    return frames
+
+
+def is_named(name: str, names: Container[str]) -> bool:
+    """Whether a prim has one of these names, or one with the number Isaac Sim adds to a copy."""
+    return name in names or (name[-1:].isdigit() and re.sub(r"_\d+$", "", name) in names)
+
+
+def lidars(subject: StageSubject, right: tuple[str, ...] = ()) -> Iterator[Prim]:
+    """Yield everything that is a lidar by type or by a name of the vendor's, topmost only.
+
+    Left out are the lidars that are right, with what they hang below.
+    """
+    names = subject.lab.scene.forbidden.lidar.names
+    kinds = [name for name, spec in subject.lab.sensors.items() if spec.kind == LIDAR]
+    typed = {
+        prim.path for name in kinds for prim in sensor_candidates(subject.lab, subject.stage, name)
+    }
+    topmost = ""
+    named = subject.stage.named(lambda each: is_named(each, names))
+    found = typed | {prim.path for prim in named if prim.present}
+    for path in sorted(found):
+        is_right = any(is_at_or_below(each, path) for each in right)
+        if not is_right and not (topmost and is_at_or_below(path, topmost)):
+            topmost = path
+            yield subject.stage.prims[path]
+
+
+@once_per_stage
+def second_lidars(subject: StageSubject) -> tuple[Prim, ...]:
+    """Return the lidars beside those that the checkpoint asks for, where all of those are there.
+
+    One at the path of another sensor is left to the rule of that sensor.
+    """
+    places = [find_sensor(subject.lab, subject.stage, each) for each in sensors_of(subject, LIDAR)]
+    right = tuple(place.prim.path for place in places if place.prim is not None)
+    if not right or len(right) < len(places):
+        return ()
+    found = (find_sensor(subject.lab, subject.stage, name) for name in subject.checkpoint.sensors)
+    stand_ins = [each.wrong_type_prim for each in found if each.prim is None]
+    later = [subject.lab.sensors[name].path for name in later_sensors(subject, LIDAR)]
+    return tuple(
+        prim for prim in lidars(subject, right) if prim not in stand_ins and prim.path not in later
+    )
+
+
+class View(Struct, frozen=True):
+    """A view that is wrong: what it is, and which slip leads to it."""
+
+    property: str
+    message: str
+    expected: str
+    actual: str
+    hint: str
+
+
+def camera_misfits(
+    subject: StageSubject, spec: SensorSpec, place: SensorLocation
+) -> list[PoseError | View]:
+    """Return what is wrong with the camera's position, scale and view.
+
+    A camera below another parent is judged by the transform that fits best.
+    """
+    prim = place.prim
+    candidates = [
+        _judge(subject, spec, prim, matrix)
+        for matrix in candidate_transforms(subject.stage, place)
+        if prim
+    ]
+    return min(candidates, key=len, default=[])
+
+
+def _judge(
+    subject: StageSubject, spec: SensorSpec, prim: Prim, matrix: Matrix
+) -> list[PoseError | View]:
+    tolerance = sensor_tolerance(subject.lab.scene, subject.stage)
+    found: list[PoseError | View] = [
+        misfit
+        for misfit in pose_errors(prim, matrix, spec.pose, tolerance)
+        if misfit.kind != "rotate" or spec.looks is None
+    ]
+    along, up = camera_axes(matrix)
+    seen = ViewSpec(along, up)
+    if spec.looks is None or _is_same(seen, spec.looks, tolerance.angle):
+        return found
+    return [*found, _wrong_view(spec, prim, seen, spec.looks)]
+
+
+def _wrong_view(spec: SensorSpec, prim: Prim, seen: ViewSpec, expected: ViewSpec) -> View:
+    message = f"camera looks along {vector_text(seen.along)} of its link, up {vector_text(seen.up)}"
+    x, y, z = (f"{angle:g}" for angle in spec.pose.rotate)
+    hint = f"set the rotation to X = {x}, Y = {y}, Z = {z} (rotateXYZ)"
+    for slip in spec.slips:
+        # A slip is recognised within a degree: the numbers were typed, not measured.
+        if _is_same(seen, slip, 1.0):
+            message, hint = slip.message, slip.hint
+    return View(
+        pose_property(prim, "rotate"),
+        message,
+        f"along {vector_text(expected.along)}, up {vector_text(expected.up)}",
+        f"along {vector_text(seen.along)}, up {vector_text(seen.up)}",
+        hint,
+    )
+
+
+def _is_same(one: ViewSpec, other: ViewSpec, limit: float) -> bool:
+    pairs = ((one.along, other.along), (one.up, other.up))
+    return all(angle_between(a, b) <= limit for a, b in pairs)

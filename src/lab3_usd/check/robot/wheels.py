@@ -1,0 +1,287 @@
+"""The wheels of the robot: their joints, and the nodes that command them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from msgspec import Struct
+
+from lab3_usd.check.match.conformance import setting_matches, setting_value, target_matches
+from lab3_usd.check.match.subject import Roles, StageSubject
+from lab3_usd.check.ros.running import (
+    Nodes,
+    effective_value,
+    live_nodes,
+    live_sources,
+    running_nodes,
+)
+from lab3_usd.model.physics import (
+    ARTICULATION_API,
+    BODIES,
+    BODY_API,
+    REVOLUTE,
+    bodies,
+    is_joint,
+    joints,
+)
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import GraphModel, Node, StageModel, is_unresolved, once_per_stage
+from lab3_usd.spec.catalog import INPUT, DrivePorts, Value
+from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.spec.lab import Lab
+
+
+class WheelJoint(Struct, frozen=True, eq=False):
+    """One wheel joint that the handout names, and the prim that plays it.
+
+    `path` is where the handout shows it, `link` the path of its wheel. `prim` may be absent from
+    the scene or of a wrong type; None where nothing has the name.
+    """
+
+    name: str
+    path: str
+    link: str
+    prim: Prim | None
+
+    @property
+    def site(self) -> str:
+        """Where to report: the prim, else the path of the handout."""
+        return self.path if self.prim is None else self.prim.path
+
+    @property
+    def related(self) -> tuple[str, ...]:
+        """The path of the handout, where the joint stands elsewhere."""
+        return () if self.site == self.path else (self.path,)
+
+    @property
+    def live(self) -> Prim | None:
+        """The prim when it is a revolute joint of the scene, else None."""
+        prim = self.prim
+        return prim if prim is not None and prim.present and prim.type == REVOLUTE else None
+
+
+@once_per_stage
+def wheel_joints(subject: StageSubject) -> list[WheelJoint]:
+    """Return the wheel joints in the order of the scene file."""
+    robot = subject.lab.scene.robot
+    found = []
+    for name, wheel in robot.wheels.joints.items():
+        link = f"{robot.path}/{wheel}"
+        prim = _find(subject.stage, robot.path, name, link)
+        found.append(WheelJoint(name, robot.joint_path(name), link, prim))
+    return found
+
+
+def _find(stage: StageModel, root: str, name: str, link: str) -> Prim | None:
+    named = [prim for prim in stage.named(name) if is_at_or_below(prim.path, root)]
+    for prim in sorted(named, key=lambda prim: (not prim.present, not is_joint(prim), prim.path)):
+        return prim
+    for prim in joints(stage):
+        if prim.type == REVOLUTE and any(is_at_or_below(body, link) for body in bodies(prim)):
+            return prim
+    return None
+
+
+def could_hide_joints(subject: StageSubject) -> bool:
+    """Whether a missing asset of the robot, other than those of its links, could hold joints."""
+    robot = subject.lab.scene.robot
+    return is_unresolved(subject.stage, robot.path) or any(
+        is_at_or_below(missing.prim, robot.path)
+        and not any(is_at_or_below(missing.prim, link) for link in robot.link_paths)
+        for missing in subject.stage.unresolved
+    )
+
+
+def has_no_joints(subject: StageSubject) -> bool:
+    """Whether the robot is there, and not one joint ties any of its links.
+
+    A robot of one link has none.
+    """
+    robot, stage = subject.lab.scene.robot, subject.stage
+    if len(robot.links) <= 1 or stage.prim(robot.path) is None or could_hide_joints(subject):
+        return False
+    return not any(
+        is_at_or_below(body, robot.path) for joint in joints(stage) for body in bodies(joint)
+    )
+
+
+def wheel_side(joint: WheelJoint) -> int | None:
+    """Return which of the two bodies is the wheel, None where neither or both are."""
+    sides = [joint.prim is not None and is_at_or_below(body, joint.link) for body in ends_of(joint)]
+    return sides.index(True) if sides.count(True) == 1 else None
+
+
+def ends_of(joint: WheelJoint) -> tuple[str, str]:
+    """Return the two prims that a joint connects; '' stands for the world."""
+    return ("", "") if joint.prim is None else bodies(joint.prim)
+
+
+def base_side(joint: WheelJoint) -> int | None:
+    """Return which of the two bodies is not the wheel."""
+    side = wheel_side(joint)
+    return None if side is None else 1 - side
+
+
+def is_stated(joint: WheelJoint, subject: StageSubject, *names: str) -> bool:
+    """Whether these properties are as the file says, and none may be in a missing asset."""
+    prim = joint.prim
+    if prim is None or not is_unresolved(subject.stage, prim.path):
+        return prim is not None
+    return prim.attributes.keys() >= {*names}
+
+
+def wrong_ends(joint: WheelJoint, subject: StageSubject) -> Iterator[tuple[str, str]]:
+    """Yield the property of each body that the joint does not rightly connect, and what it is.
+
+    One end is the wheel, the other a body of the robot that is no wheel. Ends that are right are
+    left out; a link that is missing altogether is not the joint's fault.
+    """
+    robot = subject.lab.scene.robot
+    wheels = [wheel.link for wheel in wheel_joints(subject)]
+    plain = [path for path in robot.link_paths if path not in wheels]
+    ends, side = ends_of(joint), wheel_side(joint)
+    if side is None:
+        has_base = any(is_at_or_below(ends[1], link) for link in plain)
+        wheel_end = 0 if has_base else 1
+        yield BODIES[wheel_end], ends[wheel_end]
+        return
+    base = ends[1 - side]
+    if not any(is_at_or_below(base, link) for link in plain) and not _is_body(base, subject):
+        yield BODIES[1 - side], base
+
+
+def _is_body(path: str, subject: StageSubject) -> bool:
+    """Whether a prim moves with a body of the robot that the handout does not name."""
+    robot = subject.lab.scene.robot
+    is_link = any(is_at_or_below(path, link) for link in robot.link_paths)
+    if is_link or not is_at_or_below(path, robot.path):
+        return False
+    while is_at_or_below(path, robot.path):
+        found = subject.stage.prim(path)
+        if found is not None and BODY_API in found.apis:
+            return True
+        path = path.rpartition("/")[0]
+    return False
+
+
+def turning_joints(subject: StageSubject) -> list[WheelJoint]:
+    """Return the wheel joints that can turn; the others are S07's."""
+    return [
+        joint
+        for joint in wheel_joints(subject)
+        if joint.live is not None and subject.stage.prim(joint.link) is not None
+    ]
+
+
+def tied_joints(subject: StageSubject) -> list[WheelJoint]:
+    """Return the wheel joints that connect what they should; the others are S08's."""
+    return [joint for joint in turning_joints(subject) if not any(wrong_ends(joint, subject))]
+
+
+def second_commanders(
+    stage: StageModel, lab: Lab, roles: Mapping[str, Roles]
+) -> Iterator[tuple[Node, str]]:
+    """Yield each running node that commands the wheels beside the lab's own, with the latter.
+
+    A node that tells them the same as the lab's own is left out: one with the same inputs, or in
+    a copy of the graph.
+    """
+    live = live_nodes(stage, lab)
+    own = {
+        path: name
+        for name, found in roles.items()
+        for path in found.role_of
+        if path in live and _drives(live[path]) is not None
+    }
+    for path, node in running_nodes(stage, lab).items() if own else ():
+        if _drives(node) is None:
+            continue
+        same = any(path in found.equivalents for found in roles.values())
+        if path in own or same or not _commands_wheels(node, stage, lab, live):
+            continue
+        graph = next(each for each in stage.graphs if node in each.nodes)
+        if not any(is_same_graph(lab.graphs[name], graph, live) for name in own.values()):
+            yield node, next(iter(own))
+
+
+def is_same_graph(spec: GraphSpec, graph: GraphModel, live: Nodes) -> bool:
+    """Whether a graph does exactly what the spec asks for, wherever it stands."""
+    from lab3_usd.check.match.diagnosis import diagnose  # noqa: PLC0415 - few graphs are copies
+    from lab3_usd.check.match.roles import match  # noqa: PLC0415
+
+    roles = match(spec, graph)
+    if roles.extra or diagnose(spec, roles, live):
+        return False
+    for role, asked in spec.nodes.items():
+        node = roles.node_of[role]
+        if node is None or not all(target_matches(node, target) for target in asked.targets):
+            return False
+        values = ((each, setting_value(live, node, each.port)) for each in asked.settings)
+        if not all(setting_matches(node, each, value) for each, value in values):
+            return False
+    return True
+
+
+def _drives(node: Node) -> DrivePorts | None:
+    return None if node.type is None else node.type.drives
+
+
+def _commands_wheels(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> bool:
+    """Whether a node that runs tells a wheel of the robot anything."""
+    ports = _drives(node)
+    if ports is None:
+        return False
+    # What comes by a wire is a command; a list without entries is none.
+    commands = (effective_value(node, port, live) for port in ports.commands)
+    if not any(value is None or value != () for value in commands):
+        return False
+    names = joint_names(node, ports.joints, live)
+    wheels = set(lab.scene.robot.wheels.joints)
+    if names and not wheels & set(names):
+        return False
+    return _aims_at_robot(node, ports, stage, lab, live)
+
+
+def joint_names(node: Node, port: str, live: Nodes) -> tuple[str, ...] | None:
+    """Return the names that reach an input as a list, None where they are unknown."""
+    made = list(live_sources(node, port, live))
+    if len(made) == 1 and made[0][0].type is not None and made[0][0].type.dynamic is not None:
+        value = _array(made[0][0], live)
+    else:
+        value = effective_value(node, port, live)
+    is_known = isinstance(value, tuple) and all(isinstance(item, str) for item in value)
+    return tuple(map(str, value)) if is_known and isinstance(value, tuple) else None
+
+
+def _array(maker: Node, live: Nodes) -> Value | None:
+    """Return the list that a node makes of its numbered inputs."""
+    dynamic = None if maker.type is None else maker.type.dynamic
+    count = None if dynamic is None else effective_value(maker, INPUT + dynamic.count, live)
+    if dynamic is None or not isinstance(count, int):
+        return None  # how many they are comes by a wire
+    names = [f"{INPUT}{dynamic.prefix}{number}" for number in range(min(count, len(maker.ports)))]
+    items = [effective_value(maker, name, live) for name in names]
+    return None if None in items else tuple(item for item in items if item is not None)
+
+
+def is_doubtful(node: Node, live: Nodes) -> bool:
+    """Whether the robot that a node commands is unknown, because a wire brings its path."""
+    ports = _drives(node)
+    return ports is not None and effective_value(node, ports.path, live) is None
+
+
+def _aims_at_robot(node: Node, ports: DrivePorts, stage: StageModel, lab: Lab, live: Nodes) -> bool:
+    """Whether the prim that a node looks below holds the robot's articulation."""
+    written = effective_value(node, ports.path, live)
+    if written is None:
+        return True  # see `is_doubtful`
+    aim = str(written) or next(iter(node.targets(ports.target)), "")
+    robot = lab.scene.robot.path
+    if is_unresolved(stage, robot) or any(is_at_or_below(m.prim, robot) for m in stage.unresolved):
+        return bool(aim) and (is_at_or_below(aim, robot) or is_at_or_below(robot, aim))
+    roots = [
+        prim.path
+        for prim in stage.with_api(ARTICULATION_API)
+        if prim.present and is_at_or_below(prim.path, robot)
+    ]
+    return bool(aim) and any(is_at_or_below(root, aim) for root in roots)

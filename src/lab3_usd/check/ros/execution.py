@@ -1,0 +1,227 @@
+"""Why a node never computes: no execution reaches it, or an input that it needs has no value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from lab3_usd.check.ros.running import (
+    LintSubject,
+    event_of,
+    is_opened_first,
+    is_switched_on,
+    live_sources,
+    shut_gate,
+    signal_inputs,
+    signal_sources,
+    signals_once,
+)
+from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.spec.catalog import INPUT, Port, Value
+from lab3_usd.spec.isaac import Need
+
+
+def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:
+    """Yield what a node needs by the catalog and does not get."""
+    kind = node.type
+    for need in subject.types.needs.get(kind.type, ()) if kind is not None else ():
+        known = [each for each in need.inputs if kind and INPUT + each in kind.ports]
+        if known and _is_asked(node, need) and not any(_is_met(node, each, need) for each in known):
+            yield need
+
+
+def _is_asked(node: Node, need: Need) -> bool:
+    if need.when and not (is_given(node, need.when) or _is_on(node, need.when)):
+        return False
+    if need.when_wired and not node.sources(INPUT + need.when_wired):
+        return False
+    return not (need.unless and _is_on(node, need.unless))
+
+
+def _is_met(node: Node, name: str, need: Need) -> bool:
+    return is_given(node, name) or _is_zero_on_purpose(node, name, need)
+
+
+def _is_zero_on_purpose(node: Node, name: str, need: Need) -> bool:
+    """Whether somebody wrote a zero that may be meant: it counts, or would be no error."""
+    state = node.state(INPUT + name)
+    if state is None or state.value in (None, ()):
+        return False
+    return need.zero_counts or need.severity == "warning"
+
+
+def _is_on(node: Node, name: str) -> bool:
+    """Whether a switch is on, by its default where nobody set it."""
+    return node.value(INPUT + name) is True
+
+
+def is_given(node: Node, name: str) -> bool:
+    """Whether an input is wired, names a prim, or holds more than nothing.
+
+    A wire counts wherever it leads: another rule says where it leads to nothing.
+    """
+    port = INPUT + name
+    state = node.state(port)
+    if state is not None and (state.sources or state.targets):
+        return True
+    value = None if state is None else state.value
+    if value is None or is_nothing(value):
+        return False
+    kind = None if node.type is None else node.type.port(port)
+    return kind is None or not _is_idle_default(value, kind)
+
+
+def is_nothing(value: Value) -> bool:
+    """Whether a value is 0, false, an empty text or array, or made of zeros."""
+    if isinstance(value, tuple):
+        return all(is_nothing(each) for each in value)
+    return not value
+
+
+def _is_idle_default(value: Value, port: Port) -> bool:
+    """Whether somebody wrote down a pose that says nothing: the default of a quaternion."""
+    return isinstance(value, tuple) and value == port.default
+
+
+class ArrayItems(Struct, frozen=True):
+    """The inputs of a node that makes an array: those with something, those without, the rest.
+
+    `beyond` are inputs with something that the size of the array leaves out.
+    """
+
+    count_port: str
+    count: int
+    filled: tuple[str, ...]
+    empty: tuple[str, ...]
+    beyond: tuple[str, ...]
+
+
+def array_items(node: Node) -> ArrayItems | None:
+    """Return what a node makes its array of, None for one that makes none or of a wired size."""
+    dynamic = None if node.type is None else node.type.dynamic
+    if dynamic is None:
+        return None
+    count_port = INPUT + dynamic.count
+    count = node.value(count_port)
+    if node.sources(count_port) or not isinstance(count, int) or isinstance(count, bool):
+        return None
+    inside = [f"{INPUT}{dynamic.prefix}{number}" for number in range(min(count, len(node.ports)))]
+    filled = tuple(port for port in inside if _has_item(node, port))
+    stem = INPUT + dynamic.prefix
+    others = (port for port in node.ports if port.startswith(stem) and port not in inside)
+    return ArrayItems(
+        count_port=count_port,
+        count=count,
+        filled=filled,
+        empty=tuple(port for port in inside if port not in filled),
+        beyond=tuple(
+            port for port in others if port[len(stem) :].isdecimal() and node.sources(port)
+        ),
+    )
+
+
+def _has_item(node: Node, port: str) -> bool:
+    """Whether an element of an array is wired or set: an empty text is no element."""
+    state = node.state(port)
+    return state is not None and (bool(state.sources) or state.value not in (None, ""))
+
+
+class Stop(Struct, frozen=True, eq=False):
+    """A node at which signals end: why it gets none, and the nodes that wait for it.
+
+    `reason` is one of unwired (nothing is wired into `port`), broken (only what does not exist),
+    once (its only signal comes a single time), off (what signals it is switched off), shut (it
+    waits behind a gate that lets nothing through).
+    """
+
+    node: Node
+    port: str
+    reason: str
+    cause: str
+    waiting: tuple[Node, ...]
+
+
+def stops(graph: GraphModel, subject: LintSubject) -> Iterator[Stop]:
+    """Yield the nodes of an evaluated graph that no signal reaches, each with those behind it.
+
+    A node that waits for one of those is not told again.
+    """
+    live = subject.live
+    idle = [node for node in graph.nodes if node.path in live and _is_idle(node, subject)]
+    for node in idle:
+        ahead = [source for source in signal_sources(node, live) if source.path != node.path]
+        if any(not subject.runs(source.path) for source in ahead):
+            continue
+        waiting = tuple(_behind(node, idle, subject))
+        port = signal_inputs(node)[0]
+        written = any(node.sources(each) for each in signal_inputs(node))
+        if not ahead:
+            reason = "broken" if written else "unwired"
+            yield Stop(node, port, reason, "", waiting)
+        else:
+            reason, cause = _held_by(node, subject)
+            yield Stop(node, port, reason, cause, waiting)
+
+
+def _is_idle(node: Node, subject: LintSubject) -> bool:
+    """Whether a node of a known type waits for a signal that never comes."""
+    if node.type is None or subject.runs(node.path) or event_of(node, subject.lab) is not None:
+        return False
+    return bool(signal_inputs(node))
+
+
+def _held_by(node: Node, subject: LintSubject) -> tuple[str, str]:
+    """Return why the signals of nodes that run do not reach this one, and which node is it."""
+    live = subject.live
+    for port in signal_inputs(node):
+        for source, out in live_sources(node, port, live):
+            if not is_switched_on(source, live):
+                return "off", source.path
+            if shut_gate(source, live, subject.lab):
+                return "shut", source.path
+            if is_opened_first(node) and signals_once(source, out, live, subject.lab):
+                return "once", source.path
+    return "broken", ""
+
+
+def _behind(first: Node, idle: list[Node], subject: LintSubject) -> Iterator[Node]:
+    """Yield the idle nodes that would run if this one did, in the order of the graph."""
+    reached = {first.path}
+    is_growing = True
+    while is_growing:
+        new = {
+            node.path
+            for node in idle
+            if node.path not in reached
+            and any(source.path in reached for source in signal_sources(node, subject.live))
+        }
+        reached |= new
+        is_growing = bool(new)
+    return (node for node in idle if node.path in reached and node is not first)
+
+
+def has_job(node: Node) -> bool:
+    """Whether a node talks to ROS or moves joints: it is there for a purpose of its own."""
+    return node.type is not None and (bool(node.type.role) or node.type.drives is not None)
+
+
+def feeds(node: Node, subject: LintSubject) -> list[Node]:
+    """Return the nodes into which something is wired from this one."""
+    prefix = f"{node.path}."
+    found = []
+    for other in subject.live.values():
+        sources = (source for state in other.ports.values() for source in state.sources)
+        if other.path != node.path and any(each.startswith(prefix) for each in sources):
+            found.append(other)
+    return found
+
+
+def is_wired(node: Node, subject: LintSubject) -> bool:
+    """Whether anything is wired into a node or out of it."""
+    return any(node.sources(port) for port in node.ports) or bool(feeds(node, subject))
+
+
+def short(port: str) -> str:
+    """Return the name of a port as people write it."""
+    return port.removeprefix(INPUT)

@@ -1,0 +1,125 @@
+"""The wires of a stage: what is at the source of each, what is wrong with it, and wire cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from msgspec import Struct
+
+from lab3_usd.check.ros.running import LintSubject
+from lab3_usd.model.stage import Node, absence_reason, is_acyclic, is_unresolved
+from lab3_usd.spec.catalog import Port
+
+
+class Connection(Struct, frozen=True, eq=False):
+    """A wire into a node; `source` is None where no live node is there."""
+
+    node: Node
+    port: str
+    path: str
+    source: Node | None
+
+    @property
+    def source_prim(self) -> str:
+        """The path of the prim that the wire comes from."""
+        return self.path.rpartition(".")[0]
+
+    @property
+    def source_port(self) -> str:
+        """The full name of the port that the wire comes from."""
+        return self.path.rpartition(".")[2]
+
+    @property
+    def is_live(self) -> bool:
+        """Whether the application keeps this wire."""
+        return (
+            self.source is not None
+            and self.source.has_port(self.source_port)
+            and self.node.has_port(self.port)
+        )
+
+    @property
+    def ports(self) -> tuple[Port, Port] | None:
+        """The ports at both ends, None where one of them is not known."""
+        if self.source is None or self.source.type is None or self.node.type is None:
+            return None
+        ends = (self.source.type.port(self.source_port), self.node.type.port(self.port))
+        return (ends[0], ends[1]) if ends[0] is not None and ends[1] is not None else None
+
+
+def connections(subject: LintSubject) -> Iterator[Connection]:
+    """Yield every wire into a live node, in the order of nodes and ports."""
+    live = subject.live
+    for node in live.values():
+        for name, state in node.ports.items():
+            for path in state.sources:
+                yield Connection(node, name, path, live.get(path.rpartition(".")[0]))
+
+
+def why_dead(wire: Connection, subject: LintSubject) -> str | None:
+    """Say why there is no node at the source of a wire, None where nobody can know."""
+    stage, path = subject.stage, wire.source_prim
+    if is_unresolved(stage, path) or subject.catalog.graph.ignores(path):
+        return None
+    if any(node.path == path for node in stage.orphans):
+        return "stands outside every graph"
+    there = _in_graph(path, subject)
+    if there:
+        return there
+    return absence_reason(stage, path) if stage.prim(path) is None else "is no node"
+
+
+def _in_graph(path: str, subject: LintSubject) -> str:
+    """Say why a prim that is in a graph is no live node, nothing for one that is in none."""
+    for graph in subject.stage.graphs:
+        if not graph.active and any(node.path == path for node in graph.nodes):
+            return f"is in the graph {graph.path}, which is not in the scene"
+        for absent in graph.absent:
+            if absent.path == path:
+                return f"is {absent.reason}"
+    return ""
+
+
+Kind = Literal["execution", "data"]
+
+
+class WireCycle(Struct, frozen=True, eq=False):
+    """A cycle of wires: the node and the input at which it closes, and its nodes in order."""
+
+    kind: Kind
+    node: Node
+    port: str
+    paths: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the nodes, the first one again at the end."""
+        names = tuple(path.rpartition("/")[2] for path in self.paths)
+        return (*names, *names[:1])
+
+
+def find_cycles(subject: LintSubject) -> Iterator[WireCycle]:
+    """Yield one cycle for each set of nodes that lead to each other."""
+    kinds: dict[Kind, list[Connection]] = {"execution": [], "data": []}
+    for wire in connections(subject):
+        if wire.is_live and wire.ports is not None:
+            kinds["execution" if wire.ports[1].is_execution else "data"].append(wire)
+    for kind, wires in kinds.items():
+        yield from _cycles(kind, wires)
+
+
+def _cycles(kind: Kind, wires: list[Connection]) -> Iterator[WireCycle]:
+    pairs = [(wire.source_prim, wire.node.path) for wire in wires]
+    if is_acyclic(pairs):
+        return
+    import networkx as nx  # noqa: PLC0415 - only where there is a cycle
+
+    graph, told = nx.DiGraph(pairs), set[str]()
+    for wire in wires:
+        if not nx.has_path(graph, wire.node.path, wire.source_prim):
+            continue
+        way = nx.shortest_path(graph, wire.node.path, wire.source_prim)
+        if told.isdisjoint(way):
+            told.update(way)
+            yield WireCycle(kind, wire.node, wire.port, tuple(way))

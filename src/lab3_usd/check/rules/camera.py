@@ -1,0 +1,224 @@
+"""Rules about the robot's camera: at its path, looking ahead, with its lens, rate and image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+from lab3_usd.check.match.conformance import same_value
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.poses import PoseError
+from lab3_usd.check.robot.sensors import CAMERA, View, camera_misfits
+from lab3_usd.check.rules.sensors import (
+    PresentSensor,
+    left_behind_sensors,
+    misplaced_sensors,
+    missing_sensors,
+    pose_problem,
+    present_sensors,
+    resets_xform_stack,
+    wrong_attributes,
+    wrong_type_sensors,
+)
+from lab3_usd.model.finding import Problem, display
+from lab3_usd.model.stage import is_unresolved
+from lab3_usd.spec.scene import Plain, SensorSpec
+
+
+@rule("C01", "missing-camera", scope="stage")
+def missing_camera(subject: StageSubject) -> Iterator[Problem]:
+    """The robot's camera is missing, deactivated, or only an over.
+
+    Why: the camera graph renders nothing, and no image is published.
+
+    Fix: choose Create > Camera, rename it to `{camera_name}` and drag it onto `{camera_link}`. For
+    a deactivated camera, right-click it in the Stage panel and choose Activate.
+
+    Example: no `{camera}` from the checkpoint on that adds the camera.
+    """
+    yield from missing_sensors(subject, CAMERA)
+
+
+@rule("C02", "misplaced-camera", scope="stage")
+def misplaced_camera(subject: StageSubject) -> Iterator[Problem]:
+    """The robot's camera has another name or parent than the handout asks for.
+
+    Why: the camera graph and the TF tree refer to it by its path. Below a prim that does not move,
+    the image does not change while the robot drives. Its settings are still judged.
+
+    Fix: rename it in the Stage panel, or drag it onto `{camera_link}` and accept the new parent.
+
+    Example: `{world}/{camera_name}`.
+    """
+    yield from misplaced_sensors(subject, CAMERA)
+
+
+@rule("C03", "camera-type", scope="stage")
+def camera_type(subject: StageSubject) -> Iterator[Problem]:
+    """The prim at the camera's path is not a camera.
+
+    Why: a render product needs a camera. Nothing is published on the image topic.
+
+    Fix: delete the prim and create the camera with Create > Camera.
+
+    Example: an Xform named `{camera_name}`.
+    """
+    yield from wrong_type_sensors(subject, CAMERA)
+
+
+def _wrong(subject: StageSubject) -> Iterator[tuple[PresentSensor, PoseError | View]]:
+    for found in present_sensors(subject, CAMERA):
+        if not resets_xform_stack(found.prim):
+            for error in camera_misfits(subject, found.spec, found.place):
+                yield found, error
+
+
+@rule("C04", "camera-position", scope="stage")
+def camera_position(subject: StageSubject) -> Iterator[Problem]:
+    """The robot's camera has another position, is scaled, or does not move with the robot.
+
+    Why: inside the robot it sees the inside of a part. At another position the image does not match
+    its TF frame. With `!resetXformStack!` the camera ignores its link and stays where it is while
+    the robot drives away. As a separate rigid body it falls.
+
+    Fix: select the camera and set Translate and Scale to the values expected here. Remove
+    `!resetXformStack!` from `xformOpOrder`, and remove Rigid Body.
+
+    Example: `xformOp:translate` (0, 0, 0), where the Create menu puts it.
+    """
+    yield from left_behind_sensors(subject, CAMERA)
+    for found, wrong in _wrong(subject):
+        if isinstance(wrong, PoseError) and wrong.kind != "rotate":
+            yield pose_problem(found, wrong)
+
+
+@rule("C05", "camera-view", scope="stage")
+def camera_view(subject: StageSubject) -> Iterator[Problem]:
+    """The robot's camera does not look ahead with the sky on top.
+
+    Why: the image shows the side, the back or the floor. The viewing direction is judged, not the
+    way in which the rotation is written. A USD camera looks along its own -Z.
+
+    Fix: set the rotation to the value expected here. The Orient field of the Property panel turns
+    about Z first; a quaternion has w first.
+
+    Example: `xformOp:orient` (0.5, 0.5, 0.5, -0.5), from (90, 0, -90) typed into the Orient field.
+    """
+    for found, wrong in _wrong(subject):
+        if isinstance(wrong, PoseError) and wrong.kind == "rotate":
+            yield pose_problem(found, wrong)
+        if isinstance(wrong, View):
+            yield Problem(
+                found.prim.path,
+                wrong.message,
+                wrong.property,
+                wrong.expected,
+                wrong.actual,
+                found.spec.pose.handout,
+                found.place.related,
+                hint=wrong.hint,
+            )
+
+
+@rule("C06", "camera-lens", scope="stage")
+def camera_lens(subject: StageSubject) -> Iterator[Problem]:
+    """Focal length or clipping range of the robot's camera is not that of the handout.
+
+    Why: the field of view and the camera info depend on the lens. USD's default near plane of 1 m
+    hides everything close to the robot.
+
+    Fix: select the camera and set Focal Length and Clipping Range to the values expected here.
+
+    Example: `focalLength` 18.147562, as Create > Camera writes it.
+    """
+    yield from _attributes(subject, lambda required: required is True)
+
+
+@rule("C07", "camera-rate", scope="stage")
+def camera_rate(subject: StageSubject) -> Iterator[Problem]:
+    """The sensor rate of the robot's camera is set to another value than the handout's.
+
+    Why: the rate sets how often an image is published. Create > Camera applies no sensor schema, so
+    a missing rate is right. If the camera has `OmniSensorAPI` without a rate, the default 0 gives
+    an image for every rendered frame: a warning.
+
+    Fix: select the camera, search the Property panel for the name given here and type the value.
+
+    Example: `omni:sensor:tickRate` 30.
+    """
+    yield from _attributes(subject, lambda required: required is not True)
+    for found in present_sensors(subject, CAMERA):
+        yield from _left_alone(subject, found)
+
+
+def _left_alone(subject: StageSubject, found: PresentSensor) -> Iterator[Problem]:
+    """Yield rates that the camera has by a schema, and that nobody has set."""
+    spec, prim = found.spec, found.prim
+    if spec.rate_api not in prim.apis:
+        return
+    for name, entry in spec.required.items():
+        is_rate = entry.required is not True and name not in prim.attributes
+        if is_rate and not is_unresolved(subject.stage, prim.path):
+            expected = display(entry.value)
+            message = (
+                f"{name} is not set, expected {expected}; {spec.rate_api} takes 0 then, which "
+                "is an image for every rendered frame"
+            )
+            yield Problem(
+                prim.path,
+                message,
+                name,
+                expected,
+                display(None),
+                entry.handout,
+                found.place.related,
+                severity="warning",
+            )
+
+
+def _attributes(subject: StageSubject, is_asked: Callable[[bool | str], bool]) -> Iterator[Problem]:
+    for found in present_sensors(subject, CAMERA):
+        required = found.spec.required.items()
+        asked = {name: entry for name, entry in required if is_asked(entry.required)}
+        yield from wrong_attributes(subject, found, asked)
+
+
+@rule("C08", "camera-aperture", scope="stage", severity="warning")
+def camera_aperture(subject: StageSubject) -> Iterator[Problem]:
+    """The aperture of the robot's camera was changed, but the handout asks for the default.
+
+    Why: aperture and focal length determine the field of view.
+
+    Fix: select the camera, and reset the aperture with the blue square beside it.
+
+    Example: `horizontalAperture` 36.
+    """
+    yield from _away_from_default(subject, lambda spec: spec.keep_default)
+
+
+@rule("C10", "camera-image", scope="stage", severity="warning")
+def camera_image(subject: StageSubject) -> Iterator[Problem]:
+    """The image of the robot's camera is not a plain perspective one.
+
+    Why: the camera info describes a pinhole camera with focal length and aperture. An orthographic
+    or fisheye image does not match it, and clipping planes hide parts of the world.
+
+    Fix: select the camera, and reset the property named here with the blue square beside it.
+
+    Example: `projection` orthographic.
+    """
+    yield from _away_from_default(subject, lambda spec: spec.plain_image)
+
+
+def _away_from_default(
+    subject: StageSubject, usual: Callable[[SensorSpec], Mapping[str, Plain]]
+) -> Iterator[Problem]:
+    """Yield what somebody set to another value than the one a camera has by itself."""
+    for _, spec, place, prim in present_sensors(subject, CAMERA):
+        handout = spec.default_handout or spec.handout
+        for name, default in usual(spec).items():
+            actual = prim.attributes.get(name)
+            if actual is not None and not same_value(actual, default):
+                is_, expected = display(actual), display(default)
+                message = f"{name} is {is_}, the default is {expected}"
+                yield Problem(prim.path, message, name, expected, is_, handout, place.related)

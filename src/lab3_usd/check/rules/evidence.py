@@ -1,0 +1,381 @@
+"""Rules about the saved output of the running system.
+
+What is there, nodes, goal, software, TF tree, recordings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from msgspec.structs import replace
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.files import shortened
+from lab3_usd.model.dry_run import Check
+from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.folder import (
+    GOAL,
+    Edge,
+    EvidenceSubject,
+    Lookup,
+    Observation,
+    RecordingShown,
+    judge_best,
+)
+from lab3_usd.spec.ros import Command
+
+
+@rule("E01", "evidence-not-shown", scope="evidence", severity="note")
+def evidence_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
+    """The results lack the output of a diagnostic command that the handout asks for.
+
+    Why: without the output nothing can be judged. The stage alone does not show whether messages
+    arrived.
+
+    Fix: run `lab3 collect -o collect.sh`, then `bash collect.sh` in the submission folder while the
+    system runs, or save the output of the commands by hand.
+
+    Example: a folder `{shown}` without the output of `ros2 topic hz {scan}`.
+    """
+    missing: dict[str, list[Command]] = {}
+    asked = [c for c in subject.ros.commands if not c.extra and subject.asks_from(c.since)]
+    for command in asked:
+        if not _is_shown(subject, command):
+            missing.setdefault(command.kind.name, []).append(command)
+    severity: Severity = "error" if subject.required else "note"
+    folder = subject.evidence.folder
+    if sum(map(len, missing.values())) == len(asked) and asked:
+        message = "no output of a diagnostic command was found"
+        yield Problem(folder, message, severity=severity)
+        return
+    for commands in missing.values():
+        lines = ", ".join(f"`{command.line}`" for command in commands)
+        section = commands[0].handout.partition(",")[0]
+        yield Problem(folder, f"not shown: {lines}", handout=section, severity=severity)
+
+
+def _is_shown(subject: EvidenceSubject, command: Command) -> bool:
+    goal = subject.ros.goal
+    if goal is not None and command.of == goal.status:
+        recorded = any(one.name == GOAL for e in subject.evidence.recordings for one in e.checks)
+        return recorded or bool(subject.evidence.goals)
+    shown: Mapping[str, object] = getattr(subject.evidence, command.kind.name)
+    recordings = subject.evidence.recordings
+    return command.target in shown or any(
+        each.shows(command.kind.name, command.target) for each in recordings
+    )
+
+
+@rule("E08", "lifecycle-not-active", scope="evidence")
+def lifecycle_not_active(subject: EvidenceSubject) -> Iterator[Problem]:
+    """A node of localization or navigation was not active.
+
+    Why: an `unconfigured` map server publishes no map, an `inactive` AMCL publishes no `map ->
+    odom`, and a navigator that is not active rejects every goal.
+
+    Fix: read the terminal of the launch for the first error, correct the map's path, then start the
+    launch again and wait for `Managed nodes are active`.
+
+    Example: `ros2 lifecycle get /amcl` says `inactive [2]`.
+    """
+    wanted = subject.ros.lifecycle.state
+    for node, place in subject.ros.lifecycle.nodes.items():
+        if subject.asks_from(place.since):
+            handout = place.handout
+
+            def judge(
+                shown: Observation[str], node: str = node, handout: str = handout
+            ) -> list[Problem]:
+                if shown.fact == wanted:
+                    return []
+                said = shortened(shown.fact)
+                message = f"{node} is '{said}', expected '{wanted}'"
+                return [Problem(shown.file, message, node, wanted, said, handout)]
+
+            yield from judge_best(subject.evidence.lifecycle.get(node, ()), judge)
+
+
+@rule("E09", "node-not-running", scope="evidence", severity="warning")
+def node_not_running(subject: EvidenceSubject) -> Iterator[Problem]:
+    """Nodes of localization or navigation are missing from all saved node lists.
+
+    Why: without its lifecycle manager nothing is configured. Without the behaviour server a goal
+    fails at the first recovery.
+
+    Fix: save `ros2 node list` while localization and navigation run.
+
+    Example: `/velocity_smoother` is missing, although Nav2 sends its commands through it.
+    """
+    listed = subject.evidence.node_list.get("", ())
+    names = {name for shown in listed for name in shown.fact}
+    wanted = {**subject.ros.lifecycle.nodes, **subject.ros.nodes}
+    missing = [
+        n for n, place in wanted.items() if subject.asks_from(place.since) and n not in names
+    ]
+    if not (listed and missing):
+        return
+    file, handout = listed[-1].file, wanted[missing[0]].handout
+    if len(missing) == 1:
+        message = f"{missing[0]} is not in the list of nodes"
+        yield Problem(file, message, missing[0], handout=handout)
+    else:
+        message = f"{len(missing)} nodes are not in the list of nodes; was it saved early?"
+        yield Problem(file, message, expected=", ".join(missing))
+
+
+@rule("E15", "forbidden-publisher", scope="evidence")
+def forbidden_publisher(subject: EvidenceSubject) -> Iterator[Problem]:
+    """The publisher of `world -> odom` runs: `_Graph_ROS_Odometry_TFWorld2Odom`.
+
+    Why: it gives `odom` a second parent beside AMCL's `map`. tf2 then jumps between the two and the
+    robot jumps on the map.
+
+    Fix: delete the node TFWorld2Odom, or the graph `/Graph/ROS_Odometry` that Isaac Sim's own menu
+    created, and save the stage.
+
+    Example: `ros2 topic info /tf --verbose` names it among the publishers.
+    """
+    endings = tuple(subject.ros.forbidden_nodes.endings)  # none of them fits no name
+    seen: dict[str, str] = {}
+    for listed in subject.evidence.node_list.get("", ()):
+        seen.update((name, listed.file) for name in listed.fact)
+    for outputs in subject.evidence.topic_info.values():
+        for shown in outputs:
+            seen.update((endpoint.node, shown.file) for endpoint in shown.fact)
+    for name, file in seen.items():
+        if name.endswith(endings):
+            message = f"{name} publishes a transform that the lab forbids"
+            yield Problem(file, message, name, handout=subject.ros.forbidden_nodes.handout)
+
+
+@rule("E16", "goal-not-reached", scope="evidence")
+def goal_not_reached(subject: EvidenceSubject) -> Iterator[Problem]:
+    """No navigation goal succeeded.
+
+    Why: in the last checkpoint the robot reaches its goal. For an aborted goal, Nav2 found no path
+    or lost its transforms, or the robot could not move.
+
+    Fix: send a nearby goal in free space, wait until RViz says that it was reached, and save the
+    status again (`collect.sh --goal`).
+
+    Example: the last status is 6, aborted.
+    """
+    goal = subject.ros.goal
+    outputs = subject.evidence.goals.get("", ())
+    if goal is None or not subject.asks_from(goal.since) or not outputs:
+        return
+    if any(shown.fact.status == goal.succeeded for shown in outputs):
+        return
+    last = outputs[-1]
+    actual, expected = goal.name(last.fact.status), goal.name(goal.succeeded)
+    message = f"the navigation goal is '{actual}', expected '{expected}'"
+    yield Problem(last.file, message, None, expected, actual, goal.handout)
+
+
+@rule("E17", "software-missing", scope="evidence", severity="warning")
+def software_missing(subject: EvidenceSubject) -> Iterator[Problem]:
+    """A required software package is missing from the list of installed packages.
+
+    Why: the handout asks for it, and a part of the lab cannot be shown without it.
+
+    Fix: install it, for Humble `sudo apt install ros-humble-` and its name with dashes.
+
+    Example: `rqt_image_view` is missing.
+    """
+    for shown in subject.evidence.packages.get("", ())[-1:]:
+        for package, title in subject.ros.system.packages.items():
+            if package not in shown.fact:
+                message = f"{title} is not installed, there is no package '{package}'"
+                yield Problem(shown.file, message, package, handout=subject.ros.system.handout)
+
+
+@rule("E10", "forbidden-transform-shown", scope="evidence")
+def forbidden_transform_shown(subject: EvidenceSubject) -> Iterator[Problem]:
+    """A saved TF tree contains `world -> odom`.
+
+    Why: with AMCL's `map -> odom` the frame `odom` has two parents. tf2 jumps between them and
+    localization fails.
+
+    Fix: delete or deactivate the transform publisher with parent `world` and child `{root}`, then
+    run `view_frames` again.
+
+    Example: `"world" -> "odom"` in frames.gv.
+    """
+    for shown in subject.evidence.view_frames.get("", ()):
+        for each in filter(subject.frames.is_forbidden, shown.fact):
+            edge = " -> ".join(each)
+            message = f"the TF tree contains {edge}"
+            yield Problem(shown.file, message, edge)
+
+
+@rule("E11", "transform-not-shown", scope="evidence")
+def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
+    """The saved TF tree lacks a required frame, or the frame has another parent.
+
+    Why: a component that needs the transform from `{above}` to `{lidar_link}`, as Nav2 does for
+    every scan, waits for ever. A tree that only lacks `{above} -> {root}` may have been saved
+    before localization, with the stage: a note, or an error if evidence is required, because it
+    does not show the final tree.
+
+    Fix: set the initial pose if `map -> odom` is missing. Repair the odometry and TF graph if a
+    frame of the robot is missing. Then run `view_frames` again while Isaac Sim plays.
+
+    Example: the tree starts at `odom`, because no initial pose was set.
+    """
+    required: list[tuple[str, str]] = [*subject.frames.edges]
+    localization = subject.frames.localization
+    if localization is not None and subject.asks_from(localization.since):
+        required.insert(0, localization.edge)
+
+    def judge(shown: Observation[tuple[Edge, ...]]) -> list[Problem]:
+        if not shown.fact:
+            return [Problem(shown.file, "the TF tree is empty")]
+        parents = {child: parent for parent, child in shown.fact}
+        found = list(_missing(required, parents, subject.frames.deeper_under, shown.file))
+        return [_before_localization(subject, each) for each in found]
+
+    yield from judge_best(subject.evidence.view_frames.get("", ()), judge)
+
+
+def _before_localization(subject: EvidenceSubject, problem: Problem) -> Problem:
+    """Make a note of the transform that a tree from before localization cannot show."""
+    parent, child = subject.frames.above, subject.frames.root
+    if problem.property != f"{parent} -> {child}" or problem.actual is not None:
+        return problem
+    severity: Severity = "error" if subject.required else "note"
+    message = f"the TF tree does not show {parent} -> {child}; was it saved before localization?"
+    return replace(problem, message=message, severity=severity)
+
+
+def _missing(
+    required: list[Edge], parents: Mapping[str, str], deeper_under: str, file: str
+) -> Iterator[Problem]:
+    for parent, child in required:
+        actual = parents.get(child)
+        edge = f"{parent} -> {child}"
+        if actual is None:
+            yield Problem(file, f"the TF tree lacks {edge}", edge)
+        elif actual != parent and not (
+            parent == deeper_under and parent in _ancestors(child, parents)
+        ):
+            message = f"{child} hangs below {actual}, expected {edge}"
+            yield Problem(file, message, edge, parent, actual)
+
+
+def _ancestors(frame: str, parents: Mapping[str, str]) -> list[str]:
+    found: list[str] = []
+    while frame in parents and parents[frame] not in found:
+        frame = parents[frame]
+        found.append(frame)
+    return found
+
+
+@rule("E12", "frame-with-two-parents", scope="evidence")
+def frame_with_two_parents(subject: EvidenceSubject) -> Iterator[Problem]:
+    """A frame has two parents in one saved TF tree, or different parents in two trees.
+
+    Why: tf2 keeps the latest parent. The tree, and everything placed in it, jumps.
+
+    Fix: find both publishers with `ros2 topic info /tf --verbose`, and delete the wrong one.
+
+    Example: one run of `view_frames` shows `map -> odom`, the next `world -> odom`.
+    """
+    forbidden = subject.frames.is_forbidden  # of such a transform E10 speaks
+    first: dict[str, tuple[str, str]] = {}
+    for shown in subject.evidence.view_frames.get("", ()):
+        for parent, child in shown.fact:
+            known, file = first.setdefault(child, (parent, shown.file))
+            if known == parent or forbidden((parent, child)) or forbidden((known, child)):
+                continue
+            # Two files may be from before and after a repair, one file may not.
+            severity: Severity = "error" if file == shown.file else "warning"
+            message = f"{child} hangs below {known} and below {parent}"
+            yield Problem(shown.file, message, child, related=(file,), severity=severity)
+
+
+@rule("E13", "transform-lookup-failed", scope="evidence")
+def transform_lookup_failed(subject: EvidenceSubject) -> Iterator[Problem]:
+    """`tf2_echo` never printed the requested transform.
+
+    Why: the two frames are not connected, or no simulation time arrives. Localization and
+    navigation need the same transform.
+
+    Fix: check `{root} -> {base}` first, then AMCL and the initial pose.
+
+    Example: the output repeats `Waiting for transform {above} -> {base}`.
+    """
+    asked = [c for c in subject.ros.commands if c.to and not c.extra and subject.asks_from(c.since)]
+    for command in asked:
+
+        def judge(shown: Observation[Lookup], command: Command = command) -> list[Problem]:
+            if shown.fact.found:
+                return []
+            edge = f"{command.of} -> {command.to}"
+            message = f"no transform {edge} was printed"
+            return [Problem(shown.file, message, edge)]
+
+        yield from judge_best(subject.evidence.tf2_echo.get(command.target, ()), judge)
+
+
+_OF_EVIDENCE = "E"
+
+
+@rule("E18", "recording-shows-fault", scope="evidence")
+def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
+    """A recording shows that the running system does something wrong.
+
+    Why: a recording of `ros2 bag record` holds what the other commands print, and how the robot
+    moved. What an evidence rule would say of an output is an error; what is measured (motion,
+    stamps, scans) is a warning, as its tolerances are those of `lab3 bag`. What was not recorded is
+    no fault, and neither is what another recording shows to be right.
+
+    Fix: run `lab3 bag` on the recording, which shows all of it. Repair the graph that it names and
+    record again.
+
+    Example: `/odom is offered transient_local, not volatile`.
+    """
+    by_name: dict[str, list[tuple[RecordingShown, Check]]] = {}
+    for recording in subject.evidence.recordings:
+        for check in recording.checks:
+            by_name.setdefault(check.name, []).append((recording, check))
+    for name, found in by_name.items():
+        recording, check = found[-1]
+        if any(each.verdict != "bad" for _, each in found) or _reached(subject, name):
+            continue
+        yield Problem(
+            recording.file,
+            shortened(check.message),
+            name,
+            handout="J1",
+            severity="error" if check.rule.startswith(_OF_EVIDENCE) else "warning",
+            hint=f"`lab3 rule {check.rule}` explains such faults; `lab3 bag` shows all of it",
+        )
+
+
+def _reached(subject: EvidenceSubject, check: str) -> bool:
+    """Whether a saved output shows a goal that succeeded."""
+    goal, outputs = subject.ros.goal, subject.evidence.goals.get("", ())
+    return check == GOAL and any(e.fact.status == goal.succeeded for e in outputs if goal)
+
+
+@rule("E19", "recording-not-read", scope="evidence", severity="warning")
+def recording_not_read(subject: EvidenceSubject) -> Iterator[Problem]:
+    """A recording could not be read, or not all of it was.
+
+    Why: it shows nothing then. One that was not ended by Ctrl-C lacks its end, and large ones are
+    not opened. Where the checking computer lacks the extra `sim`, it is a note.
+
+    Fix: end `ros2 bag record` with Ctrl-C, leave images out (`collect.sh --bag` does), and hand in
+    the whole folder.
+
+    Example: `run_0.mcap` is missing.
+    """
+    unread = [each for each in subject.evidence.recordings if each.unread]
+    lacking = [each for each in unread if each.for_lack]
+    for each in lacking[:1]:
+        message = f"{len(lacking)} recordings were not read: {each.unread}"
+        hint = "pip install 'lab3-usd[sim]'"
+        yield Problem(each.file, message, handout="J1", severity="note", hint=hint)
+    for each in unread:
+        if not each.for_lack:
+            yield Problem(each.file, f"the recording {shortened(each.unread)}", handout="J1")

@@ -1,0 +1,179 @@
+"""Rules about files: the stage, its sublayers and assets, and what a grader does not open."""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from collections.abc import Iterable, Iterator
+from pathlib import PurePath
+
+from lab3_usd.check.match.subject import ModelSubject, StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.model.finding import MOST_ITEMS, MOST_LETTERS, IgnoreNote, Problem
+from lab3_usd.model.prims import is_at_or_below
+
+
+@rule("F01", "unreadable-file", scope="file")
+def unreadable_file(reason: str) -> Iterator[Problem]:
+    """The file cannot be opened as a USD stage.
+
+    Why: Isaac Sim cannot open it either, and nothing in it can be judged.
+
+    Fix: open the stage in Isaac Sim, save it again as .usda, and hand in that file.
+
+    Example: a file that ends in `.uda`, or an upload that was cut short.
+    """
+    yield Problem("/", reason)
+
+
+@rule("F02", "not-verifiable", scope="model", severity="note")
+def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
+    """The stage refers to an asset that cannot be found, or an asset lacks a sublayer.
+
+    Why: the asset may exist on the computer where the stage was made. What it holds is neither
+    passed nor failed. Graphs, nodes and connections must be in the stage itself.
+
+    Fix: hand in the asset beside the stage with a relative path, or choose File > Collect As in
+    Isaac Sim. Assets on NVIDIA's own server need no action.
+
+    Example: the lidar refers to `Example_Rotary_2D.usda` on a server.
+    """
+    users: dict[tuple[str, str], list[str]] = {}
+    for missing in subject.stage.unresolved:
+        if missing.kind != "sublayer":
+            of = PurePath(missing.layer).name if missing.kind == "sublayer of an asset" else ""
+            users.setdefault((missing.asset, of), []).append(missing.prim)
+    for (asset, of), (first, *others) in users.items():
+        what = f"the sublayer {asset} of {of}" if of else asset
+        message = (
+            f"not verifiable: {what} cannot be found from here, so what it would bring to {first} "
+            "is neither passed nor failed"
+        )
+        yield Problem(first, message, actual=asset, related=tuple(others))
+
+
+@rule("F03", "missing-sublayer", scope="model")
+def missing_sublayer(subject: ModelSubject) -> Iterator[Problem]:
+    """A sublayer of the stage cannot be found.
+
+    Why: the sublayer could hold anything, so the stage is not the one that was worked on. Prims
+    that it may hold are not reported one by one. Missing graphs are reported.
+
+    Fix: hand in the sublayer beside the stage with a relative path, or open the stage in Isaac Sim
+    and choose File > Save Flattened As.
+
+    Example: `subLayers = [@/home/ana/{stages}/edits.usda@]`.
+    """
+    for missing in subject.stage.unresolved:
+        if missing.kind == "sublayer":
+            message = f"sublayer {missing.asset} cannot be found"
+            yield Problem("/", message, actual=missing.asset)
+
+
+@rule("F04", "muted-sublayer", scope="stage", severity="warning")
+def muted_sublayer(subject: StageSubject) -> Iterator[Problem]:
+    """A muted sublayer holds parts of the lab.
+
+    Why: Isaac Sim stores the list of muted layers in the stage and opens the stage without them. On
+    another computer the content of these layers is missing. The check judges the stage as if no
+    layer were muted.
+
+    Fix: open Window > Layer, click the eye of the layer named here to unmute it, and save.
+
+    Example: `{next_graph_name}` is in `drive.usda`, which is muted.
+    """
+    for muted in subject.stage.muted:
+        parts = _lab_parts(subject, muted.prims)
+        if parts:
+            message = f"sublayer {muted.asset} is muted and holds {', '.join(parts)}"
+            yield Problem("/", message, actual=muted.asset, related=parts)
+
+
+@rule("F06", "unused-ignore", scope="file", severity="warning")
+def unused_ignore(told: tuple[IgnoreNote, str]) -> Iterator[Problem]:
+    """A note in the stage ignores a finding that is not there.
+
+    Why: the fault is repaired, or the note is at another place or misspelt. A note that stays
+    hides the next fault of this kind.
+
+    Fix: remove the note, or correct the rule that it names. A comment `# lab3: ignore[W05]` is
+    about its own line, or alone on a line about the next one. `lab3:ignore` in the custom data of
+    a prim is about the prim and everything below it.
+
+    Example: `# lab3: ignore[P02]` at a value that is right.
+    """
+    note, why = told
+    yield Problem(
+        note.prim or "/",
+        f"ignore[{note.rule}] ignores nothing: {why}",
+        note.property,
+        actual=note.rule or None,
+    )
+
+
+def _lab_parts(subject: StageSubject, prims: Iterable[str]) -> tuple[str, ...]:
+    """Return the parts of the lab that these prims belong to: graphs, sensors, the robot."""
+    scene, graphs = subject.lab.scene, subject.lab.graphs
+    parts = [scene.robot.path, *(each.path for each in scene.sensors.values())]
+    parts += [graphs[name].path for name in subject.checkpoint.graphs]
+    parts += [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
+    owners = (max((p for p in parts if is_at_or_below(prim, p)), default="") for prim in prims)
+    return tuple(sorted({owner for owner in owners if owner}))
+
+
+@rule("Z01", "file-left-out", scope="file")
+def file_left_out(path: str, reason: str) -> Iterator[Problem]:
+    """A file of the submission was not opened.
+
+    Why: links, pipes and devices reach out of a submission, and damaged, encrypted or very large
+    files cannot be judged. The rest of the submission is still judged.
+
+    Fix: hand in plain files, in a folder or a .zip archive without a password.
+
+    Example: `{stages}/{stage3}` is a symbolic link to a file in somebody's home.
+    """
+    yield Problem(path, f"this file is left out: {reason}")
+
+
+@rule("Z02", "reference-left-out", scope="file")
+def reference_left_out(asset: str, reason: str) -> Iterator[Problem]:
+    """A stage refers to a file outside the submission.
+
+    Why: a stage is judged by the files that were handed in. Files elsewhere are not opened, and a
+    graph in a missing file cannot be judged.
+
+    Fix: keep the graphs in the stage itself, and hand in assets beside it, with relative paths that
+    stay inside the submission. File > Collect As in Isaac Sim does that.
+
+    Example: `references = @../../solution/{stage3}@`.
+    """
+    yield Problem("/", f"{asset} is not opened: {reason}", actual=asset)
+
+
+_DEEPEST = 3
+
+
+def same(actual: object, expected: object) -> bool:
+    """Whether a value that was read is the one that is asked for."""
+    if isinstance(actual, (int, float)) and isinstance(expected, (int, float)):
+        return math.isclose(actual, expected, rel_tol=1e-6, abs_tol=1e-9)
+    return actual == expected
+
+
+def shortened(value: object) -> str:
+    """Return a value of a YAML file or a message, as YAML writes it, and not too long to read."""
+    if isinstance(value, (list, tuple, dict)):
+        return _repr.repr(value)
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    return text if len(text) <= MOST_LETTERS else f"{text[:MOST_LETTERS]}..."
+
+
+def _shortening() -> reprlib.Repr:
+    made = reprlib.Repr()
+    made.maxlevel = _DEEPEST
+    made.maxlist = made.maxtuple = made.maxdict = MOST_ITEMS
+    made.maxstring = made.maxother = made.maxlong = MOST_LETTERS
+    return made
+
+
+_repr = _shortening()

@@ -1,0 +1,281 @@
+"""Rules about single TF frames, and about the frames that messages name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.match.conformance import setting_matches
+from lab3_usd.check.match.subject import Outcome
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.running import effective_value
+from lab3_usd.check.ros.topics import endpoints
+from lab3_usd.check.tf.frames import Edge, certain_edges, unknown_publishers
+from lab3_usd.check.tf.lab_frames import (
+    FrameSource,
+    TfView,
+    frame_list_text,
+    frame_sources,
+    is_reported_elsewhere,
+    lacks_only_the_camera,
+    lists_its_parent,
+    missing_frames,
+)
+from lab3_usd.check.tf.targets import (
+    LINK_API,
+    NAME_OVERRIDE,
+    ROBOT_API,
+    expands,
+    frame_name,
+    tf_ports,
+)
+from lab3_usd.model.finding import Finding, Problem
+from lab3_usd.model.physics import BODY_API
+from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.stage import Node, is_unresolved
+from lab3_usd.spec.graph import frame_ports
+
+_FAMILY = "T"
+
+
+@rule("T01", "missing-frame", scope="frames")
+def missing_frame(view: TfView) -> Iterator[Problem]:
+    """A frame of the required TF tree is not published.
+
+    Why: RViz, AMCL and Nav2 cannot place data without a transform: without the frame of a lidar its
+    scan is dropped, without that of a camera its image has no place. The robot root as a target
+    gives only the prims below it with IsaacLinkAPI, IsaacSiteAPI or IsaacReferencePointAPI. The
+    links in its robot schema do not matter. A target with the articulation root gives the bodies at
+    and below it. Where the links are beside that body, it is only itself.
+
+    Fix: select the Isaac Compute Transform Tree node and add the prim of the frame to Target Prims.
+    If the prim has a name override, clear it.
+
+    Example: `inputs:targetPrims` names all links but `{robot}/{link}`. Nothing publishes `{link}`.
+    """
+    for maker in frame_sources(view):
+        if not lists_its_parent(maker.node, view) and not lacks_only_the_camera(maker, view):
+            yield from _missing_of(maker, missing_frames(maker, view), view)
+
+
+def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterator[Problem]:
+    stage = view.subject.stage
+    targets = maker.node.targets(maker.port)
+    renamed = {frame for frame in missing if frame_name(maker.prims[frame], stage) != frame}
+    for frame in sorted(renamed):
+        yield Problem(
+            maker.prims[frame],
+            f"the prim's frame is named '{frame_name(maker.prims[frame], stage)}' by its override",
+            property=NAME_OVERRIDE,
+            expected=frame,
+            actual=frame_name(maker.prims[frame], stage),
+            handout=maker.handout,
+        )
+    rest = [frame for frame in missing if frame not in renamed]
+    why = _why_not_all(maker, rest, view)
+    together = len(rest) == len(maker.prims) or (bool(why) and bool(rest))
+    strangers = [
+        path for path in targets if stage.prim(path) is None and not is_unresolved(stage, path)
+    ]
+    nowhere = f"; {', '.join(strangers)} is not in the scene" if strangers else ""
+    for frames in [rest] if together else [[frame] for frame in rest]:
+        yield Problem(
+            maker.node.path,
+            f"nothing publishes {frame_list_text(frames)}{nowhere}{why}",
+            property=maker.port,
+            expected=", ".join(maker.prims[frame] for frame in frames),
+            actual=", ".join(targets) or "no targets",
+            handout=maker.handout,
+        )
+
+
+def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
+    """Say why the robot, which is one of the targets, does not give all of its links."""
+    robot = view.subject.lab.scene.robot.path
+    prim = view.subject.stage.prim(robot)
+    if prim is None or robot not in maker.node.targets(maker.port):
+        return ""
+    homes = [maker.prims[frame] for frame in missing]
+    if not expands(robot, maker.node, view.subject.stage):
+        lack = "links of Isaac Sim's robot schema" if ROBOT_API in prim.apis else ROBOT_API
+        return f"; {robot} stands for itself, not for its links, for it has no {lack}"
+    links = [home for home in homes if is_at_or_below(home, robot) and _is_body(home, view)]
+    return f"; {robot} does not give {', '.join(links)} without {LINK_API}" if links else ""
+
+
+def _is_body(path: str, view: TfView) -> bool:
+    prim = view.subject.stage.prim(path)
+    return prim is not None and BODY_API in prim.apis
+
+
+@rule("T02", "wrong-parent-frame", scope="frames")
+def wrong_parent_frame(view: TfView) -> Iterator[Problem]:
+    """A required frame has another parent than the lab asks for.
+
+    Why: the robot's frames must come together in `{base}`, which odometry moves. A frame with
+    another parent stays behind when the robot drives.
+
+    Fix: set Parent Prim of Isaac Compute Transform Tree to `{base}`, and publish each frame only
+    there. If the parent prim has a name override, clear it.
+
+    Example: `/Graph/tf` publishes `world -> {link}`, and the lab's own node no longer names
+    `{link}`.
+    """
+    wrong: dict[tuple[str, str], list[Edge]] = {}
+    for parent, child in view.subject.lab.frames.edges:
+        edges = view.children.get(child, [])
+        if edges and not any(_is_right(edge, parent, view) for edge in edges):
+            wrong.setdefault((edges[0].cause, edges[0].parent), []).append(edges[0])
+    for (cause, actual), edges in wrong.items():
+        if not any(is_reported_elsewhere(edge, view) for edge in edges):
+            yield _wrong_parent(cause, actual, edges, view)
+
+
+def _is_right(edge: Edge, parent: str, view: TfView) -> bool:
+    if edge.parent == parent:
+        return True
+    return parent == view.subject.lab.frames.deeper_under and _hangs_below(edge, parent, view)
+
+
+def _hangs_below(edge: Edge, top: str, view: TfView) -> bool:
+    """Whether the node that gives this frame leads from it up to `top`, as with a robot's links."""
+    above = {other.child: other.parent for other in view.edges if other.cause == edge.cause}
+    seen: set[str] = set()
+    name = edge.child
+    while name in above and name not in seen and name != top:
+        seen.add(name)
+        name = above[name]
+    return name == top
+
+
+def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> Problem:
+    frames = [edge.child for edge in edges]
+    expected = next(p for p, child in view.subject.lab.frames.edges if child == frames[0])
+    node = view.live_nodes[cause]
+    ports = tf_ports(node)
+    port = next(iter(ports.names or ports.prims))
+    site: tuple[str, str] = (cause, port)
+    prim = next(iter(node.targets(port)), None)
+    if cause in view.role_specs and prim and frame_name(prim, view.subject.stage) != expected:
+        site = (prim, NAME_OVERRIDE)
+    return Problem(
+        site[0],
+        f"'{actual}' is the parent of {frame_list_text(frames)}, expected '{expected}'",
+        property=site[1],
+        expected=expected,
+        actual=actual,
+        handout=view.subject.lab.frames.handout,
+        severity=None if certain_edges(edges) else "warning",
+    )
+
+
+@rule("T20", "lost-frames", scope="outcome", severity="note")
+def lost_frames(outcome: Outcome) -> Iterator[Problem]:
+    """Frames of the required TF tree are not published because of other faults.
+
+    Why: every frame is a requirement, so one deleted connection can cost all of them. This note
+    lists the frames that no other finding names.
+
+    Fix: repair the other findings about the graph. The frames come back with them.
+
+    Example: Isaac Compute Transform Tree is missing, and with it six frames.
+    """
+    told = [each for each in outcome.findings if each.severity != "note"]
+    lost = [
+        each.title.partition(" is ")[0]
+        for each in outcome.requirements
+        if each.kind == "frame" and not each.met and not _is_named(each.id, told)
+    ]
+    for path in _publishers(outcome) if lost else ():
+        faults = [each.prim for each in told if is_at_or_below(each.prim, path)]
+        yield Problem(
+            path,
+            f"through other faults, not published: {', '.join(lost)}",
+            expected=", ".join(lost),
+            handout=outcome.subject.lab.frames.handout,
+            related=tuple(dict.fromkeys(prim for prim in faults if prim != path)),
+        )
+
+
+def _is_named(requirement: str, told: list[Finding]) -> bool:
+    frame = requirement.rpartition("/")[2]
+    quoted = f"'{frame}'"
+    return any(
+        each.prim.endswith(f"/{frame}")
+        or each.expected == quoted
+        or (each.rule[0] == _FAMILY and quoted in each.message)
+        for each in told
+    )
+
+
+def _publishers(outcome: Outcome) -> Iterator[str]:
+    """Yield where the graphs of the lab that publish frames are, or should be."""
+    for name, roles in outcome.subject.roles.items():
+        spec = outcome.subject.lab.graphs[name]
+        if any(node.type.tf is not None for node in spec.nodes.values()):
+            yield spec.path if roles.graph is None else roles.graph.path
+
+
+@rule("T11", "frame-id-outside-the-tree", scope="frames")
+def frame_id_outside_the_tree(view: TfView) -> Iterator[Problem]:
+    """A message names a frame that is not in the TF tree of the stage.
+
+    Why: a subscriber asks tf2 for the frame and waits for ever. Isaac Sim reports no error.
+
+    Fix: set the frame id of the publisher to a frame that the stage publishes, or publish that
+    frame.
+
+    Example: an IMU publisher keeps its default frame id, and no transform places that frame.
+    """
+    subject = view.subject
+    if view.hidden or unknown_publishers(subject.stage, subject.lab):
+        return
+    required = {frame for edge in subject.lab.frames.edges for frame in edge}
+    frames = {frame for edge in view.edges for frame in (edge.parent, edge.child)} | required
+    extra = [node for roles in subject.roles.values() for node in roles.extra]  # told as such
+    for endpoint in endpoints(subject.stage, subject.lab):
+        if endpoint.runs and endpoint.direction == "publishes" and endpoint.node not in extra:
+            found = _foreign_frames(endpoint.node, endpoint.port, view)
+            yield from (problem for problem in found if problem.actual not in frames)
+
+
+def _foreign_frames(node: Node, topic: str, view: TfView) -> Iterator[Problem]:
+    """Yield the frame ids of one topic that the rules of settings do not find fault with."""
+    kind, spec = node.type, view.role_specs.get(node.path)
+    asked = {} if spec is None else {setting.port: setting for setting in spec.settings}
+    for port in () if kind is None or kind.tf is not None else frame_ports(kind, topic):
+        value = effective_value(node, port, view.running)
+        if not isinstance(value, str) or (
+            port in asked and not setting_matches(node, asked[port], value)
+        ):
+            continue
+        yield Problem(
+            node.path,
+            f"{port} is '{value}', a frame that nothing publishes",
+            property=port,
+            expected="a frame of the TF tree",
+            actual=value,
+            severity="warning" if spec is None else None,
+        )
+
+
+@rule("T12", "unknown-frames", scope="frames", severity="warning")
+def unknown_frames(view: TfView) -> Iterator[Problem]:
+    """A node publishes transforms whose frame names are not in the stage.
+
+    Why: the names are computed while the simulation runs. They may include a frame of the lab,
+    which then has two publishers and jumps between them.
+
+    Fix: type the frame ids into the node, or delete it if the lab does not need it. Otherwise check
+    the tree with view_frames while the simulation runs.
+
+    Example: a Publish Raw Transform Tree whose Child Frame ID is connected to a node that computes
+    it.
+    """
+    subject = view.subject
+    for path in unknown_publishers(subject.stage, subject.lab):
+        if path not in subject.faulty_prims:
+            yield Problem(
+                path,
+                "publishes transforms between frames that the stage does not tell",
+                handout=subject.lab.frames.handout,
+            )

@@ -1,0 +1,221 @@
+"""Rules about graphs: present, at their path, Action Graphs, in time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from lab3_usd.check.match.subject import GraphSubject, StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.model.finding import Problem, Severity, display
+from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.stage import GraphModel, StageModel
+
+_ANOTHER = "another graph"
+
+
+def _inactive(subject: GraphSubject) -> GraphModel | None:
+    """Return the graph at the right path that is in the file but not in the scene."""
+    for graph in subject.stage.graphs:
+        if graph.path == subject.spec.path and not graph.active:
+            return graph
+    return None
+
+
+@rule("G01", "missing-graph", scope="graph")
+def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
+    """An Action Graph of the handout is missing or deactivated.
+
+    Why: whatever the graph publishes or drives does not exist. Its nodes are not reported one by
+    one.
+
+    Fix: select the graph's parent in the Stage panel, open Window > Graph Editors > Action Graph,
+    click New Action Graph and give it the name in the handout. For a deactivated graph, right-click
+    it in the Stage panel and choose Activate. If its parent is missing too, the finding about the
+    parent names the graph.
+
+    Example: no `{graph}` from the checkpoint on that adds it.
+    """
+    if subject.roles.graph is not None or subject.missing_with:
+        return
+    spec = subject.spec
+    yield Problem(
+        prim=spec.path,
+        message=f"graph {spec.name} is missing{_why_missing(subject)}",
+        expected=spec.path,
+        handout=spec.handout,
+        hint=f"make the graph {spec.name} at {spec.path} as section {spec.handout} shows",
+    )
+
+
+def _why_missing(subject: GraphSubject) -> str:
+    path, stage = subject.spec.path, subject.stage
+    prim, missing = stage.prims.get(path), stage.unresolved_above(path)
+    instance = _instance_above(path, stage)
+    if prim is not None and prim.active and not prim.defined and missing is not None:
+        return f": only an over is here, and {missing.asset} below it cannot be found"
+    if _inactive(subject) is not None:
+        return ": it is there, but deactivated or only an over without a def"
+    if prim is not None:
+        return f": the prim at its path is {prim.type or 'of no type'}, not an Action Graph"
+    return f": {instance} is an instance, below which nothing can be added" if instance else ""
+
+
+def _instance_above(path: str, stage: StageModel) -> str | None:
+    return next((top for top in stage.instances if is_at_or_below(path, top)), None)
+
+
+@rule("G02", "misplaced-graph", scope="graph")
+def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
+    """A graph has the right content, but another path or name.
+
+    Why: paths determine the names of the ROS 2 nodes, and later steps of the handout look for the
+    graph at its path. The content of the graph is still judged.
+
+    Fix: rename the graph in the Stage panel, or drag it below the prim that the handout names.
+
+    Example: `/World/ActionGraph` instead of `{graph}`.
+    """
+    graph, spec = subject.roles.graph, subject.spec
+    # A graph moves with its sensor, and need not where the sensor alone stands elsewhere.
+    right = (spec.path, subject.lab.graphs[spec.name].path)
+    if graph is not None and graph.path not in right and not subject.roles.merged_graphs:
+        message = f"this is the graph {spec.name}, expected at {spec.path}"
+        hint = f"rename the graph in the Stage panel, or drag it, to {spec.path}"
+        standing = _in_the_way(subject)
+        if standing is not None:
+            message += f", where {standing} stands"
+            what = "move" if standing == _ANOTHER else "delete"
+            hint = f"{what} what stands at {spec.path} first, then {hint}"
+        yield Problem(
+            prim=graph.path,
+            message=message,
+            expected=spec.path,
+            actual=graph.path,
+            handout=spec.handout,
+            hint=hint,
+            related=() if standing is None else (spec.path,),
+        )
+
+
+def _in_the_way(subject: GraphSubject) -> str | None:
+    """Say what takes the path that a graph with the right content should have."""
+    path = subject.spec.path
+    for graph in subject.stage.graphs:
+        if graph.path == path:
+            if not graph.active:
+                return "a deactivated graph"
+            return _ANOTHER if graph.nodes else "an empty graph"
+    prim = subject.stage.prims.get(path)
+    return None if prim is None else f"another prim ({prim.type or 'of no type'})"
+
+
+@rule("G05", "graphs-in-one", scope="graph")
+def graphs_in_one(subject: GraphSubject) -> Iterator[Problem]:
+    """One graph holds the nodes of several graphs of the handout.
+
+    Why: each part of the lab has its own graph at its own path. The ROS 2 nodes are named after the
+    graph, and later steps of the handout look for the graph there. The content is still judged,
+    part by part.
+
+    Fix: create the graphs named here and move the nodes of each part into its graph. Each graph
+    needs its own tick, context and time.
+
+    Example: `/World/ActionGraph` holds the nodes of {graph_name} and of {next_graph_name}.
+    """
+    graph, names = subject.roles.graph, subject.roles.merged_graphs
+    asked = [name for name in names if name in subject.checkpoint.graphs]
+    if graph is None or not names or subject.spec.name != asked[0]:
+        return
+    later = [name for name in names if name not in asked]
+    paths = tuple(subject.lab.graphs[name].path for name in asked)
+    message = f"this one graph holds {_listed(names)}, expected each in a graph of its own"
+    if later:
+        message += f"; {_listed(later)} belongs to a later checkpoint"
+    yield Problem(
+        prim=graph.path,
+        message=message,
+        expected=", ".join(paths),
+        actual=graph.path,
+        handout=subject.spec.handout,
+        related=tuple(path for path in paths if path != graph.path),
+        hint=f"make {_listed(paths)}, and move the nodes of each part into its own graph",
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+@rule("G03", "graph-kind", scope="graph")
+def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
+    """A graph is not evaluated as an Action Graph in the simulation pipeline.
+
+    Why: a push graph may compute every node at each update, with or without a signal. An on-demand
+    graph is not evaluated by the app's update, so On Playback Tick never fires. An instanced graph
+    is evaluated only for prims that refer to it. Isaac Sim may give no message.
+
+    Fix: select the graph prim and set the value named here in the Property panel, or create the
+    graph again with New Action Graph.
+
+    Example: `pipelineStage` 'pipelineStageOnDemand'.
+    """
+    graph = subject.roles.graph
+    for attribute in subject.lab.catalog.graph.attributes if graph is not None else ():
+        if graph is None or not attribute.required:
+            continue
+        value = graph.attributes.get(attribute.name, attribute.unwritten)
+        if value in attribute.accepted:
+            continue
+        yield Problem(
+            prim=graph.path,
+            property=attribute.name,
+            message=f"{attribute.name} is {display(value)}, expected {display(attribute.value)}",
+            expected=display(attribute.value),
+            actual=display(value),
+            handout=subject.spec.handout,
+        )
+
+
+@rule("G06", "graph-in-instance", scope="graph", severity="warning")
+def graph_in_instance(subject: GraphSubject) -> Iterator[Problem]:
+    """A graph of the handout is part of an instance.
+
+    Why: Isaac Sim does not load graphs of instances, so nothing in the graph runs. The check judges
+    it as if it were loaded.
+
+    Fix: select the prim named here and clear Instanceable in the Property panel.
+
+    Example: `{robot}` is a reference to a robot with its graphs, and is instanceable.
+    """
+    graph = subject.roles.graph
+    instance = None if graph is None else _instance_above(graph.path, subject.stage)
+    if graph is not None and instance is not None:
+        message = f"graph {subject.spec.name} is part of the instance {instance}"
+        hint = f"select {instance} and clear Instanceable in the Property panel"
+        yield Problem(
+            graph.path, message, None, None, instance, subject.spec.handout, (instance,), hint=hint
+        )
+
+
+@rule("G04", "early-graph", scope="stage", severity="warning")
+def early_graph(subject: StageSubject) -> Iterator[Problem]:
+    """The stage holds a graph of a later checkpoint.
+
+    Why: the file may have been saved late, after work on the next part had begun. The starter
+    checkpoint must not contain any graph.
+
+    Fix: save each checkpoint before you start the next part.
+
+    Example: `{next_graph}` in a checkpoint before the one that adds it.
+    """
+    later = {
+        spec.path: spec
+        for name, spec in subject.lab.graphs.items()
+        if name not in subject.checkpoint.graphs
+    }
+    severity: Severity | None = None if subject.checkpoint.graphs else "error"
+    for graph in subject.stage.graphs:
+        spec = later.get(graph.path)
+        if graph.active and spec is not None:
+            message = f"graph {spec.name} belongs to a later checkpoint; was this saved late?"
+            yield Problem(graph.path, message, handout=spec.handout, severity=severity)

@@ -1,1 +1,0 @@
-"""Rules about graphs, nodes, values and wires."""

@@ -1,0 +1,322 @@
+"""Rules about the 2D lidar.
+
+One, at its path, with the rates and values by which it gives the scan that the lab needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from lab3_usd.check.match.conformance import same_value
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.sensors import LIDAR, second_lidars
+from lab3_usd.check.rules.sensors import (
+    PresentSensor,
+    left_behind_sensors,
+    misplaced_sensors,
+    misposed_sensors,
+    missing_sensors,
+    present_sensors,
+    wrong_type_sensors,
+)
+from lab3_usd.model.finding import Problem, display
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import is_unresolved
+from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.scene import ScanSpec, SensorAttribute
+
+
+@rule("L01", "missing-lidar", scope="stage")
+def missing_lidar(subject: StageSubject) -> Iterator[Problem]:
+    """The lidar is missing, deactivated, or only an over.
+
+    Why: the lidar graph renders nothing, and no scan is published.
+
+    Fix: create the lidar of the handout with Create > Sensors > RTX Lidar{lidar_menu}, rename the
+    prim to `{lidar_name}` and drag it onto `{lidar_link}`. For a deactivated lidar, right-click it
+    in the Stage panel and choose Activate.
+
+    Example: no `{lidar}` from the checkpoint on that adds the lidar.
+    """
+    yield from missing_sensors(subject, LIDAR)
+
+
+@rule("L02", "misplaced-lidar", scope="stage")
+def misplaced_lidar(subject: StageSubject) -> Iterator[Problem]:
+    """The lidar has another name or parent than the handout asks for.
+
+    Why: below another prim it scans from the wrong place, and its frame is another. Later steps do
+    not find it under another name. Its settings are still judged.
+
+    Fix: rename it in the Stage panel, or drag it onto `{lidar_link}` and accept the new parent.
+
+    Example: `{world}/Example_Rotary_2D`, as the Create menu makes it with nothing selected.
+    """
+    yield from misplaced_sensors(subject, LIDAR)
+
+
+@rule("L03", "lidar-type", scope="stage")
+def lidar_type(subject: StageSubject) -> Iterator[Problem]:
+    """The prim at the lidar's path is not an RTX lidar.
+
+    Why: the lidar helper refuses every prim that is not an OmniLidar. No scan is published.
+
+    Fix: delete the prim and create the lidar with Create > Sensors > RTX Lidar{lidar_menu}.
+
+    Example: an empty Xform named `{lidar_name}`.
+    """
+    yield from wrong_type_sensors(subject, LIDAR)
+
+
+@rule("L04", "lidar-pose", scope="stage")
+def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
+    """The lidar is not at the origin of its link, or does not move with it.
+
+    Why: the scan is published in the frame of the lidar's link. If the lidar is moved or turned,
+    the walls are displaced in RViz and on the map. With `!resetXformStack!` it ignores its link and
+    stays where it is while the robot drives away. As a separate rigid body it falls.
+
+    Fix: select the lidar and set Translate, Rotate and Scale to the values expected here. Remove
+    `!resetXformStack!` from `xformOpOrder`, and remove Rigid Body.
+
+    Example: `xformOp:translate` with the position of the link, which is so entered a second time.
+    """
+    yield from left_behind_sensors(subject, LIDAR)
+    yield from misposed_sensors(subject, LIDAR)
+
+
+@rule("L05", "lidar-rate", scope="stage")
+def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
+    """A rate of the lidar is not set to the value in the handout.
+
+    Why: the tick rate sets how often a scan is published. If it differs from the scan rate, each
+    scan covers only part of a turn, and Isaac Sim gives no message. The schema's default tick rate
+    is 10. Its default scan rate is not documented: a warning.
+
+    Fix: select the lidar, search the Property panel for the name given here and type the value.
+
+    Example: `omni:sensor:tickRate` 20.
+    """
+    for _, spec, place, prim in present_sensors(subject, LIDAR):
+        may_be_hidden = is_unresolved(subject.stage, prim.path)
+        for name, entry in spec.required.items():
+            actual = prim.attributes.get(name)
+            unset = entry.unset if actual is None and spec.required_api in prim.apis else ""
+            is_hidden = actual is None and may_be_hidden
+            if not same_value(actual, entry.value) and unset != "right" and not is_hidden:
+                expected, is_ = display(entry.value), display(actual)
+                yield Problem(
+                    prim.path,
+                    f"{name} is {is_}, expected {expected}",
+                    name,
+                    expected,
+                    is_,
+                    entry.handout,
+                    place.related,
+                    severity="warning" if unset else None,
+                )
+
+
+@rule("L06", "lidar-schema", scope="stage")
+def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
+    """The lidar lacks the schema of a generic RTX lidar.
+
+    Why: the lidar helper refuses it with a warning in the console, and no scan is published. If the
+    lidar refers to an asset that cannot be found, nothing is reported: the asset may bring the
+    schema.
+
+    Fix: delete the prim and create it with Create > Sensors > RTX Lidar{lidar_menu}.
+
+    Example: a prim typed by hand, `def OmniLidar "{lidar_name}"`, without a reference.
+    """
+    for _, spec, place, prim in present_sensors(subject, LIDAR):
+        wanted = spec.required_api
+        if wanted and wanted not in prim.apis and not is_unresolved(subject.stage, prim.path):
+            message = f"lidar lacks {wanted}"
+            yield Problem(prim.path, message, None, wanted, None, spec.handout, place.related)
+
+
+@rule("L07", "second-lidar", scope="stage")
+def second_lidar(subject: StageSubject) -> Iterator[Problem]:
+    """The stage holds a second lidar.
+
+    Why: a second lidar that a graph uses costs frame rate. Its graph or frame may be confused with
+    those of the right lidar. The handout forbids it.
+
+    Fix: delete or deactivate the prim named here.
+
+    Example: `/World/Example_Rotary_2D` beside `{lidar}`.
+    """
+    found = [*present_sensors(subject, LIDAR)]
+    handout = subject.lab.scene.forbidden.lidar.handout
+    right = ", ".join(each.prim.path for each in found)
+    related = tuple(each.place.path for each in found)
+    for prim in second_lidars(subject):
+        message = f"{prim.path} is a second lidar beside {right}"
+        yield Problem(prim.path, message, actual=prim.type, handout=handout, related=related)
+
+
+_TURN = 360.0
+_Fault = tuple[str, str, str]  # attribute, message, what is expected
+
+
+def _number(prim: Prim, name: str) -> float | None:
+    value = prim.attributes.get(name)
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return float(value) if is_number and isinstance(value, (int, float)) else None
+
+
+def _short(name: str) -> str:
+    return name.rpartition(":")[2]
+
+
+def _scanning(subject: StageSubject) -> Iterator[tuple[PresentSensor, ScanSpec]]:
+    """Yield the lidars of which the lab says when they scan, and what it says of each."""
+    for found in present_sensors(subject, LIDAR):
+        if found.spec.scan is not None:
+            yield found, found.spec.scan
+
+
+def _problem(found: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
+    name, message, expected = fault
+    actual, related = display(found.prim.attributes.get(name)), found.place.related
+    return Problem(found.prim.path, message, name, expected, actual, scan.handout, related)
+
+
+@rule("L09", "no-scan", scope="stage")
+def no_scan(subject: StageSubject) -> Iterator[Problem]:
+    """A value of the lidar prevents any scan: a rate of 0, no emitter, or an empty range.
+
+    Why: the lidar helper computes the beams of a scan from these values. Without beams, or with a
+    near range beyond the far range, the scan is silent or holds no distances.
+
+    Fix: select the lidar, search the Property panel for the name given here and type a value above
+    0, or delete the lidar and create it with Create > Sensors > RTX Lidar{lidar_menu}.
+
+    Example: `omni:sensor:Core:patternFiringRateHz` 0.
+    """
+    for found, scan in _scanning(subject):
+        prim, asked = found.prim, found.spec.required
+        for fault in (*_zeros(prim, scan), *_empty(prim, scan), *_falling(prim, scan, asked)):
+            yield _problem(found, scan, fault)
+
+
+def _zeros(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+    for name in scan.above_zero:
+        value = _number(prim, name)
+        if value is not None and not value > 0:
+            yield name, f"{name} is {display(value)}, which gives no scan", "more than 0"
+
+
+def _empty(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+    for name, value in prim.attributes.items():
+        if name.startswith(scan.emitters) and value == ():
+            yield name, f"{name} is empty: the lidar has no emitter", "one entry for each emitter"
+
+
+def _falling(prim: Prim, scan: ScanSpec, asked: Mapping[str, SensorAttribute]) -> Iterator[_Fault]:
+    for low, high in scan.rising:
+        # A wrong value of what the handout asks for is told by its own rule.
+        is_asked = low in asked
+        least = float(asked[low].value) if is_asked else _number(prim, low)
+        most = _number(prim, high)
+        if least is not None and most is not None and most > 0 and not least < most:
+            message = (
+                f"{low} is {display(least)} and {_short(high)} is {display(most)}, so no scan fits"
+            )
+            yield high if is_asked else low, message, f"{_short(low)} below {_short(high)}"
+
+
+@rule("L10", "other-scan", scope="stage", severity="warning")
+def other_scan(subject: StageSubject) -> Iterator[Problem]:
+    """The lidar scans part of the circle, is tilted, or publishes points in another form.
+
+    Why: the map and AMCL assume a full circle at the height of the lidar. Walls outside the scanned
+    part are missing. What the lidar sees above or below appears as a wall in its plane.
+
+    Fix: select the lidar, search the Property panel for the name given here and type the expected
+    value, or reset it with the blue square beside it.
+
+    Example: `omni:sensor:Core:validEndAzimuthDeg` 180.
+    """
+    for found, scan in _scanning(subject):
+        prim = found.prim
+        for fault in (*_partial(prim, scan), *_tilted(prim, scan), *_changed(prim, scan)):
+            yield _problem(found, scan, fault)
+
+
+def _partial(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+    limits = [_number(prim, name) for name in scan.circle]
+    start, end = (
+        usual if limit is None else limit
+        for limit, usual in zip(limits, scan.circle.values(), strict=True)
+    )
+    covered = end - start if end >= start else (end - start) % _TURN
+    if not covered >= scan.whole:
+        written = [name for name, limit in zip(scan.circle, limits, strict=True) if limit]
+        name = written[-1] if written else [*scan.circle][-1]
+        message = (
+            f"the lidar covers {covered:g} degrees of the circle, from azimuth {start:g} to {end:g}"
+        )
+        yield name, message, f"{_TURN:g} degrees"
+
+
+def _tilted(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+    for name, value in prim.attributes.items():
+        if not (name.startswith(scan.emitters) and _short(name) == scan.elevation):
+            continue
+        steepest = max(_degrees(value), key=abs, default=0.0)
+        if not abs(steepest) <= scan.level:
+            where = "up" if steepest > 0 else "down"
+            message = f"{name} reaches {steepest:g} degrees: the lidar looks {where}"
+            yield name, message, "0 degrees"
+
+
+def _degrees(value: Value) -> list[float]:
+    items = value if isinstance(value, tuple) else (value,)
+    return [float(item) for item in items if isinstance(item, (int, float))]
+
+
+def _changed(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+    for name, kept in scan.keep.items():
+        actual = prim.attributes.get(name)
+        if actual is not None and not same_value(actual, kept.value):
+            expected = display(kept.value)
+            message = f"{name} is {display(actual)}, expected {expected}; {kept.otherwise}"
+            yield name, message, expected
+
+
+@rule("L11", "lidar-asset", scope="stage", severity="warning")
+def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
+    """The lidar refers to another lidar asset of the vendor than the handout names.
+
+    Why: the menu lists lidars with similar names. Another one may also look up and down, or rotate
+    differently, so the scan is silent or not flat. The check cannot open the asset, but it sees the
+    name.
+
+    Fix: delete the lidar and create it with Create > Sensors > RTX Lidar{lidar_menu}.
+
+    Example: a reference to `Example_Rotary.usda`, created with Example Rotary instead of Example
+    Rotary 2D.
+    """
+    for found in present_sensors(subject, LIDAR):
+        expected = _stem(found.spec.asset_suffix)
+        others = {*subject.lab.scene.forbidden.lidar.names} - {expected}
+        for missing in subject.stage.unresolved:
+            made_of = _stem(missing.asset)
+            if missing.prim == found.prim.path and made_of in others:
+                yield Problem(
+                    found.prim.path,
+                    f"the lidar is made of {made_of}, expected {expected}",
+                    None,
+                    expected,
+                    made_of,
+                    found.spec.handout,
+                    found.place.related,
+                )
+
+
+def _stem(asset: str) -> str:
+    """Return the name of an asset's file without its ending."""
+    return asset.rpartition("/")[2].partition(".")[0]

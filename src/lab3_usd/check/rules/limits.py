@@ -1,0 +1,56 @@
+"""The rule about acceleration limits that stop the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from lab3_usd.check.match.conformance import setting_value
+from lab3_usd.check.match.subject import GraphSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.model.finding import Problem, display, role_title, short_source
+from lab3_usd.model.physics import number
+from lab3_usd.model.stage import Node
+from lab3_usd.spec.catalog import Value
+
+
+@rule("P11", "limit-without-time-step", scope="graph")
+def limit_without_time_step(subject: GraphSubject) -> Iterator[Problem]:
+    """An acceleration limit is set, but its time step is not connected.
+
+    Why: the Differential Controller needs the elapsed time to limit an acceleration. With a limit
+    other than 0 and `dt` at 0 it skips every step, and the robot never moves.
+
+    Fix: set the limit back to 0, or connect `deltaSeconds` of On Playback Tick to `dt`.
+
+    Example: `maxAcceleration` 0.5 with nothing connected to `dt`.
+    """
+    for node, spec in subject.matched():
+        for port, value in stopping_limits(subject.live_nodes, node):
+            step = spec.type.time_step[0]
+            message = f"{port} is {display(value)} while {step} is 0: the robot never moves"
+            wires = ", ".join(map(short_source, node.sources(port)))
+            first = f"delete the wire from {wires}, then " if wires else ""
+            hint = f"{first}select {role_title(spec)} and set {port.partition(':')[2]} to 0"
+            section = dict(spec.keep).get(port, spec.handout)
+            yield Problem(node.path, message, port, "0", display(value), section, hint=hint)
+
+
+def stopping_inputs(subject: GraphSubject) -> Iterator[tuple[str, str]]:
+    """Yield the prim and input of each limit that stops a node, and of its time step at 0."""
+    for node, spec in subject.matched():
+        limits = [port for port, _ in stopping_limits(subject.live_nodes, node)]
+        for port in (*limits, *spec.type.time_step) if limits else ():
+            yield node.path, port
+
+
+def stopping_limits(live: Mapping[str, Node], node: Node) -> Iterator[tuple[str, Value]]:
+    """Yield the limits of a node, and their values, that keep it from computing anything."""
+    for step in node.type.time_step if node.type is not None else ():
+        seconds = setting_value(live, node, step)
+        length = 0.0 if seconds is None else number(seconds)
+        if (seconds is None and node.sources(step)) or (length is not None and length > 0):
+            return
+        for port in node.type.step_limits if node.type is not None else ():
+            value = setting_value(live, node, port)
+            if value is not None and number(value) != 0:
+                yield port, value

@@ -1,1 +1,0 @@
-"""Rules that need no spec: what is wrong with any stage of Isaac Sim."""

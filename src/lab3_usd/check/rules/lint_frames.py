@@ -1,0 +1,262 @@
+"""Rules about frames: one tree, one publisher of each edge, and transforms that never change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.articulations import moving_source
+from lab3_usd.check.ros.running import LintSubject, effective_value
+from lab3_usd.check.ros.topics import Endpoint, endpoints
+from lab3_usd.check.tf.frames import Edge, frames_in_cycles
+from lab3_usd.check.tf.trees import (
+    all_edges,
+    frame_sets,
+    is_tree_known,
+    message_frames,
+    odometry_pairs,
+)
+from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.stage import Node
+
+
+def _is_of_same_prim(one: Edge, other: Edge) -> bool:
+    """Whether one node lists a prim twice: both transforms are the same, and tf2 takes one."""
+    same_node = (one.publisher, one.cause) == (other.publisher, other.cause)
+    return same_node and one.prim == other.prim is not None
+
+
+def _grave(*edges: Edge) -> Severity | None:
+    return None if all(edge.sure for edge in edges) else "warning"
+
+
+@rule("K50", "frame-of-two-parents", scope="lint")
+def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
+    """A frame is published below two parents.
+
+    Why: tf2 keeps the latest transform. The frame, and all below it, jumps from one parent to the
+    other with every message.
+
+    Fix: decide which publisher places the frame, and delete or correct the other.
+
+    Example: `odom -> base_link` and `base_footprint -> base_link`, by two graphs.
+    """
+    first: dict[str, Edge] = {}
+    told: set[tuple[str, str]] = set()
+    rings = set(frames_in_cycles(all_edges(subject)))
+    for edge in all_edges(subject):
+        if edge.child == edge.parent or edge.child in rings:
+            continue
+        known = first.setdefault(edge.child, edge)
+        if known.parent != edge.parent and (edge.cause, edge.child) not in told:
+            told.add((edge.cause, edge.child))
+            yield Problem(
+                edge.cause,
+                f"publishes {edge.parent} -> {edge.child}, and {known.publisher} publishes "
+                f"{known.parent} -> {edge.child}",
+                expected="one parent",
+                actual=f"{edge.parent} -> {edge.child}",
+                related=(known.publisher,),
+                severity=_grave(known, edge),
+            )
+
+
+@rule("K51", "frame-below-itself", scope="lint")
+def frame_below_itself(subject: LintSubject) -> Iterator[Problem]:
+    """A transform leads from a frame to itself.
+
+    Why: tf2 refuses it, with a line in the log for every message.
+
+    Fix: take the parent prim off the list of target prims, or correct the names of the frames.
+
+    Example: Parent Prim and Target Prims of Isaac Compute Transform Tree name the same link.
+    """
+    told: set[tuple[str, str]] = set()
+    for edge in all_edges(subject):
+        if edge.parent == edge.child and (edge.cause, edge.child) not in told:
+            told.add((edge.cause, edge.child))
+            yield Problem(
+                edge.cause,
+                f"publishes {edge.parent} -> {edge.child}: the frame is its own parent",
+                actual=f"{edge.parent} -> {edge.child}",
+                related=() if edge.publisher == edge.cause else (edge.publisher,),
+                severity=_grave(edge),
+            )
+
+
+@rule("K52", "frames-in-a-ring", scope="lint")
+def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
+    """Transforms lead round in a ring.
+
+    Why: a ring has no root. tf2 cannot look up any transform in it.
+
+    Fix: exchange parent and child of the transform that closes the ring, or delete it.
+
+    Example: `odom -> base_link` and `base_link -> odom`.
+    """
+    edges = [edge for edge in all_edges(subject) if edge.parent != edge.child]
+    frames = frames_in_cycles(edges)
+    inside = [edge for edge in edges if edge.parent in frames and edge.child in frames]
+    if inside:
+        last = inside[-1]
+        yield Problem(
+            last.cause,
+            f"publishes {last.parent} -> {last.child}, which closes a ring of {', '.join(frames)}",
+            actual=f"{last.parent} -> {last.child}",
+            related=tuple(dict.fromkeys(e.publisher for e in inside if e is not last)),
+            severity=_grave(*inside),
+        )
+
+
+@rule("K53", "trees-apart", scope="lint", severity="warning")
+def trees_apart(subject: LintSubject) -> Iterator[Problem]:
+    """The transforms of the stage make several trees that nothing connects.
+
+    Why: no transform leads from one tree to the other, so that what a sensor sees cannot be placed
+    on the map. A node outside the stage, as a localization, may connect them.
+
+    Fix: give the trees a common frame: the child of the odometry's transform must be the root of
+    the robot's.
+
+    Example: `odom -> base_link` beside `chassis -> wheel_left`.
+    """
+    if not is_tree_known(subject):
+        return
+    trees = frame_sets(subject)
+    for edges, frames in trees[1:]:
+        yield Problem(
+            edges[0].cause,
+            f"publishes the tree of {', '.join(sorted(frames))}, which nothing connects with that "
+            f"of {', '.join(sorted(trees[0][1]))}",
+            related=(trees[0][0][0].publisher,),
+        )
+
+
+@rule("K54", "transform-of-two-publishers", scope="lint")
+def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
+    """The same transform is published twice.
+
+    Why: tf2 mixes both streams. Where their times or poses differ, the frame jitters.
+
+    Fix: delete one of the publishers, or take one of two target prims of the same name off the
+    list.
+
+    Example: two graphs publish `odom -> base_link`.
+    """
+    first: dict[tuple[str, str], Edge] = {}
+    for edge in all_edges(subject):
+        known = first.setdefault((edge.parent, edge.child), edge)
+        is_same = known is edge or _is_of_same_prim(known, edge)
+        if not is_same and edge.parent != edge.child:
+            same = "also for another prim" if known.publisher == edge.publisher else known.publisher
+            by = "" if known.publisher == edge.publisher else " publishes as well"
+            yield Problem(
+                edge.cause,
+                f"publishes {edge.parent} -> {edge.child}, {'which ' if by else ''}{same}{by}",
+                actual=f"{edge.parent} -> {edge.child}",
+                related=(known.publisher,) if by else (),
+                severity=_grave(known, edge),
+            )
+
+
+@rule("K55", "frame-of-nobody", scope="lint", severity="warning")
+def frame_of_nobody(subject: LintSubject) -> Iterator[Problem]:
+    """A message names a frame that the stage does not publish.
+
+    Why: without a transform nobody can place the message, unless another node, as a robot state
+    publisher, sends it. Defaults as `sim_lidar` and `sim_camera` are seldom frames of a robot.
+
+    Fix: write the name of the sensor's own frame, and publish that frame.
+
+    Example: a scan in the frame `sim_lidar`, while the tree has `base_scan`.
+    """
+    if not is_tree_known(subject) or not all_edges(subject):
+        return
+    frames = {name for edge in all_edges(subject) for name in (edge.parent, edge.child)}
+    for node, port, value in message_frames(subject):
+        if value and value.lstrip("/") not in frames:
+            yield Problem(
+                node.path,
+                f"{port} is '{value}', a frame that the stage does not publish",
+                property=port,
+                expected=", ".join(sorted(frames)),
+                actual=value,
+            )
+
+
+@rule("K56", "odometry-and-transform-differ", scope="lint", severity="warning")
+def odometry_and_transform_differ(subject: LintSubject) -> Iterator[Problem]:
+    """The odometry message and the transform of the same odometry name other frames.
+
+    Why: both tell where the robot is. With other names one of them speaks of a frame that the other
+    does not know, and localization takes neither.
+
+    Fix: write the same two frames into both nodes.
+
+    Example: the message has `odom` and `base_link`, the transform `odom -> base_footprint`.
+    """
+    for pair in odometry_pairs(subject):
+        if pair.message != pair.transform:
+            yield Problem(
+                pair.publisher.path,
+                f"the message is of {' -> '.join(pair.message)}, and {pair.tree.path} publishes "
+                f"{' -> '.join(pair.transform)}",
+                property=pair.port,
+                expected=" -> ".join(pair.transform),
+                actual=" -> ".join(pair.message),
+                related=(pair.tree.path,),
+            )
+
+
+_STATIC, _MOVING = "/tf_static", "/tf"
+
+
+@rule("K57", "static-transforms", scope="lint")
+def static_transforms(subject: LintSubject) -> Iterator[Problem]:
+    """Transforms are sent once where they move, or again and again on `/tf_static`.
+
+    Why: with Static Publisher on, a transform is sent at the first tick alone, and kept for those
+    who ask for kept messages. tf2 asks for them on `/tf_static`, and there takes no others. What is
+    sent once never moves again: a robot stays where it was at the first tick.
+
+    Fix: enable Static Publisher for `/tf_static` only, and for transforms that never change. What
+    an odometry computes belongs on `/tf`, with Static Publisher off.
+
+    Example: a Publish Raw Transform Tree on `/tf_static` with Static Publisher off.
+    """
+    for endpoint in endpoints(subject.stage, subject.lab):
+        ports = None if endpoint.node.type is None else endpoint.node.type.tf
+        if not (endpoint.runs and endpoint.topic and endpoint.qos and ports and ports.static):
+            continue
+        is_once = effective_value(endpoint.node, ports.static, subject.live) is True
+        is_kept = endpoint.qos.durability == "transient_local"
+        is_for_static = endpoint.topic.endswith(_STATIC)
+        moves = moving_source(endpoint.node, subject) if is_for_static else None
+        if moves is not None and (is_once or not is_kept):
+            yield _moving(endpoint, moves, ports.static if is_once else None)
+        elif not is_kept if is_for_static else is_once:
+            how = "without keeping it for tf2" if is_for_static else "once, at the first tick"
+            yield Problem(
+                endpoint.node.path,
+                f"publishes {endpoint.topic} {how}",
+                property=ports.static,
+                expected=str(is_for_static),
+                actual=str(is_once),
+                severity=None if endpoint.sure else "warning",
+            )
+
+
+def _moving(endpoint: Endpoint, moves: Node, switch: str | None) -> Problem:
+    """Say that what moves belongs on another topic; `switch` is on where it is sent once."""
+    topic = str(endpoint.topic)
+    belongs = topic.removesuffix(_STATIC) + _MOVING
+    how = "once, at the first tick" if switch else "without keeping it for tf2"
+    return Problem(
+        endpoint.node.path,
+        f"publishes {topic} {how}; the pose from {moves.path} changes and belongs on {belongs}",
+        property=switch or endpoint.port,
+        expected="False" if switch else belongs,
+        actual="True" if switch else topic,
+        related=(moves.path,),
+        severity=None if endpoint.sure else "warning",
+    )

@@ -1,0 +1,419 @@
+"""Rules about robots: articulations, joints, drives and wheels."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.articulations import (
+    AXES,
+    Command,
+    Followed,
+    commands,
+    controller_of,
+    followed_bodies,
+    joints_of,
+    number_of_commands,
+    told_joints,
+    unit_of,
+    wired_commands,
+)
+from lab3_usd.check.ros.execution import array_items
+from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
+from lab3_usd.check.ros.topics import did_you_mean, likely_name
+from lab3_usd.check.rules.limits import stopping_limits
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.physics import number
+from lab3_usd.model.prims import Collider, Matrix, Prim
+from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.model.transforms import Vector, distance, transform_point
+from lab3_usd.spec.isaac import NEWEST
+
+_VELOCITY = "inputs:velocityCommand"
+_DRIVE = "PhysicsDriveAPI"
+
+
+@rule("K60", "no-articulation", scope="lint")
+def no_articulation(subject: LintSubject) -> Iterator[Problem]:
+    """The robot that a controller should move has no articulation at or below its prim.
+
+    Why: the controller looks for the articulation root at its target and below, never above. Where
+    none is found, it logs an error and nothing moves.
+
+    Fix: choose the prim that carries the articulation root, or one above it.
+
+    Example: `inputs:targetPrim` names `/World/robot/base_link`, the root is on `/World/robot`.
+    """
+    for command in commands(subject):
+        is_there = subject.stage.prim(command.robot) is not None
+        is_by_path = command.port == command.ports.path
+        if command.is_open or command.roots or not (is_there or is_by_path):
+            continue  # of a target that is not there another rule speaks
+        what = "no articulation root is there or below" if is_there else "there is no such prim"
+        yield Problem(
+            command.node.path,
+            f"{command.port} is {command.robot}, and {what}",
+            property=command.port,
+            expected="a prim with an articulation root",
+            actual=command.robot,
+        )
+
+
+@rule("K61", "unknown-joint", scope="lint")
+def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
+    """A controller names a joint that the robot does not have.
+
+    Why: the controller logs an error for each frame, and moves none of its joints.
+
+    Fix: write the name of the joint's prim, as the Stage panel shows it.
+
+    Example: `left_wheel` instead of `left_wheel_joint`.
+    """
+    for command in commands(subject):
+        known = joints_of(command, subject.stage) if command.roots else {}
+        if command.is_open or not known:
+            continue
+        for name in command.names or ():
+            if name and name not in known and not _is_renamed(name, known):
+                yield Problem(
+                    command.node.path,
+                    f"the robot has no joint '{name}'{did_you_mean(likely_name(name, known))}",
+                    property=command.ports.joints,
+                    expected=likely_name(name, known) or ", ".join(sorted(known)),
+                    actual=name,
+                    related=(command.robot,),
+                )
+
+
+def _is_renamed(name: str, known: dict[str, Prim]) -> bool:
+    """Whether a joint goes by another name than that of its prim."""
+    return any(joint.attributes.get("isaac:nameOverride") == name for joint in known.values())
+
+
+@rule("K62", "drive-ignores-velocity", scope="lint")
+def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
+    """A joint is told a velocity, and its drive does not follow.
+
+    Why: a drive without damping exerts no force towards a velocity. One with stiffness pulls back
+    to a position: the wheel trembles, or stands still. With a largest force of 0 it is not driven.
+
+    Fix: set stiffness to 0, and damping and the largest force above 0, in the joint's drive.
+
+    Example: an importer left `stiffness = 10000` on the wheel joints.
+    """
+    told: set[str] = set()
+    for command in commands(subject):
+        given = wired_commands(command)
+        if command.is_open or given != [_VELOCITY] or not command.roots:
+            continue
+        for joint in told_joints(command, _VELOCITY, subject):
+            if joint.path not in told:
+                told.add(joint.path)
+                yield from _drive_problems(command, joint)
+
+
+def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
+    drives = [api for api in joint.apis if api.startswith(f"{_DRIVE}:{AXES.get(joint.type, '')}")]
+    kind = next(iter(drives), "")
+    wrong = _wrong_value(joint, f"drive:{kind.partition(':')[2]}:physics:", is_driven=bool(kind))
+    if wrong is not None:
+        message = f"{wrong[0]}, and {command.node.path} tells it a velocity"
+        yield Problem(joint.path, message, *wrong[1:], related=(command.node.path,))
+
+
+def _wrong_value(
+    joint: Prim, drive: str, *, is_driven: bool
+) -> tuple[str, str | None, str, str | None] | None:
+    """Return why a joint ignores a velocity: the property, what it should be, and what it is."""
+    names = [f"{drive}{word}" for word in ("damping", "stiffness", "maxForce")]
+    damping, stiffness, force = (number(joint.attributes.get(name)) for name in names)
+    if not is_driven:
+        return "has no drive", None, "damping above 0", None
+    if damping is None or damping <= 0.0:
+        return "has a drive without damping", names[0], "damping above 0", None
+    if stiffness is not None and stiffness > 0.0:
+        return f"has a drive of stiffness {stiffness:g}", names[1], "0", f"{stiffness:g}"
+    if force is not None and force <= 0.0:
+        return "has a drive without force", names[2], "above 0", f"{force:g}"
+    return None
+
+
+@rule("K67", "no-body-to-follow", scope="lint")
+def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
+    """The prim that an odometry follows is no rigid body and no articulation root.
+
+    Why: the node logs an error at every update and passes no signal on. Its outputs stay 0: the
+    odometry says that the robot stands where it started.
+
+    Fix: choose the robot's base link, a prim with a rigid body, or the one with the articulation
+    root. Of a prim with the robot schema the first link that it lists counts.
+
+    Example: `inputs:chassisPrim` names `/World/robot`, an Xform above the links.
+    """
+    for found in followed_bodies(subject):
+        if not found.is_body:
+            yield Problem(
+                found.node.path,
+                f"{found.port} is {found.prim.path}, {_why_no_body(found)}",
+                property=found.port,
+                expected="a rigid body or an articulation root",
+                actual=found.prim.path,
+            )
+
+
+def _why_no_body(found: Followed) -> str:
+    if found.body is None:
+        return f"a robot that lists no link in {found.asked.links}"
+    what = "is no rigid body and no articulation root"
+    is_other = found.body.path != found.prim.path
+    return f"and its first link {found.body.path} {what}" if is_other else f"which {what}"
+
+
+@rule("K68", "number-of-commands", scope="lint")
+def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
+    """A controller gets more or fewer commands than it names joints.
+
+    Why: the controller asks for one command for each joint. Otherwise it logs an error at every
+    update, leaves out all of its commands, and moves nothing.
+
+    Fix: name as many joints as there are commands, in the same order, or correct the commands.
+
+    Example: `jointNames = ["left_wheel"]`, and a Differential Controller gives two speeds.
+    """
+    may_spread = subject.release != NEWEST  # before, a single command counts for all joints
+    for command in commands(subject):
+        if not command.names or subject.is_open(command.node.path):
+            continue
+        for port in command.ports.commands:
+            given, named = number_of_commands(command, port, subject), len(command.names)
+            is_right = not given or given == named or (may_spread and given == 1)
+            if not is_right and not _has_gaps(command, subject):
+                yield Problem(
+                    command.node.path,
+                    f"{port} and {command.ports.joints} differ in length: {given} and {named}",
+                    property=port,
+                    expected=str(named),
+                    actual=str(given),
+                )
+
+
+def _has_gaps(command: Command, subject: LintSubject) -> bool:
+    """Whether an array that comes in is not as long as it looks: another rule speaks of it."""
+    ports = (command.ports.joints, *command.ports.commands)
+    made = (each for port in ports for each, _ in live_sources(command.node, port, subject.live))
+    found = (array_items(node) for node in made)
+    return any(items.beyond or items.empty for items in found if items is not None)
+
+
+_BODIES = ("physics:body0", "physics:body1")
+_SQUARE = 0.999  # how far along an axis an axis must point
+_ALIKE = 0.02
+
+_RADIUS, _DISTANCE = "inputs:wheelRadius", "inputs:wheelDistance"
+_SPEED = "inputs:linearVelocity"
+_CLOSE = 0.05  # of the geometry, which a builder rounds
+_PAIR = 2
+
+
+@rule("K63", "limit-needs-time-step", scope="lint")
+def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
+    """An acceleration limit is set, and the time step that it needs is 0.
+
+    Why: the controller refuses to compute a step without a time step: the robot never moves.
+
+    Fix: wire Delta Seconds of On Playback Tick to Dt, or set the limits to 0.
+
+    Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not wired.
+    """
+    live = subject.live
+    for node in live.values():
+        limits = [port for port, _ in stopping_limits(live, node)]
+        if limits and node.type is not None:
+            step = node.type.time_step[0]
+            yield Problem(
+                node.path,
+                f"{', '.join(limits)} needs a time step, and {step} is 0",
+                property=step,
+                expected="a wire from the delta of the tick",
+                actual="0",
+            )
+
+
+@rule("K64", "wheels-of-another-size", scope="lint", severity="warning")
+def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
+    """Wheel radius or wheel distance in the controller differ from the robot's wheels.
+
+    Why: the robot drives faster or slower, or turns more or less, than it is told; odometry that is
+    computed from the commands is wrong by the same factor.
+
+    Fix: measure the wheels and set the values, in metres; in units of the stage where the velocity
+    is scaled to them.
+
+    Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
+    """
+    for _, controller, pair in _driven_pairs(subject):
+        unit = unit_of(controller, _SPEED, subject)
+        units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
+        radii = [_wheel_radius(joint, subject.stage) for joint in pair]
+        found = {_RADIUS: None if radii[0] != radii[1] else radii[0]}
+        found[_DISTANCE] = _wheel_distance(*pair, subject.stage)
+        for port, measured in found.items():
+            value = number(effective_value(controller, port, subject.live))
+            if value and measured and not _fits(value, measured, units):
+                yield Problem(
+                    controller.path,
+                    f"{port} is {value:g}, the wheels have {measured:.4g} m{_in_unit(unit)}",
+                    property=port,
+                    expected=f"{measured / units[0]:.4g}",
+                    actual=f"{value:g}",
+                    related=tuple(joint.path for joint in pair),
+                )
+
+
+def _fits(value: float, measured: float, units: tuple[float, ...]) -> bool:
+    """Whether a value is what was measured, in one of these units."""
+    return any(math.isclose(value * unit, measured, rel_tol=_CLOSE) for unit in units)
+
+
+def _in_unit(unit: float | None) -> str:
+    """Return the end of a sentence about a velocity that is not in metres per second."""
+    return "" if unit in {None, 1.0} else f", and the velocity comes in units of {unit:g} m"
+
+
+def _driven_pairs(subject: LintSubject) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
+    """Yield the commands of two wheels, with what computes them and the joints in its order."""
+    for command in commands(subject):
+        controller = controller_of(command, subject)
+        if controller is None or command.is_open or len(command.names or ()) != _PAIR:
+            continue
+        known = joints_of(command, subject.stage) if command.roots else {}
+        pair = [known[name] for name in command.names or () if name in known]
+        if len(pair) == _PAIR:
+            yield command, controller, (pair[0], pair[1])
+
+
+@rule("K65", "joint-of-two-controllers", scope="lint")
+def joint_of_two_controllers(subject: LintSubject) -> Iterator[Problem]:
+    """Two nodes command the same joint.
+
+    Why: each overwrites at every update what the other has told the joint. A controller without
+    joint names commands all of them.
+
+    Fix: delete one of the controllers, or name in each the joints that are its own.
+
+    Example: the menu's Differential Controller graph beside one's own on the same robot.
+    """
+    running = [each for each in commands(subject) if subject.runs(each.node.path)]
+    for index, command in enumerate(running):
+        for other in running[:index]:
+            shared = _shared(command, other, subject)
+            if shared:
+                yield Problem(
+                    command.node.path,
+                    f"commands {', '.join(shared)}, which {other.node.path} commands as well",
+                    property=command.ports.joints,
+                    related=(other.node.path,),
+                )
+                break
+
+
+def _shared(one: Command, other: Command, subject: LintSubject) -> list[str]:
+    """Return the joints that both command by the same kind of command."""
+    kinds = set(wired_commands(one)) & set(wired_commands(other))
+    if not kinds or not set(one.roots) & set(other.roots) or None in (one.names, other.names):
+        return []
+    every = list(joints_of(one, subject.stage))
+    first, second = (list(each.names or every) for each in (one, other))
+    return [name for name in first if name in second]
+
+
+@rule("K66", "left-and-right", scope="lint", severity="warning")
+def left_and_right(subject: LintSubject) -> Iterator[Problem]:
+    """The names of the wheel joints stand in the order right, left.
+
+    Why: the controller gives the speeds in the order left, right. With the names exchanged, the
+    robot turns to the wrong side.
+
+    Fix: exchange the two names.
+
+    Example: `jointNames = ["wheel_right_joint", "wheel_left_joint"]`.
+    """
+    for command, controller, (first, second) in _driven_pairs(subject):
+        says_so = (_side(first), _side(second)) == ("right", "left")
+        places = [_anchor(joint, subject.stage) for joint in (first, second)]
+        is_so = True
+        if places[0] is not None and places[1] is not None and subject.stage.up_axis == "Z":
+            is_so = places[0][1] <= places[1][1]
+        if says_so and is_so:
+            yield Problem(
+                command.node.path,
+                f"the speeds of {controller.name} are those of the left and the right wheel, the "
+                f"names are {first.name}, {second.name}",
+                property=command.ports.joints,
+                expected=f"{second.name}, {first.name}",
+                actual=f"{first.name}, {second.name}",
+                related=(controller.path,),
+            )
+
+
+def _side(joint: Prim) -> str:
+    """Return the side that the name of a joint says, in full or as a letter; '' where none."""
+    name = joint.name.lower()
+    words = re.split(r"[^a-z]+", name)
+    return next((side for side in ("left", "right") if side in name or side[0] in words), "")
+
+
+def _body(joint: Prim, side: int, stage: StageModel) -> Prim | None:
+    paths = joint.relationships.get(_BODIES[side], ())
+    return stage.prim(paths[0]) if paths else None
+
+
+def _wheel_radius(joint: Prim, stage: StageModel) -> float | None:
+    """Return the radius of the wheel that a joint turns, in metres; None where nothing tells it.
+
+    A wheel is as high as it is long: two sides of the box around it are alike. A wheel that was
+    saved turned has a larger box, so that none is taken then.
+    """
+    wheel = _body(joint, 1, stage)
+    if wheel is None or wheel.world is None or not _is_square(wheel.world):
+        return None
+    boxes = list(stage.colliders.below(wheel.path))
+    return _radius(boxes) if boxes else None
+
+
+def _radius(boxes: list[Collider]) -> float | None:
+    sides = sorted(
+        max(box.high[axis] for box in boxes) - min(box.low[axis] for box in boxes)
+        for axis in range(3)
+    )
+    is_wheel = math.isclose(sides[1], sides[2], rel_tol=_ALIKE) and sides[0] < sides[1]
+    return sides[2] / 2 if is_wheel else None
+
+
+def _is_square(world: Matrix) -> bool:
+    """Whether the axes of a prim point along those of the world."""
+    rows = (world[0:3], world[4:7], world[8:11])
+    return all(max(map(abs, row)) > _SQUARE * math.hypot(*row) for row in rows)
+
+
+def _anchor(joint: Prim, stage: StageModel) -> Vector | None:
+    """Return where a joint sits on its base, in the base's own axes and in stage units."""
+    base = _body(joint, 0, stage)
+    place = joint.attributes.get("physics:localPos0", (0.0, 0.0, 0.0))
+    if base is None or not isinstance(place, tuple):
+        return None
+    numbers = [float(each) for each in place if isinstance(each, (int, float))]
+    return (numbers[0], numbers[1], numbers[2]) if len(numbers) == len("xyz") else None
+
+
+def _wheel_distance(one: Prim, other: Prim, stage: StageModel) -> float | None:
+    """Return how far two joints sit apart, in metres; None where nothing tells it."""
+    places = []
+    for joint in (one, other):
+        base, place = _body(joint, 0, stage), _anchor(joint, stage)
+        if base is None or base.world is None or place is None:
+            return None
+        places.append(transform_point(place, base.world))
+    return distance(*places) * stage.meters_per_unit

@@ -1,0 +1,373 @@
+"""Rules about what never computes, and nodes that compute on zeros."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.clocks import context_inputs, domains
+from lab3_usd.check.ros.execution import (
+    Stop,
+    array_items,
+    feeds,
+    has_job,
+    is_wired,
+    stops,
+    unmet_needs,
+)
+from lab3_usd.check.ros.running import (
+    ENABLED,
+    LintSubject,
+    effective_value,
+    event_of,
+    is_graph_evaluated,
+    shut_gate,
+)
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.stage import DEACTIVATED, OVER, is_unresolved, nodes_outside_graphs
+
+_REASONS = {
+    "unwired": "nothing is wired into {port}",
+    "once": "its only signal comes from {cause}, a single time, which opens its topic and no more",
+    "off": "{cause}, which signals it, is switched off",
+}
+
+
+@rule("K01", "never-computes", scope="lint")
+def never_computes(subject: LintSubject) -> Iterator[Problem]:
+    """No running event reaches a node that has something to do.
+
+    Why: a node with an execution input computes only when a signal arrives there. Without one it
+    publishes nothing, receives nothing and moves nothing. A publisher or subscriber that gets a
+    single signal only opens its topic. Nodes that wait for the one named here are listed with it.
+
+    Fix: in the graph editor drag a wire from an event, as Tick of On Playback Tick, or from Exec
+    Out of the node before it, to Exec In of this node.
+
+    Example: a ROS2 Publish Odometry whose `execIn` is not wired.
+    """
+    for graph in subject.graphs():
+        if graph.active and is_graph_evaluated(graph, subject.stage, subject.lab):
+            for stop in stops(graph, subject):
+                if stop.reason in _REASONS and _matters(stop, subject):
+                    yield _stopped(stop, subject)
+
+
+def _matters(stop: Stop, subject: LintSubject) -> bool:
+    """Whether a node with a job waits, or a node that runs takes data from one that does."""
+    if subject.is_open(stop.node.path):
+        return False
+    nodes = (stop.node, *stop.waiting)
+    if any(has_job(node) for node in nodes):
+        return True
+    return any(subject.runs(other.path) for node in nodes for other in feeds(node, subject))
+
+
+def _stopped(stop: Stop, subject: LintSubject) -> Problem:
+    reason = _REASONS[stop.reason].format(port=stop.port, cause=stop.cause)
+    waiting = ", ".join(node.name for node in stop.waiting)
+    told = f"; with it wait {waiting}" if waiting else ""
+    switch = stop.reason == "off"
+    return Problem(
+        stop.node.path,
+        f"{subject.title(stop.node)} never computes: {reason}{told}",
+        property=stop.port,
+        expected="a wire from an event",
+        related=tuple(node.path for node in stop.waiting),
+        hint=f"switch {stop.cause} on again" if switch else None,
+        severity="note" if switch else None,
+    )
+
+
+@rule("K02", "graph-not-in-scene", scope="lint", severity="note")
+def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
+    """A graph is deactivated, or is only an override of something that is not there.
+
+    Why: Isaac Sim evaluates no graph that is not in the scene. A graph that is deactivated while
+    the timeline plays may go on publishing until the stage is opened again. An `over` on an asset
+    brings a graph only where the asset holds one.
+
+    Fix: activate the graph in the Stage panel, or delete it; define a graph in the file itself,
+    with `def`, where it is only an `over`.
+
+    Example: `ActionGraph` with `active = false` still holds the only publisher of `/scan`.
+    """
+    for graph in subject.graphs():
+        if graph.active:
+            continue
+        prim = subject.stage.prims.get(graph.path)
+        is_over = prim is None or (prim.active and not prim.defined)
+        if is_over and is_unresolved(subject.stage, graph.path):
+            continue
+        what = "is only an over without a def" if is_over else "is deactivated"
+        nodes = len(graph.nodes) + len(graph.absent)
+        yield Problem(
+            graph.path,
+            f"graph {what}: none of its {nodes} nodes computes",
+            severity="error" if is_over else None,
+        )
+    for path, nodes in _nodes_in_overs(subject).items():
+        yield Problem(
+            path,
+            f"holds {nodes} nodes and is only an over without a def: none of them computes",
+            severity="error",
+        )
+
+
+def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
+    """Return how many nodes each over holds that nothing makes a graph, as behind a payload."""
+    above = Counter(
+        each.path.rpartition("/")[0]
+        for each in subject.stage.absent
+        if each.reason == OVER and each.type_name and not subject.catalog.graph.ignores(each.path)
+    )
+    return {path: n for path, n in above.items() if not is_unresolved(subject.stage, path)}
+
+
+@rule("K03", "graph-not-evaluated", scope="lint")
+def graph_not_evaluated(subject: LintSubject) -> Iterator[Problem]:
+    """A graph is saved so that Isaac Sim never evaluates it.
+
+    Why: an on-demand graph waits for an event of its own kind, as On Physics Step, and is left out
+    by the updates of the application. An instanced graph is evaluated only where a prim refers to
+    it.
+
+    Fix: make a new Action Graph and move the nodes there, or set pipeline stage and evaluation mode
+    of this one as a new Action Graph has them.
+
+    Example: On Playback Tick in a graph with `pipelineStage = "pipelineStageOnDemand"`.
+    """
+    form = subject.catalog.graph.evaluation
+    for graph in subject.graphs():
+        if not graph.active or not graph.nodes or subject.is_open(graph.path):
+            continue
+        if not is_graph_evaluated(graph, subject.stage, subject.lab):
+            mode = graph.attributes.get(form.mode)
+            name = form.mode if mode in form.by_reference else form.stage
+            yield Problem(
+                graph.path,
+                f"graph is never evaluated: {name} is '{graph.attributes.get(name)}', "
+                f"expected '{subject.catalog.graph.value(name)}'",
+                property=name,
+                expected=str(subject.catalog.graph.value(name)),
+                actual=str(graph.attributes.get(name)),
+            )
+
+
+@rule("K04", "event-never-fires", scope="lint")
+def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
+    """An event stands in a graph in which it never fires.
+
+    Why: On Physics Step fires only in an on-demand graph, On Playback Tick and On Tick only in a
+    graph of the simulation pipeline. Elsewhere nothing behind them computes.
+
+    Fix: use the event of the graph's own kind: On Playback Tick in an ordinary Action Graph, On
+    Physics Step in one whose pipeline stage is on demand.
+
+    Example: On Physics Step triggers the controllers of an ordinary Action Graph.
+    """
+    form = subject.catalog.graph.evaluation
+    for graph in subject.graphs():
+        if not graph.active or not is_graph_evaluated(graph, subject.stage, subject.lab):
+            continue
+        if graph.attributes.get(form.evaluator) in form.all_nodes:
+            continue
+        for node in graph.nodes:
+            needed = event_of(node, subject.lab)
+            if needed and not subject.runs(node.path) and node.path in subject.live:
+                waiting = feeds(node, subject)
+                if waiting:
+                    yield Problem(
+                        node.path,
+                        f"{subject.title(node)} never fires in a graph of "
+                        f"{graph.attributes.get(form.stage, 'no pipeline stage')}, so that "
+                        f"{', '.join(other.name for other in waiting)} never compute",
+                        expected=needed,
+                        actual=str(graph.attributes.get(form.stage)),
+                        related=tuple(other.path for other in waiting),
+                    )
+
+
+@rule("K05", "stray-node", scope="lint", severity="warning")
+def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
+    """A node stands outside every graph, or a prim in a graph is no node.
+
+    Why: Isaac Sim evaluates nodes only as children of a graph. What stands elsewhere, or has
+    another type than a node's, never computes.
+
+    Fix: drag the node into its graph in the Stage panel, or delete it.
+
+    Example: `/to_string`, left at the root when its graph was renamed.
+    """
+    for node in nodes_outside_graphs(subject.stage):
+        if subject.catalog.graph.ignores(node.path):
+            continue
+        yield Problem(
+            node.path,
+            f"{subject.title(node)} stands outside every graph and never computes",
+            severity="error" if has_job(node) else None,
+        )
+    for graph in subject.graphs():
+        for there in graph.absent if graph.active else ():
+            if there.reason not in (DEACTIVATED, OVER) and there.type_name:
+                yield Problem(there.path, f"is no node but {there.reason}, and never computes")
+
+
+@rule("K06", "switched-off", scope="lint", severity="note")
+def switched_off(subject: LintSubject) -> Iterator[Problem]:
+    """A node that talks to ROS is switched off, or one that passes signals on to others.
+
+    Why: with Enabled off a helper publishes nothing, and a render product is not made, so that the
+    helpers behind it publish nothing either. A gate with a step of 0 lets no signal through.
+
+    Fix: switch Enabled on, or set the step to 1 or more, if that was not on purpose.
+
+    Example: `inputs:enabled = 0` on a ROS2 Camera Helper.
+    """
+    for node in subject.live.values():
+        if has_job(node) and effective_value(node, ENABLED, subject.live) is False:
+            yield Problem(node.path, f"{subject.title(node)} is switched off", property=ENABLED)
+        gate = shut_gate(node, subject.live, subject.lab)
+        waiting = feeds(node, subject) if gate is not None else []
+        if waiting:
+            yield Problem(
+                node.path,
+                f"{gate} is 0: no signal gets to {', '.join(other.name for other in waiting)}",
+                property=gate,
+                expected="1 or more",
+                actual="0",
+                related=tuple(other.path for other in waiting),
+                severity="warning",
+            )
+
+
+@rule("K07", "instanced-graph", scope="lint", severity="warning")
+def graph_in_instance(subject: LintSubject) -> Iterator[Problem]:
+    """A graph belongs to an instanceable prim.
+
+    Why: Isaac Sim loads no graph of an instance: the graph is shared by all copies and belongs to
+    none.
+
+    Fix: switch Instanceable off on the prim above the graph.
+
+    Example: a robot that is referenced with `instanceable = true` and carries its Action Graphs.
+    """
+    for graph in subject.graphs():
+        if graph.active and graph.instanced:
+            yield Problem(graph.path, "graph is part of an instance, of which no graph is loaded")
+
+
+@rule("K10", "works-on-zeros", scope="lint")
+def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
+    """An input that a node needs is neither wired nor set.
+
+    Why: an input without a wire and without a value is 0 or empty. A publisher without a time
+    stamps everything 0, a helper without a render product publishes nothing, a controller without
+    a wheel radius gives no command. Isaac Sim says nothing of it, or logs a line each frame.
+
+    Fix: wire the input from the node that computes it, or set it in the Property panel.
+
+    Example: `ros2_publish_odometry.inputs:timeStamp` without a wire.
+    """
+    for node in subject.live.values():
+        if subject.is_open(node.path) or not (subject.runs(node.path) or is_wired(node, subject)):
+            continue
+        for need in unmet_needs(node, subject):
+            known = [name for name in need.inputs if node.has_port(f"inputs:{name}")]
+            names = " and ".join(f"inputs:{name}" for name in known)
+            verb = "are" if len(known) > 1 else "is"
+            yield Problem(
+                node.path,
+                f"{names} {verb} neither wired nor set: {need.effect}",
+                property=f"inputs:{known[0]}",
+                expected="a wire or a value",
+                severity=need.severity if need.severity != "error" else None,
+            )
+
+
+@rule("K11", "array-with-gaps", scope="lint")
+def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
+    """A node makes an array of inputs of which one is empty, or has inputs beyond its size.
+
+    Why: an element that is neither wired nor set is empty: a joint without a name, which no robot
+    has, so that the controller moves nothing. Inputs beyond the array's size are left out.
+
+    Fix: wire the input named here, or correct the array's size in the Property panel.
+
+    Example: `joint_name_array.inputs:input0` lost its wire, while `input1` has one.
+    """
+    for node in subject.live.values():
+        if subject.is_open(node.path):
+            continue
+        items = array_items(node)
+        if items is None:
+            continue
+        if items.filled:
+            for port in items.empty:
+                yield Problem(
+                    node.path,
+                    f"{port} is neither wired nor set, so that an element of the array is empty",
+                    property=port,
+                    expected="a wire or a value",
+                )
+        for port in items.beyond:
+            yield Problem(
+                node.path,
+                f"{port} is left out: {items.count_port} is {items.count}",
+                property=items.count_port,
+                actual=str(items.count),
+                severity="warning",
+            )
+
+
+@rule("K12", "context-missing", scope="lint", severity="warning")
+def context_missing(subject: LintSubject) -> Iterator[Problem]:
+    """A ROS node has no context, while others of the stage have one.
+
+    Why: without a context a node is in the domain that the environment names in `ROS_DOMAIN_ID`,
+    else in 0. The others are in the domain of their ROS2 Context. Where these differ, the node is
+    alone.
+
+    Fix: wire Context of the ROS2 Context to Context of this node.
+
+    Example: of four publishers one has no wire at `inputs:context`.
+    """
+    wired = [found for found in context_inputs(subject) if found.contexts]
+    bare = [found for found in context_inputs(subject) if not found.is_set]
+    for found in bare if wired else ():
+        if has_job(found.node) and subject.runs(found.node.path):
+            yield Problem(
+                found.node.path,
+                f"{found.port} is not wired: the domain is the environment's, while "
+                f"{len(wired)} other nodes of the stage are in that of {wired[0].contexts[0].path}",
+                property=found.port,
+                expected=f"{wired[0].contexts[0].path}.outputs:context",
+            )
+
+
+@rule("K13", "contexts-differ", scope="lint", severity="warning")
+def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
+    """Two contexts of the stage name different ROS domains.
+
+    Why: nodes of different domains do not see each other. A robot whose clock is in one domain and
+    whose odometry is in another has no time.
+
+    Fix: give all ROS2 Context nodes the same Domain Id, and the same choice of Use Domain ID Env
+    Var.
+
+    Example: one context has `domain_id = 5`, the other `domain_id = 0`.
+    """
+    found = domains(subject)
+    if len(found) < 2:  # noqa: PLR2004 - the first is what the others differ from
+        return
+    (first, nodes), *others = found.items()
+    for domain, contexts in others:
+        for context in contexts:
+            yield Problem(
+                context.path,
+                f"context is of {domain}, that of {nodes[0].path} of {first}",
+                expected=first,
+                actual=domain,
+                related=tuple(node.path for node in nodes),
+            )

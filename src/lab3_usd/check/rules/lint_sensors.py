@@ -1,0 +1,215 @@
+"""Rules about sensors, what reads them, and scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.running import LintSubject, sensor_of
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.physics import BODY_API, number
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node, absence_reason, is_unresolved
+from lab3_usd.spec.isaac import SensorOf
+
+_TICK = "omni:sensor:tickRate"
+_CORE = "omni:sensor:Core:"
+_SCAN, _FIRING = f"{_CORE}scanRateBaseHz", f"{_CORE}patternFiringRateHz"
+_NEAR, _FAR = f"{_CORE}nearRangeM", f"{_CORE}farRangeM"
+_PRODUCT = "inputs:renderProductPath"
+
+
+def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
+    """Yield the nodes that publish a sensor, with what they ask of it and its path."""
+    for node in subject.live.values():
+        asked = subject.types.sensors.get("" if node.type is None else node.type.type)
+        path = sensor_of(node, subject.live)
+        if asked is not None and path is not None:
+            yield node, asked, path
+
+
+@rule("K14", "target-not-there", scope="lint")
+def target_not_there(subject: LintSubject) -> Iterator[Problem]:
+    """A node names a prim that is not in the scene.
+
+    Why: the node logs an error or leaves the target out: a camera that is not there gives no
+    image, a link that is not there no frame.
+
+    Fix: choose the prim again in the Property panel.
+
+    Example: `inputs:cameraPrim` still names the camera's old path.
+    """
+    for node in subject.live.values():
+        for name, state in node.ports.items():
+            for target in state.targets:
+                if subject.stage.prim(target) is not None or is_unresolved(subject.stage, target):
+                    continue
+                if _is_made_later(target, subject):
+                    continue
+                yield Problem(
+                    node.path,
+                    f"{name} names {target}, which {absence_reason(subject.stage, target)}",
+                    property=name,
+                    actual=target,
+                    severity=None if len(state.targets) == 1 else "warning",
+                )
+
+
+def _is_made_later(path: str, subject: LintSubject) -> bool:
+    """Whether the application makes the prim, or it is a node or a graph."""
+    made = path in subject.types.application_prims or subject.catalog.graph.ignores(path)
+    return made or path in subject.live
+
+
+@rule("K70", "product-of-another-sensor", scope="lint")
+def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
+    """A helper reads the render product of a sensor of another kind.
+
+    Why: the lidar helper takes only lidars and says so in the log; a camera helper on a lidar
+    publishes an image of nothing.
+
+    Fix: wire Render Product Path from the Isaac Create Render Product of the right sensor.
+
+    Example: a ROS2 RTX Lidar Helper behind the render product of the camera.
+    """
+    for node, asked, path in _read_sensors(subject):
+        prim = subject.stage.prim(path)
+        if prim is None or (is_unresolved(subject.stage, path) and not prim.type):
+            continue
+        if prim.type not in asked.types and not set(prim.apis) & set(asked.schemas):
+            yield Problem(
+                node.path,
+                f"reads {path}, which is of type {prim.type or 'nothing'}",
+                property=_PRODUCT,
+                expected=" or ".join(asked.types),
+                actual=prim.type,
+                related=(path,),
+            )
+
+
+@rule("K71", "sensor-without-schema", scope="lint")
+def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
+    """A lidar lacks the schema by which Isaac Sim knows a lidar.
+
+    Why: the lidar helper refuses it with a warning, and publishes nothing.
+
+    Fix: make the lidar with Create > Sensors > RTX Lidar, or apply the schema named here.
+
+    Example: an `OmniLidar` without `OmniSensorGenericLidarCoreAPI`.
+    """
+    for node, asked, path in _read_sensors(subject):
+        prim = subject.stage.prim(path)
+        if prim is None or not asked.needs or is_unresolved(subject.stage, path):
+            continue
+        if prim.type in asked.types and asked.needs not in prim.apis:
+            yield Problem(
+                path,
+                f"has no {asked.needs}, so that {node.path} refuses it",
+                expected=asked.needs,
+                related=(node.path,),
+            )
+
+
+@rule("K72", "no-scan-from-this", scope="lint")
+def no_scan_from_this(subject: LintSubject) -> Iterator[Problem]:
+    """A value of a lidar leaves no scan.
+
+    Why: with a rate of 0 no scan is ever full, and where the near range is beyond the far one,
+    nothing is in range.
+
+    Fix: write rates above 0 and a far range beyond the near one.
+
+    Example: `omni:sensor:Core:scanRateBaseHz = 0`.
+    """
+    for prim in _lidars(subject):
+        for name in (_TICK, _SCAN, _FIRING):
+            value = number(prim.attributes.get(name))
+            if value is not None and value <= 0:
+                yield Problem(prim.path, f"{name} is {value:g}", property=name, expected="above 0")
+        near, far = (number(prim.attributes.get(name)) for name in (_NEAR, _FAR))
+        if near is not None and far is not None and near >= far:
+            yield Problem(
+                prim.path,
+                f"{_NEAR} is {near:g}, {_FAR} is {far:g}",
+                property=_FAR,
+                expected=f"above {near:g}",
+                actual=f"{far:g}",
+            )
+
+
+def _lidars(subject: LintSubject) -> list[Prim]:
+    """Return the lidars that a node publishes."""
+    paths = dict.fromkeys(path for _, asked, path in _read_sensors(subject) if asked.needs)
+    return [prim for path in paths if (prim := subject.stage.prim(path)) is not None]
+
+
+@rule("K73", "partial-scans", scope="lint", severity="warning")
+def partial_scans(subject: LintSubject) -> Iterator[Problem]:
+    """A lidar is read at another rate than it turns.
+
+    Why: read more often than it turns, each message holds a part of the circle, and the rest of the
+    scan is empty.
+
+    Fix: write the same number into tick rate and scan rate.
+
+    Example: `tickRate = 60` beside `scanRateBaseHz = 10`.
+    """
+    for prim in _lidars(subject):
+        tick, scan = (number(prim.attributes.get(name)) for name in (_TICK, _SCAN))
+        if tick and scan and tick != scan:
+            yield Problem(
+                prim.path,
+                f"{_TICK} is {tick:g} while {_SCAN} is {scan:g}",
+                property=_TICK,
+                expected=f"{scan:g}",
+                actual=f"{tick:g}",
+            )
+
+
+@rule("K74", "unused-camera", scope="lint", severity="note")
+def unused_camera(subject: LintSubject) -> Iterator[Problem]:
+    """A camera on a robot is read by nobody.
+
+    Why: it publishes nothing. It may be for the viewport, or its graph was forgotten.
+
+    Fix: nothing is wrong. Make a render product of it to publish its image.
+
+    Example: `/World/robot/base_link/rear_camera`, without a graph.
+    """
+    if not subject.live:
+        return
+    used = {
+        target
+        for node in subject.live.values()
+        for state in node.ports.values()
+        for target in state.targets
+    }
+    for prim in subject.stage.of_type("Camera"):
+        if prim.present and prim.path not in used and _is_carried(prim, subject):
+            yield Problem(prim.path, "no node reads this camera")
+
+
+def _is_carried(prim: Prim, subject: LintSubject) -> bool:
+    """Whether a prim moves with a body."""
+    above = prim.parent
+    while above:
+        body = subject.stage.prims.get(above)
+        if body is not None and BODY_API in body.apis:
+            return True
+        above = above.rpartition("/")[0]
+    return False
+
+
+@rule("K80", "script", scope="lint", severity="note")
+def script(subject: LintSubject) -> Iterator[Problem]:
+    """The stage holds code.
+
+    Why: Isaac Sim runs it, after asking. It can do anything: publish, move, write files. Nothing of
+    what it does is judged.
+
+    Fix: nothing is wrong. Read the script before you open a stage of somebody else.
+
+    Example: a Script Node that publishes a marker.
+    """
+    for found in subject.stage.scripts:
+        yield Problem(found.prim, f"carries code ({found.carrier}), which is not judged")

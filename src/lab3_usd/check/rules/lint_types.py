@@ -1,0 +1,177 @@
+"""Rules about node types: unknown ones, old names, versions and releases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.running import LintSubject
+from lab3_usd.check.ros.topics import did_you_mean, likely_type
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.stage import Node
+from lab3_usd.spec.isaac import NEWEST
+
+TYPE = "node:type"
+
+
+@rule("K30", "unregistered-type", scope="lint")
+def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
+    """A node has a type that Isaac Sim does not register, and that is near one it does.
+
+    Why: Isaac Sim leaves a node of an unknown type out when it opens the stage. Names of types
+    differ from the names of their extensions, and types were renamed and removed.
+
+    Fix: delete the node, add the one named here from the node list, and connect it as before.
+
+    Example: a ROS2 Context with the prefix of its extension, `ros2.nodes`, not `ros2.bridge`.
+    """
+    for node in _unknown(subject):
+        of_release, likely = _other_release(node, subject), _likely(node, subject)
+        if of_release is None or (likely is None and not of_release):
+            continue
+        yield Problem(
+            node.path,
+            f"'{node.type_name}' is no node type of Isaac Sim {subject.release}{of_release}"
+            f"{did_you_mean(likely)}",
+            property=TYPE,
+            expected=likely,
+            actual=node.type_name,
+            hint=None
+            if likely
+            else "replace the node by one that this release has, or use another",
+        )
+
+
+def _other_release(node: Node, subject: LintSubject) -> str | None:
+    """Say which other releases have a type: '' where none has, None where this one has it."""
+    name = subject.catalog.modern(node.type_name)
+    gone = subject.types.releases_of(name)
+    if subject.release in gone:
+        return None
+    if subject.types.is_later(name, subject.release):
+        return ", it came with a later one"
+    return f", and was one until {gone[-1]}" if gone else ""
+
+
+def _likely(node: Node, subject: LintSubject) -> str | None:
+    """Return the type that was likely meant, None where none is near."""
+    if subject.types.is_later(node.type_name, subject.release):
+        return None
+    alike = subject.catalog.lookalikes.get(node.type_name)
+    return alike or likely_type(node.type_name, subject.catalog.types)
+
+
+def _unknown(subject: LintSubject) -> Iterator[Node]:
+    """Yield the nodes of a type that nothing is known of, not even that it is an event."""
+    catalog = subject.catalog
+    known = {*catalog.events, *catalog.once}
+    for node in subject.live.values():
+        modern = catalog.modern(node.type_name)
+        if node.type is None and modern not in known and not catalog.scripts.runs(node.type_name):
+            yield node
+
+
+@rule("K31", "old-names", scope="lint", severity="warning")
+def old_names(subject: LintSubject) -> Iterator[Problem]:
+    """Nodes of a graph have type names from before Isaac Sim 4.5.
+
+    Why: Isaac Sim 4.5 and later rename these types when they open the stage, as far as they know
+    them. The stage was saved by an older release, whose defaults were others.
+
+    Fix: open the stage in the release that you use, look at the graph, and save it again.
+
+    Example: a ROS2 Context whose type begins with `omni.isaac`.
+    """
+    for graph in subject.graphs():
+        old = [
+            node
+            for node in (graph.nodes if graph.active else ())
+            if subject.catalog.modern(node.type_name) != node.type_name
+        ]
+        if old:
+            now = subject.catalog.modern(old[0].type_name)
+            count = (
+                "1 node carries a type name" if len(old) == 1 else f"{len(old)} nodes carry names"
+            )
+            yield Problem(
+                graph.path,
+                f"{count} from before 4.5: {old[0].type_name}, now {now}",
+                expected=now,
+                actual=old[0].type_name,
+                related=tuple(node.path for node in old),
+            )
+
+
+@rule("K32", "unknown-type", scope="lint", severity="note")
+def unknown_type(subject: LintSubject) -> Iterator[Problem]:
+    """Nothing is known of a node type.
+
+    Why: the type may belong to Kit, to an extension or to a script. What its nodes do, and what
+    depends on them, is not judged.
+
+    Fix: nothing is wrong. Look yourself at what these nodes feed.
+
+    Example: To String, a node of Kit's own.
+    """
+    found: dict[str, list[str]] = {}
+    for node in _unknown(subject):
+        of_release = _other_release(node, subject)
+        if of_release is None or (_likely(node, subject) is None and not of_release):
+            found.setdefault(node.type_name, []).append(node.path)
+    for name, paths in found.items():
+        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+        yield Problem(
+            paths[0],
+            f"not judged: nothing is known of the type '{name}' of this node{more}",
+            actual=name,
+            related=tuple(paths[1:]),
+        )
+
+
+@rule("K33", "newer-version", scope="lint", severity="note")
+def newer_version(subject: LintSubject) -> Iterator[Problem]:
+    """A node was saved by a newer version of its type than the one that is known.
+
+    Why: ports and defaults may have changed since, so that what is said of this node may be wrong.
+
+    Fix: nothing is wrong. Judge the node by the release that saved it.
+
+    Example: ROS2 Camera Helper of version 4, while 6.0.1 has 3.
+    """
+    for node in subject.live.values():
+        if node.type is not None and node.version is not None and node.version > node.type.version:
+            yield Problem(
+                node.path,
+                f"{subject.title(node)} is of version {node.version}, known is {node.type.version}",
+                property="node:typeVersion",
+                expected=str(node.type.version),
+                actual=str(node.version),
+            )
+
+
+@rule("K36", "saved-by-another-release", scope="lint", severity="note")
+def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
+    """Nodes have ports that their types have no longer.
+
+    Why: a saved node declares every port of the release that saved it. Some defaults were others
+    then: Reset On Stop was off before 6.0. The release that opens the stage takes its own.
+
+    Fix: judge the stage by the release that you use, with `--isaac`; save it again to be sure.
+
+    Example: a ROS2 Camera Helper with `inputs:viewport`, a port of 5.1.
+    """
+    found: list[tuple[Node, str, str]] = []
+    for node in subject.live.values():
+        kind = node.type
+        for port in node.ports if kind is not None and subject.release == NEWEST else ():
+            releases = subject.types.releases_with(kind.type, port) if kind is not None else []
+            if releases:
+                found.append((node, port, releases[-1]))
+    if found:
+        node, port, release = found[0]
+        yield Problem(
+            node.path,
+            f"saved by Isaac Sim {release} or before: {port} is gone since",
+            property=port,
+            related=tuple(dict.fromkeys(each.path for each, _, _ in found[1:])),
+        )

@@ -1,0 +1,243 @@
+"""Rules about wires: dead ones, ports that no type has, types that do not fit, rings, doubles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.execution import has_job, is_nothing
+from lab3_usd.check.ros.running import LintSubject
+from lab3_usd.check.ros.topics import did_you_mean, likely_name
+from lab3_usd.check.ros.wires import Connection, connections, find_cycles, why_dead
+from lab3_usd.model.finding import Problem, display
+from lab3_usd.spec.catalog import OUTPUT, NodeType, can_connect
+
+
+@rule("K20", "wire-from-nowhere", scope="lint")
+def dead_source(subject: LintSubject) -> Iterator[Problem]:
+    """A wire comes from a node that is not there.
+
+    Why: Isaac Sim drops such a wire when it opens the stage. The input then has no source: without
+    its execution wire a node never computes, without data it works on zeros.
+
+    Fix: drag a new wire from the node that should feed this input, or delete the wire.
+
+    Example: `inputs:timeStamp` is wired from `isaac_read_simulation_time_01`, which was deleted.
+    """
+    for wire in connections(subject):
+        if wire.source is not None:
+            continue
+        why = why_dead(wire, subject) if wire.source_prim else "is a prim and no port"
+        others = [each for each in wire.node.sources(wire.port) if each != wire.path]
+        is_fed = any(each.rpartition(".")[0] in subject.live for each in others)
+        name = (wire.source_prim or wire.path).rpartition("/")[2]
+        if why is None:
+            message = f"the source of {wire.port} cannot be known: {wire.source_prim} may be in an "
+            yield Problem(
+                wire.node.path,
+                f"{message}asset that cannot be found",
+                property=wire.port,
+                actual=wire.path,
+                severity="note",
+            )
+            continue
+        left = "; another source feeds it" if is_fed else ""
+        yield Problem(
+            wire.node.path,
+            f"{wire.port} is wired from {name}, which {why}{left}",
+            property=wire.port,
+            actual=wire.path,
+            severity="warning" if is_fed else None,
+        )
+
+
+@rule("K21", "unknown-port", scope="lint")
+def unknown_port(subject: LintSubject) -> Iterator[Problem]:
+    """A wire leaves from, or ends at, a port that the node type does not have.
+
+    Why: Isaac Sim drops such a wire when it opens the stage, whatever the file declares. Ports were
+    renamed between releases, and a Constant node has no output: its wire leaves from its input.
+
+    Fix: drag a new wire between the ports that the node has now.
+
+    Example: a wire from `constant_token.outputs:value`; the port is `inputs:value`.
+    """
+    for wire in connections(subject):
+        source = wire.source
+        if source is not None and not source.has_port(wire.source_port) and source.type is not None:
+            near = meant_port(wire.source_port, source.type, is_source=True)
+            yield Problem(
+                wire.node.path,
+                f"{wire.port} is wired from {source.name}.{wire.source_port}, a port that "
+                f"{source.type.ui_name} does not have{_known_of_old(wire, subject)}"
+                f"{did_you_mean(near)}",
+                property=wire.port,
+                expected=near,
+                actual=wire.path,
+                related=(source.path,),
+            )
+        kind = wire.node.type
+        if kind is not None and kind.port(wire.port) is None:
+            near = meant_port(wire.port, kind, is_source=False)
+            yield Problem(
+                wire.node.path,
+                f"{wire.port} is wired, and {kind.ui_name} has no such port"
+                f"{_gone(kind, wire.port, subject)}{did_you_mean(near)}",
+                property=wire.port,
+                expected=near,
+                actual=wire.port,
+            )
+
+
+def meant_port(written: str, kind: NodeType, *, is_source: bool) -> str | None:
+    """Return the port of a type that was likely meant."""
+    known = [name for name, port in kind.ports.items() if port.is_source == is_source]
+    short = written.partition(":")[2]
+    same = [name for name in known if name.partition(":")[2] == short]
+    return same[0] if same else likely_name(written, known)
+
+
+def _known_of_old(wire: Connection, subject: LintSubject) -> str:
+    kind = None if wire.source is None else wire.source.type
+    return "" if kind is None else _gone(kind, wire.source_port, subject)
+
+
+def _gone(kind: NodeType, port: str, subject: LintSubject) -> str:
+    releases = subject.types.releases_with(kind.type, port)
+    return f" since Isaac Sim {releases[-1]}" if releases else ""
+
+
+@rule("K22", "types-that-do-not-fit", scope="lint")
+def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
+    """A wire joins two ports whose types do not go together.
+
+    Why: OmniGraph converts between numbers of one shape and between string and token, and nothing
+    else. It refuses other wires when the stage is opened, and the input has no source.
+
+    Fix: wire a port of the right type, or put a node between that converts.
+
+    Example: `outputs:linearVelocity`, a vector, is wired into `inputs:linearVelocity`, a number.
+    """
+    for wire in connections(subject):
+        if wire.is_live and wire.ports is not None and not can_connect(*wire.ports):
+            source, target = wire.ports
+            yield Problem(
+                wire.node.path,
+                f"{wire.port} takes {target.ogn_type}, and {wire.source_prim.rpartition('/')[2]}."
+                f"{wire.source_port} gives {source.ogn_type}",
+                property=wire.port,
+                expected=target.ogn_type,
+                actual=source.ogn_type,
+                related=(wire.source_prim,),
+            )
+
+
+@rule("K23", "ring-of-wires", scope="lint")
+def ring_of_wires(subject: LintSubject) -> Iterator[Problem]:
+    """Wires of one kind lead round in a ring.
+
+    Why: execution that comes back to its start never ends, and data that needs itself is never
+    computed: OmniGraph leaves nodes of a ring out.
+
+    Fix: delete the wire that closes the ring.
+
+    Example: Exec Out of the second node is wired into Exec In of the first.
+    """
+    for ring in find_cycles(subject):
+        yield Problem(
+            ring.node.path,
+            f"{ring.kind} wires lead round: {' -> '.join(ring.names)}",
+            property=ring.port,
+            related=ring.paths,
+        )
+
+
+@rule("K24", "two-sources", scope="lint")
+def two_sources(subject: LintSubject) -> Iterator[Problem]:
+    """Two live wires feed one data input.
+
+    Why: a data input takes one value. Which of two sources wins is not said anywhere; only
+    execution inputs may have several.
+
+    Fix: delete the wrong wire.
+
+    Example: `inputs:timeStamp` is wired from two Isaac Read Simulation Time nodes.
+    """
+    fed: dict[tuple[str, str], list[Connection]] = {}
+    for wire in connections(subject):
+        port = None if wire.node.type is None else wire.node.type.port(wire.port)
+        if wire.is_live and port is not None and not port.is_execution:
+            fed.setdefault((wire.node.path, wire.port), []).append(wire)
+    for (path, port_name), wires in fed.items():
+        if len(wires) > 1:
+            yield Problem(
+                path,
+                f"{port_name} has {len(wires)} sources: {', '.join(each.path for each in wires)}",
+                property=port_name,
+                expected="one source",
+                actual=", ".join(each.path for each in wires),
+            )
+
+
+@rule("K25", "value-under-a-wire", scope="lint", severity="note")
+def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
+    """An input is wired and holds a value too.
+
+    Why: the wire wins. The value looks as if it counted, and counts again as soon as the wire is
+    deleted.
+
+    Fix: clear the value, if it misleads.
+
+    Example: `inputs:jointNames` holds two names and is wired from Make Array.
+    """
+    for wire in connections(subject):
+        value = wire.node.ports[wire.port].value
+        default = None if wire.node.type is None else wire.node.type.default(wire.port, None)
+        if wire.is_live and value not in (None, default) and not is_nothing(value):
+            yield Problem(
+                wire.node.path,
+                f"{wire.port} is wired, and its value {display(value)} does not count",
+                property=wire.port,
+                actual=display(value),
+            )
+
+
+@rule("K26", "driven-by-messages", scope="lint", severity="warning")
+def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
+    """A node is triggered only when a message arrives.
+
+    Why: Exec Out of a subscriber fires when a new message came, and stays silent otherwise. What
+    hangs on it stops when the sender stops: a publisher sends nothing, a limit of acceleration is
+    not followed to its end.
+
+    Fix: trigger the node from On Playback Tick; a subscriber keeps the last message.
+
+    Example: a ROS2 Publish Odometry whose Exec In is wired from ROS2 Subscribe Twist.
+    """
+    told: set[str] = set()
+    for wire in connections(subject):
+        kind = None if wire.source is None else wire.source.type
+        ends = wire.ports
+        if kind is None or ends is None or not ends[1].is_execution or wire.node.path in told:
+            continue
+        if kind.role == "subscriber" and wire.source_port.startswith(OUTPUT) and _has_pace(wire):
+            others = [each for each in wire.node.sources(wire.port) if each != wire.path]
+            if not others:
+                told.add(wire.node.path)
+                yield Problem(
+                    wire.node.path,
+                    f"{subject.title(wire.node)} computes only when a message comes to "
+                    f"{wire.source_prim.rpartition('/')[2]}",
+                    property=wire.port,
+                    expected="a wire from On Playback Tick",
+                    actual=wire.path,
+                )
+
+
+def _has_pace(wire: Connection) -> bool:
+    """Whether a node should compute at every update: it publishes, or works in time."""
+    kind = wire.node.type
+    if kind is None:
+        return False
+    limits = [wire.node.value(port) for port in kind.step_limits]
+    return (has_job(wire.node) and kind.role != "service" and not kind.drives) or any(limits)

@@ -1,0 +1,269 @@
+"""Rules about the map files that localization loads (4.2, H1, H4, 8.13)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import PurePosixPath, PureWindowsPath
+from posixpath import normpath
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.files import same, shortened
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.folder import MapSubject
+
+REFUSED = "map_server cannot load it"
+_TRUE = {"y", "yes", "true", "on"}
+_FALSE = {"n", "no", "false", "off"}
+_WHOLE = re.compile(r"[-+]?[0-9]{1,9}")
+
+
+def number(value: object) -> float | None:
+    """Read a length or a threshold; YAML 1.1 takes `5e-2`, without a point, for text."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        return None
+    try:
+        return float(value)
+    except ValueError:
+        return None
+
+
+def _switch(value: object) -> int | None:
+    """Read a whole number or a truth value."""
+    if not isinstance(value, str):
+        return int(value) if isinstance(value, int) else None
+    text = value.strip().lower()
+    if text in _TRUE | _FALSE:
+        return int(text in _TRUE)
+    return int(text) if _WHOLE.fullmatch(text) else None
+
+
+def _mode(value: object) -> str | None:
+    text = str(value).lower()
+    return text if text in {"trinary", "scale", "raw"} else None
+
+
+# Each gives None where map_server does not load the map.
+READ: Mapping[str, Callable[[object], object]] = {
+    "mode": _mode,
+    "resolution": number,
+    "negate": _switch,
+    "occupied_thresh": number,
+    "free_thresh": number,
+}
+
+
+_DEFAULTS = {"mode": "trinary"}  # what map_server takes where the file says nothing
+
+
+@rule("M01", "map-file-unreadable", scope="maps")
+def map_file_unreadable(subject: MapSubject) -> Iterator[Problem]:
+    """The YAML file of the map is missing, or is not a map file.
+
+    Why: map_server fails to configure, so there is no map. AMCL waits for ever, and `{above} ->
+    {root}` never appears.
+
+    Fix: copy the supplied `{map}` into `{maps}/` again, without editing it.
+
+    Example: `ls {maps}` shows `{map}.txt`.
+    """
+    if subject.given and subject.fault is not None:
+        yield Problem(subject.file, f"map file {subject.fault}", expected=subject.facts.yaml)
+
+
+@rule("M02", "map-image-path", scope="maps")
+def map_image_path(subject: MapSubject) -> Iterator[Problem]:
+    """The map file names its image by an absolute path, in another folder, or not at all.
+
+    Why: the map loads only on the computer where that path exists. On another computer map_server
+    refuses to configure.
+
+    Fix: write `image: {map_image}` and put the image into the folder of the YAML file.
+
+    Example: `image: /home/ana/{maps}/{map_image}`.
+    """
+    if subject.values is None:
+        return
+    image = subject.values.get("image")
+    expected = subject.facts.image
+    if not isinstance(image, str) or not image:
+        given = "image" in subject.values
+        message = f"'image' is {_quoted(image)}" if given else "'image' is missing"
+        yield Problem(subject.file, message, "image", expected)
+    elif subject.image_absolute:
+        message = f"'image' is the absolute path '{image}', which exists on one computer only"
+        yield Problem(subject.file, message, "image", expected, image)
+    elif normpath(image) != PurePosixPath(image).name:
+        message = f"'image' is '{image}', in another folder than the map file"
+        yield Problem(subject.file, message, "image", expected, image)
+
+
+@rule("M03", "map-image-name", scope="maps")
+def map_image_name(subject: MapSubject) -> Iterator[Problem]:
+    """The map file names another image than the supplied one.
+
+    Why: another image is another map. Its walls do not match the scene, and the robot is never
+    where RViz shows it.
+
+    Fix: write `image: {map_image}`, the image supplied with the lab.
+
+    Example: `image: my_map.pgm`.
+    """
+    image = subject.values.get("image") if subject.values is not None else None
+    if not isinstance(image, str) or not image:
+        return
+    name = PureWindowsPath(image).name
+    if name != subject.facts.image:
+        message = f"'image' names '{name}', expected '{subject.facts.image}'"
+        yield Problem(subject.file, message, "image", subject.facts.image, name)
+
+
+@rule("M04", "map-image-missing", scope="maps")
+def map_image_missing(subject: MapSubject) -> Iterator[Problem]:
+    """The image that the map file names is not beside it.
+
+    Why: map_server fails to configure and `ros2 lifecycle get /map_server` stays `unconfigured`.
+
+    Fix: copy `{map_image}` into the folder of the map file. File names on Linux are case-sensitive.
+
+    Example: `image: {map_image}` beside a file `{map_image}.png`.
+    """
+    missing = bool(subject.image_file) and not subject.image_exists
+    # Another name is M03's to say.
+    if missing and PurePosixPath(subject.image_file).name == subject.facts.image:
+        yield Problem(subject.image_file, "map image does not exist")
+
+
+@rule("M05", "map-image-unreadable", scope="maps")
+def map_image_unreadable(subject: MapSubject) -> Iterator[Problem]:
+    """The image of the map is not a readable PGM file.
+
+    Why: map_server refuses a damaged or truncated image, and there is no map. It detects the format
+    from the content: a PNG or a PPM with the name of a PGM is loaded, and is a warning.
+
+    Fix: copy the supplied `{map_image}` again. A renamed PNG is still a PNG.
+
+    Example: an image of 28,674 cells of which the last thousand are missing.
+    """
+    if subject.image_fault is not None:
+        yield Problem(subject.image_file, f"map image {subject.image_fault}")
+    elif subject.image_format:
+        ending = PurePosixPath(subject.image_file).suffix
+        message = (
+            f"map image is a {subject.image_format} that ends in '{ending}'; map_server loads it"
+        )
+        yield Problem(subject.image_file, message, severity="warning")
+
+
+@rule("M06", "map-value", scope="maps")
+def map_value(subject: MapSubject) -> Iterator[Problem]:
+    """A value of the map file differs from the handout's.
+
+    Why: the resolution scales all walls, `negate` exchanges free and occupied, and the thresholds
+    decide which grey is a wall. AMCL then matches the scan with the wrong places.
+
+    Fix: restore the supplied values in the YAML file. The handout says not to change them.
+
+    Example: `resolution: 0.5` instead of `0.05`.
+    """
+    if subject.values is None:
+        return
+    for name, read in READ.items():
+        expected = getattr(subject.facts, name)
+        actual = subject.values.get(name, _DEFAULTS.get(name))
+        value = read(actual)
+        if same(value, expected):
+            continue
+        given = name in subject.values or actual is not None
+        said = f"is {shortened(actual)}" if given else "is missing"
+        message = f"'{name}' {said}, expected {expected}"
+        message += f"; {REFUSED}" if value is None else ""
+        actual_said = shortened(actual) if given else None
+        yield Problem(subject.file, message, name, str(expected), actual_said)
+
+
+@rule("M07", "map-origin", scope="maps")
+def map_origin(subject: MapSubject) -> Iterator[Problem]:
+    """The origin of the map differs from the handout's.
+
+    Why: the whole map is shifted or turned relative to the scene. The scan is beside the walls,
+    wherever the initial pose is set.
+
+    Fix: write the supplied `origin`. Set the initial pose in RViz instead of moving the map.
+
+    Example: `origin: [0, 0, 0]`.
+    """
+    if subject.values is None:
+        return
+    expected = subject.facts.origin
+    actual = subject.values.get("origin")
+    values = [number(each) for each in actual] if isinstance(actual, list) else []
+    if len(values) == len(expected) and all(map(same, values, expected)):
+        return
+    said = shortened(actual)
+    message = f"'origin' is {said}, expected {_numbers(expected)}"
+    message += f"; {REFUSED}" if len(values) != len(expected) or None in values else ""
+    yield Problem(subject.file, message, "origin", _numbers(expected), said)
+
+
+@rule("M08", "map-size", scope="maps")
+def map_size(subject: MapSubject) -> Iterator[Problem]:
+    """The image of the map is not 177 x 162 cells as in the handout.
+
+    Why: it is another map, or it was cropped or scaled. Rows and columns no longer match resolution
+    and origin.
+
+    Fix: copy the supplied `{map_image}` again.
+
+    Example: an image of 384 x 384 cells, the map of another world.
+    """
+    wanted = (subject.facts.width, subject.facts.height)
+    if subject.size is not None and subject.size != wanted:
+        actual, expected = (f"{width} x {height}" for width, height in (subject.size, wanted))
+        message = f"map image has {actual} cells, expected {expected}"
+        yield Problem(subject.image_file, message, None, expected, actual)
+
+
+@rule("M09", "map-agreement", scope="maps", severity="note")
+def map_agreement(subject: MapSubject) -> Iterator[Problem]:
+    """How well the occupied cells of the map match the walls of the stage.
+
+    Why: a low figure may mean that the map belongs to another scene, and that AMCL cannot find the
+    robot. The handout does not say where in the scene the origin of the map is, so this figure is
+    only a note.
+
+    Fix: nothing, if the scan overlaps the walls in RViz. Otherwise compare map and scene.
+
+    Example: 93 % with the origin at the world's, 41 % at the robot's start.
+    """
+    if not subject.agreements:
+        return
+    closest = max(subject.agreements, key=lambda agreement: agreement.figure)
+    figures = ", ".join(f"{each.figure:.0%} {each.about}" for each in subject.agreements)
+    yield Problem(
+        subject.file,
+        f"walls of the map and the stage agree to {figures}",
+        actual=f"{closest.figure:.3f}",
+    )
+
+
+@rule("M10", "map-not-given", scope="maps", severity="note")
+def map_not_given(subject: MapSubject) -> Iterator[Problem]:
+    """A stage of localization or navigation is checked without its map.
+
+    Why: the map is part of these checkpoints, but is a file beside the stage.
+
+    Fix: check the whole submission folder, or name the folder of the map with `--maps`.
+
+    Example: `lab3 check {last_stage}`.
+    """
+    if not subject.given:
+        yield Problem(subject.file, "not handed in, so not checked")
+
+
+def _quoted(value: object) -> str:
+    return "''" if value == "" else shortened(value)
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return "[" + ", ".join(f"{value:g}" for value in values) + "]"

@@ -1,0 +1,453 @@
+"""What OpenUSD's own validators find, one rule for each of them (`--native`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.native import NativeErrors
+
+
+@rule("UV01", "composition-error", scope="native")
+def composition_error(subject: NativeErrors) -> Iterator[Problem]:
+    """OpenUSD meets errors when it composes the stage.
+
+    Why: what an arc should bring is not there, and the application shows the rest without a
+    word. An asset that cannot be found from here is a note: the application may have it.
+    OpenUSD's validator: `usdValidation:CompositionErrorTest`.
+
+    Fix: follow the paths in the message; correct the reference, payload or sublayer in the
+    layer it names.
+
+    Example: a prim refers to a prim below itself.
+    """
+    yield from subject.problems("UV01")
+
+
+@rule("UV02", "attribute-of-another-type", scope="native")
+def attribute_of_another_type(subject: NativeErrors) -> Iterator[Problem]:
+    """A layer declares an attribute with a type that its schema does not give it.
+
+    Why: readers that ask for the type of the schema get nothing and use the default. Only
+    schemas that usd-core brings are compared: those of Isaac Sim, PhysX and OmniGraph are not
+    known here. OpenUSD's validator: `usdValidation:AttributeTypeMismatch`.
+
+    Fix: declare the attribute with the type that the message names.
+
+    Example: `token physics:gravityDirection` on a physics scene, where a `vector3f` belongs.
+    """
+    yield from subject.problems("UV02")
+
+
+@rule("UV03", "no-default-prim", scope="native")
+def no_default_prim(subject: NativeErrors) -> Iterator[Problem]:
+    """The stage has no valid default prim.
+
+    Why: who refers to the file without naming a prim gets nothing. OpenUSD's validator:
+    `usdValidation:StageMetadataChecker`.
+
+    Fix: make the top prim of the stage the default prim, in the Stage panel or as `defaultPrim`
+    in the first lines of the file.
+
+    Example: `defaultPrim` is missing.
+    """
+    yield from subject.problems("UV03")
+
+
+@rule("UV99", "other-validator", scope="native")
+def other_validator(subject: NativeErrors) -> Iterator[Problem]:
+    """A validator of a newer usd-core has found something.
+
+    Why: usd-core brings validators that this program does not know by name. The message begins
+    with the name.
+
+    Fix: see OpenUSD's documentation of the validator that the message names.
+
+    Example: the installed usd-core has one validator more than the table of `lab3 rules`.
+    """
+    yield from subject.problems("UV99")
+
+
+@rule("UV10", "no-units", scope="native")
+def no_units(subject: NativeErrors) -> Iterator[Problem]:
+    """The stage does not say its units or its up axis.
+
+    Why: readers take centimetres and Y up, so that a robot in metres is a hundredth of its
+    size. OpenUSD's validator: `usdGeomValidators:StageMetadataChecker`.
+
+    Fix: write `metersPerUnit` and `upAxis` in the first lines of the file, as the stage was
+    made.
+
+    Example: `upAxis` is missing.
+    """
+    yield from subject.problems("UV10")
+
+
+@rule("UV11", "nested-shapes", scope="native")
+def nested_shapes(subject: NativeErrors) -> Iterator[Problem]:
+    """A shape stands below another shape.
+
+    Why: renderers and physics may leave the inner one out: a gprim is a leaf. OpenUSD's
+    validator: `usdGeomValidators:EncapsulationChecker`.
+
+    Fix: put an Xform above both.
+
+    Example: a Sphere below a Cube.
+    """
+    yield from subject.problems("UV11")
+
+
+@rule("UV12", "subset-family", scope="native")
+def subset_family(subject: NativeErrors) -> Iterator[Problem]:
+    """The subsets of a mesh are not what their family says.
+
+    Why: in a partition each face belongs to one subset. Faces in none or in two have no clear
+    material. OpenUSD's validator: `usdGeomValidators:SubsetFamilies`.
+
+    Fix: correct the indices, or the type of the family.
+
+    Example: a family of type `partition` leaves out a face.
+    """
+    yield from subject.problems("UV12")
+
+
+@rule("UV13", "subset-without-mesh", scope="native")
+def subset_without_mesh(subject: NativeErrors) -> Iterator[Problem]:
+    """A subset of geometry does not stand directly below a shape.
+
+    Why: it is a subset of nothing and counts for nobody. OpenUSD's validator:
+    `usdGeomValidators:SubsetParentIsImageable`.
+
+    Fix: move it below the mesh that it is about.
+
+    Example: a GeomSubset below a prim without a type.
+    """
+    yield from subject.problems("UV13")
+
+
+@rule("UV20", "body-that-cannot-move", scope="native")
+def body_that_cannot_move(subject: NativeErrors) -> Iterator[Problem]:
+    """A rigid body is where physics cannot move it.
+
+    Why: the body stays where it is, or falls out of the simulation. OpenUSD's validator:
+    `usdPhysicsValidators:RigidBodyChecker`.
+
+    Fix: apply the schema to an Xform or a shape that is neither below an instance nor scaled
+    with a rotation of its own.
+
+    Example: PhysicsRigidBodyAPI on a Scope.
+    """
+    yield from subject.problems("UV20")
+
+
+@rule("UV21", "collider-shape", scope="native")
+def collider_shape(subject: NativeErrors) -> Iterator[Problem]:
+    """A collider has a shape or scale that physics does not have.
+
+    Why: the engine takes another shape, or none. OpenUSD's validator:
+    `usdPhysicsValidators:ColliderChecker`.
+
+    Fix: scale spheres, capsules and cones alike in all directions, or use a mesh.
+
+    Example: a Sphere scaled by (1, 2, 3) with PhysicsCollisionAPI.
+    """
+    yield from subject.problems("UV21")
+
+
+@rule("UV22", "articulation-in-another", scope="native")
+def articulation_in_another(subject: NativeErrors) -> Iterator[Problem]:
+    """An articulation root is below another, or on a body that does not move.
+
+    Why: the engine keeps one articulation, and a controller for the other finds nothing.
+    OpenUSD's validator: `usdPhysicsValidators:ArticulationChecker`.
+
+    Fix: leave PhysicsArticulationRootAPI on one prim of the robot.
+
+    Example: robot and gripper both have an articulation root.
+    """
+    yield from subject.problems("UV22")
+
+
+@rule("UV23", "joint-without-bodies", scope="native")
+def joint_without_bodies(subject: NativeErrors) -> Iterator[Problem]:
+    """A joint does not join bodies.
+
+    Why: the engine leaves it out, or holds nothing by it. OpenUSD's validator:
+    `usdPhysicsValidators:PhysicsJointChecker`.
+
+    Fix: choose the bodies of the joint again; at least one has to be a rigid body that is
+    switched on.
+
+    Example: `physics:body0` names an Xform without PhysicsRigidBodyAPI.
+    """
+    yield from subject.problems("UV23")
+
+
+@rule("UV30", "material-contents", scope="native")
+def material_contents(subject: NativeErrors) -> Iterator[Problem]:
+    """A material holds prims that are no shaders.
+
+    Why: shapes below a material are not drawn. OpenUSD's validator:
+    `usdShadeValidators:EncapsulationMaterialValidator`.
+
+    Fix: move them out of the material.
+
+    Example: a Cube below a Material.
+    """
+    yield from subject.problems("UV30")
+
+
+@rule("UV31", "shader-place", scope="native")
+def shader_place(subject: NativeErrors) -> Iterator[Problem]:
+    """A shader or node graph stands where it cannot be connected.
+
+    Why: connections across such a border are not valid, and renderers leave them out. OpenUSD's
+    validator: `usdShadeValidators:EncapsulationRulesValidator`.
+
+    Fix: put it below the material or node graph.
+
+    Example: a Shader below a Shader.
+    """
+    yield from subject.problems("UV31")
+
+
+@rule("UV32", "binding-not-applied", scope="native")
+def binding_not_applied(subject: NativeErrors) -> Iterator[Problem]:
+    """A prim binds a material without MaterialBindingAPI.
+
+    Why: usd-core ignores such a binding: the prim has no material. OpenUSD's validator:
+    `usdShadeValidators:MaterialBindingApiAppliedValidator`.
+
+    Fix: apply MaterialBindingAPI to the prim.
+
+    Example: `material:binding` on a Cube without the schema.
+    """
+    yield from subject.problems("UV32")
+
+
+@rule("UV33", "binding-collection", scope="native")
+def binding_collection(subject: NativeErrors) -> Iterator[Problem]:
+    """A material is bound to a collection that is not one.
+
+    Why: the members of the collection have no material. OpenUSD's validator:
+    `usdShadeValidators:MaterialBindingCollectionValidator`.
+
+    Fix: let the relationship name one collection and one material.
+
+    Example: `material:binding:collection:all` names a collection that is not there.
+    """
+    yield from subject.problems("UV33")
+
+
+@rule("UV34", "binding-no-relationship", scope="native")
+def binding_no_relationship(subject: NativeErrors) -> Iterator[Problem]:
+    """A property with the name of a material binding is no relationship.
+
+    Why: it binds nothing. OpenUSD's validator:
+    `usdShadeValidators:MaterialBindingRelationships`.
+
+    Fix: delete the attribute, and bind the material again.
+
+    Example: `token material:binding`.
+    """
+    yield from subject.problems("UV34")
+
+
+@rule("UV35", "normal-map", scope="native")
+def normal_map(subject: NativeErrors) -> Iterator[Problem]:
+    """The picture of a normal map is read as a colour.
+
+    Why: the normals are bent, and the surface is lit wrongly. A picture that cannot be found
+    from here is a note. OpenUSD's validator: `usdShadeValidators:NormalMapTextureValidator`.
+
+    Fix: set scale (2, 2, 2, 1), bias (-1, -1, -1, 0) and sourceColorSpace `raw` on the texture.
+
+    Example: a UsdUVTexture feeds `inputs:normal` without scale and bias.
+    """
+    yield from subject.problems("UV35")
+
+
+@rule("UV36", "shader-inputs", scope="native")
+def shader_inputs(subject: NativeErrors) -> Iterator[Problem]:
+    """The input of a shader has another type than the shader asks for.
+
+    Why: renderers use the default instead. usd-core has no MDL: that it does not know such a
+    shader is a note. OpenUSD's validator: `usdShadeValidators:ShaderSdrCompliance`.
+
+    Fix: declare the input with the type that the message names.
+
+    Example: `float inputs:diffuseColor` on a UsdPreviewSurface.
+    """
+    yield from subject.problems("UV36")
+
+
+@rule("UV37", "bound-subset", scope="native")
+def bound_subset(subject: NativeErrors) -> Iterator[Problem]:
+    """A subset binds a material and is not of the family `materialBind`.
+
+    Why: renderers ask only subsets of that family for materials. OpenUSD's validator:
+    `usdShadeValidators:SubsetMaterialBindFamilyName`.
+
+    Fix: set `familyName` of the subset to `materialBind`.
+
+    Example: a GeomSubset with `material:binding` and no family name.
+    """
+    yield from subject.problems("UV37")
+
+
+@rule("UV38", "bound-subset-family", scope="native")
+def bound_subset_family(subject: NativeErrors) -> Iterator[Problem]:
+    """Subsets that bind materials may overlap.
+
+    Why: a face in two subsets has two materials, and nobody says which counts. OpenUSD's
+    validator: `usdShadeValidators:SubsetsMaterialBindFamily`.
+
+    Fix: set the type of the family `materialBind` to `nonOverlapping` or `partition`.
+
+    Example: `subsetFamily:materialBind:familyType = "unrestricted"`.
+    """
+    yield from subject.problems("UV38")
+
+
+@rule("UV40", "skeleton-not-applied", scope="native")
+def skeleton_not_applied(subject: NativeErrors) -> Iterator[Problem]:
+    """A prim names a skeleton without SkelBindingAPI.
+
+    Why: usd-core ignores the binding: the mesh does not move. OpenUSD's validator:
+    `usdSkelValidators:SkelBindingApiAppliedValidator`.
+
+    Fix: apply SkelBindingAPI to the prim.
+
+    Example: `skel:skeleton` on a Mesh without the schema.
+    """
+    yield from subject.problems("UV40")
+
+
+@rule("UV41", "skeleton-root", scope="native")
+def skeleton_root(subject: NativeErrors) -> Iterator[Problem]:
+    """A prim with SkelBindingAPI is not below a SkelRoot.
+
+    Why: it is never skinned. OpenUSD's validator: `usdSkelValidators:SkelBindingApiValidator`.
+
+    Fix: put the character below a SkelRoot.
+
+    Example: a Mesh with SkelBindingAPI below an Xform.
+    """
+    yield from subject.problems("UV41")
+
+
+@rule("UV50", "light-place", scope="native")
+def light_place(subject: NativeErrors) -> Iterator[Problem]:
+    """A light or light filter stands below a prim that cannot hold it.
+
+    Why: its connections are not valid, and renderers may leave it out. OpenUSD's validator:
+    `usdLuxValidators:EncapsulationRulesValidator`.
+
+    Fix: move it below an Xform, a light or a light filter.
+
+    Example: a DistantLight below a Shader.
+    """
+    yield from subject.problems("UV50")
+
+
+@rule("UV60", "authorship-pairs", scope="native")
+def authorship_pairs(subject: NativeErrors) -> Iterator[Problem]:
+    """The inputs of an authorship record are no pairs of name and value.
+
+    Why: readers cannot tell names from values. OpenUSD's validator:
+    `usdMediaValidators:AuthorshipInputsPaired`.
+
+    Fix: write a name and a value for each input.
+
+    Example: `authorship:step:inputs` has one element.
+    """
+    yield from subject.problems("UV60")
+
+
+@rule("UV61", "authorship-hidden", scope="native", severity="warning")
+def authorship_hidden(subject: NativeErrors) -> Iterator[Problem]:
+    """An authorship record is hidden by a stronger layer.
+
+    Why: the composed prim does not tell of it. OpenUSD's validator:
+    `usdMediaValidators:ShadowedOrDuplicateAuthorship`.
+
+    Fix: prepend the schema in the stronger layer instead of setting the whole list.
+
+    Example: `apiSchemas = ["AuthorshipAPI:last"]` above a reference that has a record of its
+    own.
+    """
+    yield from subject.problems("UV61")
+
+
+@rule("UV70", "missing-reference", scope="native", severity="note")
+def missing_reference(subject: NativeErrors) -> Iterator[Problem]:
+    """An asset that some layer or variant names cannot be found from here.
+
+    Why: the application may have it, by its servers, search paths and resolvers, which usd-core
+    has not. What it would bring is not judged. OpenUSD's validator:
+    `usdUtilsValidators:MissingReferenceValidator`.
+
+    Fix: open the stage in Isaac Sim, or copy the asset beside the stage; correct the path where
+    it is wrong.
+
+    Example: a texture on an Omniverse server.
+    """
+    yield from subject.problems("UV70")
+
+
+@rule("UV71", "file-extension", scope="native")
+def file_extension(subject: NativeErrors) -> Iterator[Problem]:
+    """A package holds a file of a kind that packages may not hold.
+
+    Why: viewers of packages refuse it. Asked of .usdz files only. OpenUSD's validator:
+    `usdUtilsValidators:FileExtensionValidator`.
+
+    Fix: leave the file out, or convert it to USD, PNG, JPEG, EXR or a sound file that is
+    allowed.
+
+    Example: `notes.txt` in a .usdz.
+    """
+    yield from subject.problems("UV71")
+
+
+@rule("UV72", "package-refers-outside", scope="native", severity="warning")
+def package_refers_outside(subject: NativeErrors) -> Iterator[Problem]:
+    """A package refers to a file outside it.
+
+    Why: the package works on this computer only. Asked of .usdz files only. OpenUSD's
+    validator: `usdUtilsValidators:PackageEncapsulationValidator`.
+
+    Fix: put the file into the package.
+
+    Example: the root layer of a .usdz refers to `/home/me/robot.usd`.
+    """
+    yield from subject.problems("UV72")
+
+
+@rule("UV73", "root-package", scope="native")
+def root_package(subject: NativeErrors) -> Iterator[Problem]:
+    """Files of the package are compressed, encrypted, or not aligned to 64 bytes.
+
+    Why: readers map packages into memory as they are, and cannot read such files. Asked of
+    .usdz files only. OpenUSD's validator: `usdUtilsValidators:RootPackageValidator`.
+
+    Fix: pack it again by a tool for .usdz, and not by a common zip program.
+
+    Example: a .usdz made by `zip`.
+    """
+    yield from subject.problems("UV73")
+
+
+@rule("UV74", "package-in-use", scope="native")
+def package_in_use(subject: NativeErrors) -> Iterator[Problem]:
+    """A package that the stage uses is compressed, encrypted, or not aligned to 64 bytes.
+
+    Why: readers map packages into memory as they are, and cannot read such files. OpenUSD's
+    validator: `usdUtilsValidators:UsdzPackageValidator`.
+
+    Fix: pack it again by a tool for .usdz, and not by a common zip program.
+
+    Example: a stage refers to a .usdz made by `zip`.
+    """
+    yield from subject.problems("UV74")

@@ -1,1 +1,0 @@
-"""What OpenUSD's own validators find, one rule for each of them (`--native`)."""

@@ -1,0 +1,309 @@
+"""Rules about a parameter file of Nav2 that a student hands in (I3, 8.15, 8.16)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.files import shortened
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.folder import NavigationSubject, Parameter
+
+
+def parameter_problem(
+    subject: NavigationSubject, parameter: Parameter, message: str, expected: str
+) -> Problem:
+    """Say what is wrong with a parameter, with its line."""
+    return Problem(
+        subject.file,
+        f"line {parameter.line}: {message}",
+        parameter.site,
+        expected,
+        shortened(parameter.value),
+    )
+
+
+@rule("V09", "plugin-of-another-release", scope="navigation")
+def plugin_of_another_release(subject: NavigationSubject) -> Iterator[Problem]:
+    """A plugin has the name of another release than Humble.
+
+    Why: Humble names some plugins with a slash, and others with two colons. With another name the
+    node cannot load the plugin, and the lifecycle manager activates nothing.
+
+    Fix: write the name that Humble uses.
+
+    Example: `nav2_navfn_planner::NavfnPlanner` instead of `nav2_navfn_planner/NavfnPlanner`, or
+    `nav2_controller/SimpleGoalChecker` instead of `nav2_controller::SimpleGoalChecker`.
+    """
+    navigation = subject.navigation
+    ours = {_plain(name): name for name in navigation.plugins}
+    for parameter in subject.parameters:
+        if parameter.last not in navigation.parameters.plugin:
+            continue
+        value = str(parameter.value)
+        name = ours.get(_plain(value), value)
+        if value != name:
+            message = f"{parameter.name} is {shortened(value)}, here it is called {name}"
+            yield parameter_problem(subject, parameter, message, expected=name)
+
+
+def _plain(plugin: str) -> str:
+    return plugin.replace("::", "/")
+
+
+@rule("V10", "parameters-refused", scope="navigation")
+def parameters_refused(subject: NavigationSubject) -> Iterator[Problem]:
+    """The parameter parser of ROS 2 rejects the file.
+
+    Why: the parser stops at the first error, and no node that is started with the file comes up.
+
+    Fix: write all numbers of a list with the same type (`[0.22, 0.0, 1.0]`), give every name a
+    value, and write `ros__parameters` with two underscores.
+
+    Example: `max_velocity: [0.22, 0, 1.0]` mixes an integer with floating-point numbers.
+    """
+    for refusal in subject.refusals:
+        message = f"line {refusal.line}: {refusal.why}, which ROS 2 refuses"
+        yield Problem(subject.file, message, refusal.name)
+
+
+@rule("V11", "parameter-of-another-type", scope="navigation")
+def parameter_of_another_type(subject: NavigationSubject) -> Iterator[Problem]:
+    """A parameter has another type than Nav2 declares.
+
+    Why: rclcpp converts nothing: the node stops with `Wrong parameter type` when it is configured.
+
+    Fix: write a double with a decimal point (`1.0`), an integer without one, and neither in quotes.
+
+    Example: `robot_radius: 1` where Nav2 declares a double.
+    """
+    declared = {name: kind for kind, names in subject.navigation.types.items() for name in names}
+    refused = {refusal.name for refusal in subject.refusals}
+    for parameter in subject.parameters:
+        kind, actual = declared.get(parameter.last), parameter.kind
+        if not kind or not actual or actual == kind or parameter.site in refused:
+            continue
+        said = shortened(parameter.value)
+        message = f"{parameter.name} is {said} ({_words(actual)}), expected {_words(kind)}"
+        yield parameter_problem(subject, parameter, message, expected=kind)
+
+
+def _words(kind: str) -> str:
+    """Say a type: `double_array` is a list of doubles."""
+    single = kind.removesuffix("_array")
+    if single != kind:
+        return f"a list of {single}s"
+    return f"an {kind}" if kind[0] in "aeiou" else f"a {kind}"
+
+
+@rule("V01", "parameters-unreadable", scope="navigation")
+def parameters_unreadable(subject: NavigationSubject) -> Iterator[Problem]:
+    """The parameter file cannot be read, or holds no parameters.
+
+    Why: the launch stops, or every node uses its defaults without a message.
+
+    Fix: correct the indentation at the line named here. The values of each node are below
+    `ros__parameters:`.
+
+    Example: a tab in the indentation.
+    """
+    if subject.fault is not None:
+        yield Problem(subject.file, f"parameter file {subject.fault}")
+
+
+@rule("V02", "not-simulation-time", scope="navigation")
+def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
+    """A node of localization or navigation cannot be told to use the simulation time.
+
+    Why: the `use_sim_time:=true` of Humble's launch files replaces the value of an existing key,
+    and never adds the key. A node without the key uses a clock that is decades ahead of Isaac
+    Sim's. Every transform and scan is too old for it, and Nav2 reports timing errors continuously.
+    A key with another value than true is replaced: a note.
+
+    Fix: write `use_sim_time: true` under the `ros__parameters` of the node, and start both launch
+    files with `use_sim_time:=true`.
+
+    Example: `amcl` without `use_sim_time`.
+    """
+    name = subject.navigation.parameters.sim_time
+    said = {p.node: p for p in subject.parameters if p.name == name}
+    other = [parameter for parameter in said.values() if parameter.value is not True]
+    if other:
+        actual = shortened(other[0].value)
+        kind = "the text " if isinstance(other[0].value, str) else ""
+        more = f" in {len(other)} nodes" if len(other) > 1 else ""
+        message = (
+            f"line {other[0].line}: {name} is {kind}{actual}{more}; "
+            "right only where the launch replaces it by use_sim_time:=true"
+        )
+        yield Problem(subject.file, message, other[0].site, "true", actual, severity="note")
+    if said.keys() & {"*", "**"}:
+        return
+    for node in dict.fromkeys(p.node for p in subject.parameters):
+        if _last(node) in subject.navigation.timed and node not in said:
+            message = f"{name} is absent in {node}, expected true; the launch cannot add it"
+            yield Problem(subject.file, message, f"{node}.{name}", "true")
+
+
+@rule("V03", "wrong-base-frame", scope="navigation")
+def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
+    """A node uses a robot frame that the robot does not have.
+
+    Why: tf2 cannot find it, AMCL never publishes, and the costmaps stay empty.
+
+    Fix: write `{base}`. Any frame of the robot at or below it works.
+
+    Example: `robot_base_frame: base` of another robot.
+    """
+    robot = [child for _, child in subject.frames.edges]
+    for parameter in subject.parameters:
+        if parameter.last in subject.navigation.parameters.base_frame:
+            if parameter.value in robot:
+                continue
+            message = f"{parameter.name} is {shortened(parameter.value)}, no frame of the robot"
+            expected = subject.frames.deeper_under
+            yield parameter_problem(subject, parameter, message, expected=expected)
+
+
+@rule("V04", "wrong-frame", scope="navigation")
+def wrong_frame(subject: NavigationSubject) -> Iterator[Problem]:
+    """A node uses another fixed frame than the lab's.
+
+    Why: the TF tree contains `{above} -> {root} -> {base}`. A costmap in `world`, or an AMCL that
+    publishes `{above} -> odom_combined`, is not connected to it.
+
+    Fix: write the frame of the lab: `map` for AMCL, planner and global costmap, `odom` for odometry
+    and the local costmap.
+
+    Example: `odom_frame_id: world`.
+    """
+    for wanted in subject.navigation.frames:
+        node, name, frame = wanted.node, wanted.name, wanted.frame
+        for parameter in subject.parameters:
+            if _last(parameter.node) != node or parameter.name != name or parameter.value == frame:
+                continue
+            message = f"{name} is {shortened(parameter.value)}, expected {frame}"
+            yield parameter_problem(subject, parameter, message, expected=frame)
+
+
+@rule("V05", "wrong-scan-topic", scope="navigation")
+def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
+    """AMCL or a costmap subscribes to another scan topic than the lab's.
+
+    Why: nothing publishes that topic. AMCL never corrects the pose, and obstacles never appear.
+
+    Fix: write `{scan}`.
+
+    Example: `scan_topic: scan_fixed`.
+    """
+    navigation = subject.navigation
+    for parameter in [*_named(subject, navigation.parameters.scan), *_sources(subject)]:
+        topic = _topic(parameter.value)
+        if topic == navigation.scan_topic:
+            continue
+        said = ", which the handout forbids" if topic == navigation.wrong_scan_topic else ""
+        message = f"{parameter.name} is {shortened(parameter.value)}{said}"
+        yield parameter_problem(subject, parameter, message, expected=navigation.scan_topic)
+
+
+@rule("V06", "wrong-map-topic", scope="navigation")
+def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
+    """AMCL or the static layer listens to another map than the map server's.
+
+    Why: the map server publishes `{map_topic}`; without it AMCL waits and the global costmap is
+    empty.
+
+    Fix: write `map_topic: map`, or remove the line.
+
+    Example: `map_topic: /my_map`.
+    """
+    navigation = subject.navigation
+    for parameter in _named(subject, navigation.parameters.map):
+        if _topic(parameter.value) not in {navigation.map_topic, "/"}:
+            message = f"{parameter.name} is {shortened(parameter.value)}"
+            yield parameter_problem(subject, parameter, message, expected=navigation.map_topic)
+
+
+@rule("V07", "other-speed", scope="navigation", severity="note")
+def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
+    """A speed limit of Nav2 differs from that of the Differential Controller.
+
+    Why: the graph limits the speed of the robot. With a higher limit in Nav2 the robot is slower
+    than Nav2 expects. A lower limit only makes it slower.
+
+    Fix: nothing is required. Write the values expected here to use the same limits.
+
+    Example: `max_vel_x: 0.26`, the default of Nav2.
+    """
+    navigation = subject.navigation
+    names = navigation.parameters
+    limits = {
+        **dict.fromkeys(names.linear, navigation.linear_speed),
+        **dict.fromkeys(names.angular, navigation.angular_speed),
+    }
+    wanted = [navigation.linear_speed, 0.0, navigation.angular_speed]
+    for parameter in subject.parameters:
+        limit = limits.get(parameter.last)
+        if limit is not None and parameter.kind != "string" and not _close(parameter.value, limit):
+            message = f"{parameter.name} is {shortened(parameter.value)}, the graph allows {limit}"
+            yield parameter_problem(subject, parameter, message, expected=str(limit))
+        elif parameter.last in names.speeds and _other_list(parameter.value, wanted):
+            message = f"{parameter.name} is {shortened(parameter.value)}, the graph allows {wanted}"
+            yield parameter_problem(subject, parameter, message, expected=str(wanted))
+
+
+@rule("V08", "stamped-velocity", scope="navigation", severity="warning")
+def stamped_velocity(subject: NavigationSubject) -> Iterator[Problem]:
+    """Stamped velocity commands are enabled, a parameter of releases after Humble.
+
+    Why: Humble ignores it. A later Nav2 would publish TwistStamped, which Isaac Sim's Twist
+    subscriber cannot receive, and the robot would never move.
+
+    Fix: remove the line, and check for which release the parameter file was written.
+
+    Example: `enable_stamped_cmd_vel: true`.
+    """
+    name = subject.navigation.parameters.stamped
+    for parameter in subject.parameters:
+        if parameter.last == name and parameter.value is True:
+            message = f"{name} is true, expected plain Twist commands"
+            yield parameter_problem(subject, parameter, message, expected="false")
+
+
+def _named(subject: NavigationSubject, names: tuple[str, ...]) -> list[Parameter]:
+    return [parameter for parameter in subject.parameters if parameter.last in names]
+
+
+def _sources(subject: NavigationSubject) -> Iterator[Parameter]:
+    """Yield the topics of the laser sources that the layers of the costmaps list."""
+    by_place = {(p.node, p.name): p for p in subject.parameters}
+    names = subject.navigation.parameters
+    for parameter in subject.parameters:
+        if parameter.last != names.sources or not isinstance(parameter.value, str):
+            continue
+        layer = parameter.name.rpartition(".")[0]
+        for source in parameter.value.split():
+            place = f"{layer}.{source}" if layer else source
+            kind = by_place.get((parameter.node, f"{place}.data_type"))
+            topic = by_place.get((parameter.node, f"{place}.topic"))
+            if topic is not None and (kind is None or kind.value == names.laser):
+                yield topic
+
+
+def _last(node: str) -> str:
+    return node.rpartition(".")[2]
+
+
+def _topic(value: object) -> str:
+    return "/" + str(value).strip().lstrip("/")
+
+
+def _close(value: object, limit: float) -> bool:
+    return isinstance(value, (int, float)) and math.isclose(value, limit, rel_tol=1e-6)
+
+
+def _other_list(value: object, wanted: list[float]) -> bool:
+    if not isinstance(value, list):
+        return False
+    return len(value) != len(wanted) or not all(map(_close, value, wanted))

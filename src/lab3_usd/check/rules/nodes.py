@@ -1,0 +1,381 @@
+"""Rules about nodes.
+
+Every one the handout names, once, active, of the right type; and those that it does not ask for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.hints import shown_graph, without_node
+from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
+from lab3_usd.check.match.subject import GraphSubject, StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.wheels import is_doubtful, second_commanders
+from lab3_usd.check.ros.running import live_nodes, severity_if_uncertain
+from lab3_usd.check.ros.topics import Endpoint, endpoints
+from lab3_usd.model.finding import Problem, node_title, role_title
+from lab3_usd.model.stage import (
+    DEACTIVATED,
+    ELSEWHERE,
+    OUTSIDE,
+    OVER,
+    AbsentPrim,
+    Node,
+    nodes_outside_graphs,
+)
+from lab3_usd.spec.graph import NodeSpec, PortRef, resolved_topic
+from lab3_usd.spec.lab import Lab
+
+
+@rule("N01", "missing-node", scope="graph")
+def missing_node(subject: GraphSubject) -> Iterator[Problem]:
+    """A node that the handout asks for is missing from the graph or deactivated.
+
+    Why: the node's computation, publication or trigger is missing. Nodes connected to it do not
+    run, or use their defaults. Its connections are not reported one by one.
+
+    Fix: in the Action Graph editor, search for the node by the title given here, add it, and make
+    the connections in the handout's table. For a deactivated prim, right-click it in the Stage
+    panel and choose Activate. Drag a node that is outside the graph back into it.
+
+    Example: {graph_name} without Isaac Read Simulation Time.
+    """
+    graph = subject.roles.graph
+    if graph is None:
+        return
+    absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.catalog)
+    missing = missing_roles(subject.spec, subject.roles)
+    overs = [each for each in absent.values() if each.reason == OVER]
+    asset = subject.stage.unresolved_above(graph.path)
+    if asset is not None and len(overs) > 1:
+        yield _missing_with_asset(subject, graph.path, asset.asset, overs)
+        missing = [each for each in missing if each.role in absent]
+        missing = [each for each in missing if absent[each.role] not in overs]
+    for spec in missing:
+        there = absent.get(spec.role) or in_another_graph(spec, subject)
+        why = "" if there is None else f": {there.path} is {there.reason}{_below(there, subject)}"
+        spared = without_node(subject, spec.role)
+        yield Problem(
+            prim=graph.path,
+            message=f"node {role_title(spec)} ({spec.role}) is missing{why}{spared}",
+            expected=spec.type.type,
+            handout=spec.handout,
+            related=() if there is None else (there.path,),
+            hint=_way_back(subject, spec, there),
+        )
+
+
+def _missing_with_asset(
+    subject: GraphSubject, graph: str, asset: str, overs: list[AbsentPrim]
+) -> Problem:
+    """Say once that the nodes are in an asset which cannot be found, where overs change them."""
+    return Problem(
+        prim=graph,
+        message=f"nodes of {subject.spec.name} are missing: {len(overs)} are only overs without a "
+        f"def, and {asset} below them cannot be found",
+        expected=f"{len(subject.spec.nodes)} nodes",
+        handout=subject.spec.handout,
+        related=tuple(each.path for each in overs),
+        hint=f"hand in {asset} beside the stage, or choose File > Collect As in Isaac Sim",
+    )
+
+
+def _below(there: AbsentPrim, subject: GraphSubject) -> str:
+    """Say which asset could have brought the node that only an over is left of."""
+    missing = subject.stage.unresolved_above(there.path) if there.reason == OVER else None
+    return "" if missing is None else f", and {missing.asset} below it cannot be found"
+
+
+def _way_back(subject: GraphSubject, spec: NodeSpec, there: AbsentPrim | None) -> str:
+    """Return how to repair a missing node: one that is in the file already is not added again."""
+    graph = subject.roles.graph
+    name = subject.spec.name
+    if graph is not None:
+        name = shown_graph(graph.path, (each.path for each in subject.stage.graphs))
+    if there is None:
+        return f"add {role_title(spec)} to {name} and {_wiring(subject, spec)}"
+    if there.reason == DEACTIVATED:
+        return f"right-click {there.path} in the Stage panel and choose Activate"
+    if there.reason in {OUTSIDE, ELSEWHERE} and graph is not None:
+        return f"drag {there.path} back below {graph.path} in the Stage panel and check its wires"
+    define = "write def instead of over for" if there.reason == OVER else "delete"
+    otherwise = ", or delete it" if there.reason == OVER else ""
+    return (
+        f"{define} {there.path} in the file{otherwise}, "
+        f"add {role_title(spec)} to {name} and {_wiring(subject, spec)}"
+    )
+
+
+def _wiring(subject: GraphSubject, spec: NodeSpec) -> str:
+    """Name the connections of a node, its own ports as `out` and `in` of the others' prims."""
+    node_of, wires = subject.roles.node_of, subject.spec.wires
+
+    def port(ref: PortRef) -> str:
+        name = ref.short.partition(".")[2]
+        if ref.role == spec.role:
+            return name
+        node = node_of[ref.role]
+        return f"{ref.role if node is None else node.path.rpartition('/')[2]}.{name}"
+
+    own = [wire for wire in wires if spec.role in {wire.source.role, wire.target.role}]
+    return "connect " + ", ".join(f"{port(wire.source)} -> {port(wire.target)}" for wire in own)
+
+
+@rule("N03", "wrong-node-type", scope="graph")
+def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
+    """A node has another type than the handout asks for.
+
+    Why: another type behaves differently. On Physics Step never fires in a graph that the app's
+    update evaluates. On Tick may fire at another rate, or while the simulation is stopped. Make
+    Array (`MakeArray`) is a removed node with a similar name.
+
+    Fix: delete the node, add the one named here from the node list, and connect it as before.
+
+    Example: On Tick instead of On Playback Tick.
+    """
+    for role, node in subject.roles.retyped.items():
+        spec = subject.spec.nodes[role]
+        meant = subject.lab.catalog.lookalikes.get(node.type_name)
+        alike = "; the name looks alike and is not registered" if meant == spec.type.type else ""
+        is_same_title = node.type is not None and node.type.ui_name == spec.type.ui_name
+        title = node.type_name if is_same_title or node.type is None else node.type.ui_name
+        yield Problem(
+            prim=node.path,
+            property="node:type",
+            message=f"node is {title or 'of no type'}, expected {role_title(spec)}{alike}",
+            expected=spec.type.type,
+            actual=node.type_name,
+            handout=spec.handout,
+            hint=f"replace the node by {role_title(spec)} and {_wiring(subject, spec)}",
+        )
+
+
+@rule("N04", "old-node-version", scope="graph", severity="note")
+def old_node_version(subject: GraphSubject) -> Iterator[Problem]:
+    """A node was saved with an older version of its type.
+
+    Why: Isaac Sim 6.0.1 updates the node when it opens the stage.
+
+    Fix: open the stage in Isaac Sim 6.0.1 and save it again.
+
+    Example: Isaac Create Render Product version 2 instead of 3.
+    """
+    for node, spec in subject.matched():
+        if node.version is not None and node.version < spec.type.version:
+            yield _version_problem(node, spec, "an older")
+
+
+@rule("N05", "new-node-version", scope="graph", severity="warning")
+def new_node_version(subject: GraphSubject) -> Iterator[Problem]:
+    """A node was saved with a newer version of its type than Isaac Sim 6.0.1 has.
+
+    Why: ports and defaults may have changed, so the other findings about this node may be wrong.
+
+    Fix: create the graph with Isaac Sim 6.0.1, which the course uses.
+
+    Example: ROS2 Camera Helper version 4, while 6.0.1 has version 3.
+    """
+    for node, spec in subject.matched():
+        if node.version is not None and node.version > spec.type.version:
+            yield _version_problem(node, spec, "a newer")
+
+
+def _version_problem(node: Node, spec: NodeSpec, kind: str) -> Problem:
+    return Problem(
+        prim=node.path,
+        property="node:typeVersion",
+        message=f"{role_title(spec)} is of {kind} version, {node.version}",
+        expected=str(spec.type.version),
+        actual=str(node.version),
+        handout=spec.handout,
+    )
+
+
+@rule("N06", "old-type-names", scope="graph", severity="warning")
+def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
+    """Nodes of the graph have type names from before Isaac Sim 4.5.
+
+    Why: Isaac Sim 6.0.1 renames the types when it opens the stage, so the graph works. The stage
+    was not saved by 6.0.1. There is one finding for the graph.
+
+    Fix: open the stage in Isaac Sim 6.0.1 and save it again.
+
+    Example: a ROS2 Context whose type begins with `omni.isaac`.
+    """
+    graph = subject.roles.graph
+    catalog = subject.lab.catalog
+    nodes = () if graph is None else graph.nodes
+    old = [node for node in nodes if catalog.modern(node.type_name) != node.type_name]
+    if graph is not None and old:
+        names = tuple(node.path for node in old)
+        count = "1 node carries a type name" if len(old) == 1 else f"{len(old)} nodes carry names"
+        message = f"{count} from before 4.5: {old[0].type_name}"
+        expected = catalog.modern(old[0].type_name)
+        yield Problem(
+            graph.path, message, None, expected, old[0].type_name, subject.spec.handout, names
+        )
+
+
+_PUBLISHES = ("publisher", "helper")
+
+
+@rule("N02", "extra-node", scope="graph", severity="warning")
+def extra_node(subject: GraphSubject) -> Iterator[Problem]:
+    """The graph holds a node that the handout does not ask for.
+
+    Why: the node may do nothing, or may repeat the work of another node. A second node with the
+    same settings (context, tick, subscriber) works like the first.
+
+    Fix: select the node in the Action Graph editor and delete it.
+
+    Example: a second ROS2 Context in {next_graph_name}.
+    """
+    if not subject.roles.extra:
+        return
+    roles = {subject.spec.name: subject.roles}
+    told = [node for node, _ in second_commanders(subject.stage, subject.lab, roles)]
+    for node in subject.roles.extra:
+        is_told = _is_script(subject, node) or node in told
+        if not is_told and not _published_again(subject, node):
+            message = f"{node_title(node)} is not asked for in {subject.spec.name}"
+            yield Problem(node.path, message, actual=node.type_name, handout=subject.spec.handout)
+
+
+def _is_script(subject: GraphSubject, node: Node) -> bool:
+    return subject.lab.catalog.scripts.runs(node.type_name)
+
+
+def _published_again(subject: GraphSubject, node: Node) -> tuple[Endpoint, Endpoint] | None:
+    """Return where an extra node publishes a topic of the lab, and where another node does."""
+    asked = _topics_asked(subject.lab)
+    if subject.checkpoint.frames:
+        asked -= set(subject.lab.policy.tree_topics)  # the rules of frames judge what it sends
+    published = [
+        each
+        for each in endpoints(subject.stage, subject.lab)
+        if each.runs and each.direction == "publishes" and each.topic in asked
+    ]
+    pairs = [
+        (own, other)
+        for own in published
+        for other in published
+        if own.node is node and other.node is not node and own.topic == other.topic
+    ]
+    return min(pairs, key=lambda pair: not _is_sure(pair), default=None)
+
+
+def _is_sure(pair: tuple[Endpoint, Endpoint]) -> bool:
+    return all(endpoint.sure for endpoint in pair)
+
+
+def _topics_asked(lab: Lab) -> set[str]:
+    return {
+        resolved_topic(str(setting.value))
+        for spec in lab.graphs.values()
+        for node in spec.nodes.values()
+        for setting in node.settings
+        if setting.port in node.type.topics and node.type.role in _PUBLISHES
+    }
+
+
+@rule("N07", "repeated-publisher", scope="graph")
+def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
+    """An extra node publishes a topic of the lab a second time.
+
+    Why: subscribers cannot tell the two streams apart. Two transform publishers give one frame two
+    parents.
+
+    Fix: delete the node that the handout does not ask for.
+
+    Example: a second ROS2 Publish Clock in {graph_name}.
+    """
+    for node in subject.roles.extra:
+        pair = None if _is_script(subject, node) else _published_again(subject, node)
+        if pair is not None:
+            own, other = pair
+            yield Problem(
+                node.path,
+                f"{node_title(node)} is not asked for and publishes {own.topic} again",
+                property=own.port,
+                actual=own.topic,
+                handout=subject.spec.handout,
+                related=(other.node.path,),
+                severity=None if _is_sure(pair) else "warning",
+            )
+
+
+@rule("N08", "script-node", scope="stage")
+def script_node(subject: StageSubject) -> Iterator[Problem]:
+    """A node, or a prim with Python scripting, runs code from the file.
+
+    Why: the code may run when somebody opens the stage and presses Play. The lab needs no code.
+
+    Fix: delete the node. If a prim carries the script, remove Python Scripting in the Property
+    panel.
+
+    Example: a Script Node that publishes odometry from Python.
+    """
+    for script in subject.stage.scripts:
+        is_node = subject.lab.catalog.scripts.runs(script.carrier)
+        what = "node" if is_node else "prim"
+        yield Problem(
+            script.prim,
+            f"{what} runs code out of the file, which the lab does not need",
+            property="node:type" if is_node else None,
+            actual=script.carrier,
+        )
+
+
+@rule("N09", "node-outside-graph", scope="stage", severity="warning")
+def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
+    """A node is outside every graph.
+
+    Why: such a node is never evaluated. It is usually left over after nodes were dragged in the
+    Stage panel. If a graph lacks this node, N01 reports it instead.
+
+    Fix: drag the node back below its graph in the Stage panel, or delete it.
+
+    Example: `/to_string` at the root of the stage.
+    """
+    lab, stage = subject.lab, subject.stage
+    missed = {
+        each.path
+        for name, roles in subject.roles.items()
+        for each in absent_nodes(lab.graphs[name], roles, stage, lab.catalog).values()
+    }
+    for node in nodes_outside_graphs(stage):
+        if node.path not in missed and not lab.catalog.scripts.runs(node.type_name):
+            message = f"{node_title(node)} stands outside every graph, where it is never evaluated"
+            yield Problem(node.path, message, None, None, node.type_name)
+
+
+@rule("N12", "wheels-commanded-twice", scope="stage")
+def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
+    """A second node commands the wheels of the robot.
+
+    Why: both controllers write the wheel velocities in every frame, and the last one wins. The
+    robot stands still or does not follow its commands.
+
+    Fix: delete the graph of that node. Isaac Sim's menu for a differential controller creates one.
+
+    Example: `/Graph/differential_controller/ArticulationController`, created by Tools > Robotics >
+    OmniGraph Controllers > Differential Controller.
+    """
+    stage, lab, robot = subject.stage, subject.lab, subject.lab.scene.robot
+    live = live_nodes(stage, lab)
+    for node, own in second_commanders(stage, lab, subject.roles):
+        doubtful = (
+            "warning"
+            if is_doubtful(node, live)
+            else severity_if_uncertain(stage, lab, node.path, own)
+        )
+        yield Problem(
+            node.path,
+            f"{node_title(node)} commands the wheels as well, which only {own} may do",
+            expected="one controller",
+            actual=node.type_name,
+            handout=robot.wheels.handout or robot.handout,
+            related=(own,),
+            severity=doubtful,
+        )

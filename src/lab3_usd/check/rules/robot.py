@@ -1,0 +1,354 @@
+"""Rules about the robot's bodies, and what makes one robot of its links."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.axles import rest_frames
+from lab3_usd.check.robot.poses import UNSCALED, is_scaled, pose_property, scale_of, vector_text
+from lab3_usd.check.robot.wheels import could_hide_joints, has_no_joints, wheel_joints
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.physics import (
+    ARTICULATION_API,
+    ARTICULATION_ENABLED,
+    BODIES,
+    BODY_API,
+    BODY_ENABLED,
+    COLLISION_API,
+    COLLISION_ENABLED,
+    FIXED,
+    JOINT_ENABLED,
+    KINEMATIC,
+    MASS,
+    MASS_API,
+    bodies,
+    collides,
+    is_articulated,
+    is_joint_type,
+    is_switched_off,
+    joints,
+    number,
+)
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import is_subtree_unresolved, is_unresolved
+from lab3_usd.spec.scene import LinkSpec
+
+
+def _links(subject: StageSubject) -> Iterator[tuple[Prim, LinkSpec]]:
+    """Yield the links that are in the scene; those that are not are S01's.
+
+    An over of a link whose asset is missing counts: what it says itself holds.
+    """
+    robot, stage = subject.lab.scene.robot, subject.stage
+    for name, spec in robot.links.items():
+        prim = stage.prims.get(f"{robot.path}/{name}")
+        if prim is not None and prim.active and (prim.defined or is_unresolved(stage, prim.path)):
+            yield prim, spec
+
+
+@rule("S04", "link-mass", scope="stage")
+def link_mass(subject: StageSubject) -> Iterator[Problem]:
+    """A link of the robot does not have the mass in the handout.
+
+    Why: the drive is tuned for these masses. A heavier base may slip or crawl, a lighter one may
+    tip.
+
+    Fix: select the link, find Mass in the Property panel under Physics and type the value named
+    here. Do not recreate the robot's physics.
+
+    Example: `physics:mass` 1.0 on `{robot}/{link}`.
+    """
+    tolerance = subject.lab.scene.tolerance.mass
+    for prim, spec in _links(subject):
+        expected = spec.mass
+        if expected is None:
+            continue
+        actual = number(prim.attributes.get(MASS))
+        may_be_hidden = is_unresolved(subject.stage, prim.path)
+        has_api = MASS_API in prim.apis or may_be_hidden
+        if actual is None and may_be_hidden:
+            continue
+        if actual is not None and has_api and abs(actual - expected) <= tolerance * expected:
+            continue
+        is_ = "not set" if actual is None else f"{actual:g} kg"
+        message, asked = f"mass is {is_}, expected {expected:g} kg", f"{expected:g} kg"
+        if actual is not None and not has_api:
+            message, asked = f"mass counts for nothing: {MASS_API} was removed", MASS_API
+        yield Problem(prim.path, message, MASS, asked, is_, spec.handout)
+
+
+@rule("S05", "rigid-body", scope="stage")
+def rigid_body(subject: StageSubject) -> Iterator[Problem]:
+    """A link of the robot is not a rigid body, or is a rigid body that cannot move.
+
+    Why: a prim that is not a rigid body has no mass and no joints. The wheel does not turn, or the
+    robot falls apart or hangs in the air.
+
+    Fix: select the link, choose Add > Physics > Rigid Body, or tick Rigid Body Enabled and clear
+    Kinematic Enabled in the Property panel.
+
+    Example: `PhysicsRigidBodyAPI` removed from `{robot}/{wheel}`.
+    """
+    handout = subject.lab.scene.robot.handout
+    for prim, _ in _links(subject):
+        if BODY_API not in prim.apis:
+            if not is_unresolved(subject.stage, prim.path):
+                message = f"{prim.name} is no rigid body"
+                yield Problem(prim.path, message, BODY_ENABLED, BODY_API, handout=handout)
+        elif is_switched_off(prim, BODY_ENABLED):
+            message = f"{prim.name}'s rigid body is switched off"
+            yield Problem(prim.path, message, BODY_ENABLED, "True", "False", handout)
+        elif prim.attributes.get(KINEMATIC) is True:
+            message = f"{prim.name} is kinematic: nothing moves it"
+            yield Problem(prim.path, message, KINEMATIC, "False", "True", handout)
+
+
+@rule("S06", "wheel-collision", scope="stage")
+def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel has no collision geometry, or its collision is disabled.
+
+    Why: nothing supports the robot on that side. It drops to its base plate and turns in circles.
+
+    Fix: select the wheel's collision geometry, choose Add > Physics > Colliders Preset, or tick
+    Collision Enabled in the Property panel.
+
+    Example: `physics:collisionEnabled` False below `{robot}/{wheel}`.
+    """
+    stage = subject.stage
+    for prim, spec in _links(subject):
+        if not spec.collision:
+            continue
+        shapes = stage.with_api(COLLISION_API)
+        parts = [part for part in shapes if is_at_or_below(part.path, prim.path)]
+        if any(map(collides, parts)):
+            continue
+        off = [part for part in parts if part.present]
+        if is_subtree_unresolved(stage, prim.path):
+            below = stage.below(prim.path)
+            off = [part for part in below if is_switched_off(part, COLLISION_ENABLED)]
+            if not off:
+                continue
+        site = off[0].path if off else prim.path
+        what = "collision is switched off" if off else "has no collision geometry"
+        yield Problem(
+            site,
+            f"{prim.name}'s {what}" if off else f"{prim.name} {what}",
+            COLLISION_ENABLED,
+            "True" if off else COLLISION_API,
+            "False" if off else None,
+            spec.handout,
+            related=(prim.path,) if site != prim.path else (),
+        )
+
+
+@rule("S24", "link-scale", scope="stage")
+def link_scale(subject: StageSubject) -> Iterator[Problem]:
+    """A link of the robot is scaled.
+
+    Why: the scale of a body scales its shapes and the positions of its joints. A wheel of another
+    size changes the speed, and a larger wheel distance changes the turn rate. A run never changes a
+    scale.
+
+    Fix: select the link and set Scale to (1, 1, 1) in the Property panel.
+
+    Example: `xformOp:scale` (1, 1, 1.5) on `{robot}/{wheel}`.
+    """
+    tolerance = subject.lab.scene.tolerance.scale
+    handout = subject.lab.scene.robot.handout
+    for prim, _ in _links(subject):
+        if is_scaled(prim, tolerance):
+            is_, should = vector_text(scale_of(prim)), vector_text(UNSCALED)
+            message = f"{prim.name}'s scale is {is_}, expected {should}"
+            where = pose_property(prim, "scale")
+            yield Problem(prim.path, message, where, should, is_, handout)
+
+
+@rule("S11", "articulation", scope="stage")
+def articulation(subject: StageSubject) -> Iterator[Problem]:
+    """The robot has no articulation root, two of them, or one on the wrong prim.
+
+    Why: the Articulation Controller looks for the articulation at its target prim and below.
+    Without one it reports an error in the console, and nothing moves. Odometry needs only the rigid
+    body. An articulation root on the robot root works too, with the robot root as the target.
+
+    Fix: select the prim and choose Add > Physics > Articulation Root. Remove another one with the
+    cross beside it in the Property panel.
+
+    Example: `PhysicsArticulationRootAPI` removed from `{robot}/{base}`.
+    """
+    spec = subject.lab.scene.robot
+    target, handout = spec.articulation.target, spec.articulation.handout
+    if not target:  # the lab's robot has none
+        return
+    root = subject.stage.prim(spec.path)
+    base = subject.stage.prim(target)
+    if root is None or base is None:
+        return
+    found = [
+        prim
+        for prim in subject.stage.with_api(ARTICULATION_API)
+        if is_articulated(prim) and is_at_or_below(prim.path, root.path)
+    ]
+    right = [prim for prim in (base, root) if prim in found]
+    for prim in found:
+        if prim not in right[:1]:
+            what = f"a second articulation root, beside {right[0].path}" if right else "misplaced"
+            message = f"the articulation root on {prim.name} is {what}"
+            related = (target,) if prim.path != target else ()
+            yield Problem(prim.path, message, None, target, prim.path, handout, related)
+            if not right:
+                return
+    if not found and not is_unresolved(subject.stage, target):
+        is_off = is_switched_off(base, ARTICULATION_ENABLED)
+        why = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
+        message = f"the articulation root {why}, expected on {target}"
+        yield Problem(target, message, None, ARTICULATION_API, handout=handout)
+
+
+@rule("S12", "loose-link", scope="stage")
+def loose_link(subject: StageSubject) -> Iterator[Problem]:
+    """No joint ties a link of the robot to the other links, or one lets the lidar's link move.
+
+    Why: the robot separates at Play: the link stays behind or rolls away. Other rules check the
+    wheels. If several links come off together, the finding names the first. A link whose place on
+    the robot the handout gives must be held there, by a fixed joint.
+
+    Fix: undo the deletion of the joint, or start again from the supplied file. The handout says not
+    to recreate the robot's physics.
+
+    Example: the joint of `{robot}/{link}` deleted: `{link}` falls down.
+    """
+    robot = subject.lab.scene.robot
+    wheels = robot.wheels.joints.values()
+    links = list(robot.link_paths)
+    present = [path for path in links if subject.stage.prim(path) is not None]
+    base = robot.base
+    if has_no_joints(subject) or base not in present:
+        return
+    if could_hide_joints(subject):  # then only what a joint let go of is known to be loose
+        present = [base, *(path for path in present if path in _let_go(subject, links))]
+    groups = _groups(subject, links)
+    # A link that is held by the world is S21's.
+    told = [groups[base], *(groups[_link_of(each, links)] for each in _held_bodies(subject))]
+    for name, link in robot.links.items():
+        path = f"{robot.path}/{name}"
+        if path in present and name not in wheels and groups[path] not in told:
+            told.append(groups[path])
+            message, hint = f"no joint ties {name} to {robot.base_frame}", None
+            off = _switched_off(subject, path)
+            if off:
+                message += f": {off[0]} is switched off"
+                hint = f"select {off[0]} and set Joint Enabled in the Property panel"
+            yield Problem(path, message, None, base, None, link.handout, off, hint=hint)
+        elif path in present and link.offset is not None and groups[path] == groups[base]:
+            yield from _movable(subject, path, link.handout)
+
+
+def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem]:
+    """Say that a link with a place on the robot hangs on a joint that moves."""
+    for joint in joints(subject.stage) if link not in rest_frames(subject) else ():
+        is_known = not is_unresolved(subject.stage, joint.path)
+        if link in bodies(joint) and joint.type != FIXED and is_known:
+            message = f"{joint.name} lets {link} move on the robot: it is a {joint.type}"
+            yield Problem(joint.path, message, None, FIXED, joint.type, handout, (link,))
+
+
+@rule("S21", "held-by-the-world", scope="stage")
+def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
+    """A joint ties the robot to the world, or to a prim that is not part of the robot.
+
+    Why: the joint holds the robot in place: the wheels turn and odometry stays at zero. An empty
+    body of a joint is the world. Other rules check the joints of the wheels.
+
+    Fix: delete the joint, or clear Joint Enabled in the Property panel. The option Static Base of
+    the URDF importer creates such a joint. The supplied robot has none.
+
+    Example: `{robot}/root_joint`, a fixed joint with `physics:body1` `{base}` and no
+    `physics:body0`.
+    """
+    robot = subject.lab.scene.robot.path
+    section = subject.lab.handout.behind("S21", subject.lab.scene.robot.handout)
+    if not subject.lab.scene.robot.wheels.joints:  # an arm may be bolted down
+        return
+    for joint, side in _holds(subject):
+        ends = bodies(joint)
+        other = ends[1 - side]
+        message = f"{joint.name} ties {ends[side]} to {other or 'the world'}"
+        yield Problem(
+            joint.path,
+            message,
+            BODIES[1 - side],
+            "a link of the robot, or no such joint",
+            other or "no prim",
+            section,
+            (robot,),
+        )
+
+
+def _holds(subject: StageSubject) -> Iterator[tuple[Prim, int]]:
+    """Yield each joint with one body on the robot and one off it, and which one is on it.
+
+    Those of wheels have rules of their own.
+    """
+    stage = subject.stage
+    wheels = wheel_joints(subject)
+    own = [wheel.prim for wheel in wheels]
+    for joint in joints(stage):
+        ends = bodies(joint)
+        on_robot = [_is_on_robot(end, subject) for end in ends]
+        may_be_tied = not all(ends) and is_unresolved(stage, joint.path)
+        on_wheel = any(is_at_or_below(end, wheel.link) for end in ends for wheel in wheels)
+        is_wheels = joint in own or on_wheel
+        if on_robot.count(True) == 1 and not is_wheels and not may_be_tied:
+            yield joint, on_robot.index(True)
+
+
+def _is_on_robot(body: str, subject: StageSubject) -> bool:
+    """Whether a joint's target is below the robot's root, or is the root and moves itself.
+
+    A root that is no body stands for the world, as whatever has no body above it does.
+    """
+    path = subject.lab.scene.robot.path
+    root = subject.stage.prim(path)
+    moves = root is not None and BODY_API in root.apis
+    return is_at_or_below(body, path) and (body != path or moves)
+
+
+def _held_bodies(subject: StageSubject) -> list[str]:
+    return [bodies(joint)[side] for joint, side in _holds(subject)]
+
+
+def _switched_off(subject: StageSubject, link: str) -> tuple[str, ...]:
+    """Return the joints of the scene that would tie a link and are switched off."""
+    found = subject.stage.of_type(is_joint_type)
+    off = (prim for prim in found if prim.present and is_switched_off(prim, JOINT_ENABLED))
+    return tuple(prim.path for prim in off if any(is_at_or_below(b, link) for b in bodies(prim)))
+
+
+def _let_go(subject: StageSubject, links: list[str]) -> list[str]:
+    """Return the links that joints of the file name which are switched off or deactivated."""
+    return [
+        _link_of(body, links)
+        for prim in subject.stage.of_type(lambda name: not name or is_joint_type(name))
+        if not prim.present or is_switched_off(prim, JOINT_ENABLED)
+        for body in bodies(prim)
+    ]
+
+
+def _groups(subject: StageSubject, links: list[str]) -> dict[str, str]:
+    """Map each link and body to one name for all that joints tie together."""
+    group = {link: link for link in links}
+    for joint in joints(subject.stage):
+        ends = [_link_of(body, links) for body in bodies(joint) if body]
+        names = {group.setdefault(end, end) for end in ends}
+        if len(names) > 1:
+            first = min(names)
+            group = {body: first if name in names else name for body, name in group.items()}
+    return group
+
+
+def _link_of(body: str, links: list[str]) -> str:
+    """Return the link that a joint's target moves with."""
+    return next((link for link in links if is_at_or_below(body, link)), body)

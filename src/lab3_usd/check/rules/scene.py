@@ -1,0 +1,416 @@
+"""Rules about what the starter brings, time samples that change it, and prims of later parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.axles import rest_frames, welds
+from lab3_usd.check.robot.location import same_named_prims
+from lab3_usd.check.robot.poses import (
+    is_near,
+    pose_errors,
+    pose_property,
+    root_tolerance,
+    units_of,
+    vector_text,
+)
+from lab3_usd.check.robot.sensors import (
+    CAMERA,
+    LIDAR,
+    OTHER,
+    find_sensor,
+    is_named,
+    later_sensors,
+    lidars,
+    sensor_candidates,
+    sensors_of,
+)
+from lab3_usd.check.ros.running import live_nodes
+from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.physics import bodies, bodies_below
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import (
+    AnimatedAttribute,
+    absence_reason,
+    is_pose_unresolved,
+    is_unresolved,
+    missing_graphs_text,
+)
+from lab3_usd.model.transforms import IDENTITY, Vector, decompose, relative_transform
+from lab3_usd.spec.catalog import INPUT
+
+
+@rule("S01", "missing-prim", scope="stage")
+def missing_prim(subject: StageSubject) -> Iterator[Problem]:
+    """The robot, one of its links, or the parent of the graphs is missing or at another path.
+
+    Why: graphs, sensors and TF refer to these prims by their paths. Prims below a missing prim are
+    not reported one by one. If the robot was moved, its parts are judged where they are.
+
+    Fix: undo the deletion, or activate the prim (right-click in the Stage panel, Activate). If it
+    was deleted long ago, open the supplied file again and repeat the steps from there.
+
+    Example: `{robot}/{link}` deactivated in the Stage panel.
+    """
+    scene, stage = subject.lab.scene, subject.stage
+    root = scene.robot
+    yield from _robot_elsewhere(subject)
+    wanted = {scene.world.graph_parent.path: scene.world.graph_parent.handout}
+    wanted[root.path] = root.handout
+    if stage.prim(root.path) is not None:
+        wanted |= dict.fromkeys(root.link_paths, root.handout)
+    told: list[str] = []
+    for path, handout in wanted.items():
+        is_told = any(is_at_or_below(path, above) for above in told)
+        if not is_told and stage.prim(path) is None and not is_unresolved(stage, path):
+            told.append(path)
+            why = absence_reason(stage, path)
+            others = _places(subject, path)
+            at, hint = "", None
+            if others:
+                at = f"; it seems to be the prim at {others[0]}"
+                hint = f"rename or drag {others[0]} back to {path} in the Stage panel"
+            message = f"{path} {why}{at}{missing_graphs_text(subject.missing_graphs, path)}"
+            yield Problem(path, message, None, path, why, handout, others, hint=hint)
+
+
+def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
+    """Yield that the robot has another name or parent; everything else is judged where it is."""
+    spec = subject.lab.scene.robot
+    for expected, home in subject.relocations.items():
+        if home == spec.path:
+            gone = missing_graphs_text(subject.missing_graphs, home)
+            message = f"the robot is at {home}, expected at {expected}{gone}"
+            hint = f"rename or drag the robot in the Stage panel, back to {expected}"
+            handout = spec.handout
+            yield Problem(home, message, None, expected, home, handout, (expected,), hint=hint)
+
+
+def _places(subject: StageSubject, path: str) -> tuple[str, ...]:
+    """Return where a missing link could be meant to be."""
+    if path in subject.relocations:
+        return (subject.relocations[path],)
+    root, name = subject.lab.scene.robot.path, path.rpartition("/")[2]
+    return same_named_prims(subject.stage, root, name)
+
+
+@rule("S02", "stage-units", scope="stage")
+def stage_units(subject: StageSubject) -> Iterator[Problem]:
+    """The stage is not Z up, in metres and kilograms.
+
+    Why: lengths and masses of the handout, gravity and the ROS frames (+Z up, metres) depend on
+    these units. A robot in centimetres is a hundred times too small.
+
+    Fix: set the property named here to the value expected here, in the stage's properties (select
+    the root in the Stage panel) or in the file's first lines, or open the supplied file again and
+    save it under the new name.
+
+    Example: `metersPerUnit = 0.01`, which is USD's default. If the given starter has the same
+    units, the finding is a warning.
+    """
+    wanted, stage = subject.lab.scene.stage, subject.stage
+    pairs = {
+        "metersPerUnit": (stage.meters_per_unit, wanted.meters_per_unit),
+        "kilogramsPerUnit": (stage.kilograms_per_unit, wanted.kilograms_per_unit),
+    }
+    tolerance = subject.lab.scene.tolerance.number
+    is_turned = stage.up_axis != wanted.up_axis
+    wrong = [("upAxis", stage.up_axis, wanted.up_axis)] if is_turned else []
+    wrong += [
+        (name, f"{actual:g}", f"{expected:g}")
+        for name, (actual, expected) in pairs.items()
+        if not abs(actual - expected) <= tolerance * expected
+    ]
+    for name, is_, should in wrong:
+        message = f"{name} is {is_}, expected {should}"
+        yield Problem("/", message, name, should, is_, wanted.handout)
+
+
+@rule("S03", "robot-pose", scope="stage")
+def robot_pose(subject: StageSubject) -> Iterator[Problem]:
+    """The robot root is not at the pose of the starter.
+
+    Why: the map, the initial pose of AMCL and the goals of the handout assume this pose. In later
+    checkpoints it is a warning, because the stage may have been saved after a run.
+
+    Fix: select the robot root and set Translate, Rotate and Scale to the values expected here in
+    the Property panel.
+
+    Example: `xformOp:translate` (0, 0, 0).
+    """
+    spec, stage = subject.lab.scene.robot, subject.stage
+    root = stage.prim(spec.path)
+    if root is None or (root.local is None and is_unresolved(stage, root.path)):
+        return
+    severity: Severity | None = None
+    if subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until):
+        severity = "warning"
+    tolerance = root_tolerance(subject.lab.scene, stage)
+    for wrong in pose_errors(root, root.local or IDENTITY, spec.pose, tolerance):
+        yield Problem(
+            root.path,
+            f"robot root's {wrong.message}",
+            wrong.property,
+            wrong.expected,
+            wrong.actual,
+            spec.pose.handout,
+            severity=severity,
+            hint=f"select the robot root and {wrong.hint}",
+        )
+
+
+@rule("S17", "scan-offset", scope="stage")
+def scan_offset(subject: StageSubject) -> Iterator[Problem]:
+    """A link, as the one that carries the lidar, is not at its place on the robot.
+
+    Why: a scan is taken at the height of its link and published in that frame. At another place the
+    lidar sees parts of the robot, or the walls do not match the map. The link's own transform is
+    judged in the first checkpoint only, because a later stage may have been saved during a run. At
+    Play the link goes where its joint holds it.
+
+    Fix: select the link and set Translate to the value expected here in the Property panel, or
+    restore the local positions of its joint, or start again from the supplied file.
+
+    Example: `{robot}/{link}` 3 cm beside its place.
+    """
+    scene, stage = subject.lab.scene, subject.stage
+    units, robot = units_of(scene, stage), scene.robot
+    for name, link in robot.links.items():
+        prim, expected = stage.prim(f"{robot.path}/{name}"), link.offset
+        if prim is None or expected is None:
+            continue
+        for found in _link_places(subject, prim):
+            if not is_near(found.at, expected, scene.tolerance.link_position, units):
+                is_, should = vector_text(found.at), vector_text(units.shown(expected))
+                message = f"{name} {found.how} at {is_} on the robot, expected {should}"
+                related = () if found.prim == prim.path else (prim.path,)
+                hint = f"{found.hint} {should}"
+                yield Problem(
+                    found.prim,
+                    message,
+                    found.property,
+                    should,
+                    is_,
+                    link.handout,
+                    related,
+                    hint=hint,
+                )
+
+
+class _LinkPlace(Struct, frozen=True):
+    """Where a link is on the robot, which property says so, and how that is repaired."""
+
+    prim: str
+    property: str
+    at: Vector
+    how: str
+    hint: str
+
+
+def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
+    """Yield where a link stands in the first checkpoint, and where its joint holds it."""
+    robot = subject.lab.scene.robot
+    root, base = subject.stage.prim(robot.path), robot.links.get(robot.base_frame)
+    is_first = subject.checkpoint.id == subject.lab.first
+    if is_first and not is_pose_unresolved(subject.stage, link) and root is not None:
+        seen = root.world and link.world and relative_transform(link.world, root.world)
+        if seen:
+            hint = f"in the Property panel of {link.name}, set Translate to"
+            where = pose_property(link, "translate")
+            yield _LinkPlace(link.path, where, decompose(seen).translation, "sits", hint)
+    joint = next((each for each in welds(subject) if link.path in bodies(each)), None)
+    rest = rest_frames(subject).get(link.path)
+    if joint is not None and rest is not None and base is not None and base.offset is None:
+        side = 1 - bodies(joint).index(link.path)
+        hint = f"restore the local positions of {joint.name}, so that it holds {link.name} at"
+        at = decompose(rest).translation
+        yield _LinkPlace(joint.path, f"physics:localPos{side}", at, "is held", hint)
+
+
+_OPERATION, _ORDER = "xformOp:", "xformOpOrder"
+_SENSOR = "omni:sensor:"
+
+
+@rule("S30", "value-changes-with-time", scope="stage", severity="warning")
+def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
+    """Time samples change a value while the timeline plays.
+
+    Why: at Play the timeline runs over the samples, and the robot, a sensor or a setting no longer
+    has its saved value. The value at the start is judged like any other. This rule reports later
+    values: an error for the poses of the robot and the sensors and for sensor rates, otherwise a
+    warning.
+
+    Fix: select the prim, delete the keys of the attribute in the Curve Editor or the Timeline, and
+    set the value again.
+
+    Example: the lidar has a key at time 50 that puts it at (9, 9, 9).
+    """
+    for each in subject.stage.moving:
+        severity = _severity(each, subject)
+        if severity is not None and each.prim not in subject.faulty_prims:
+            yield Problem(
+                each.prim,
+                f"{each.property} is {each.first} at the start and {each.then} at time "
+                f"{each.time:g}, expected no time samples",
+                property=each.property,
+                expected=each.first,
+                actual=each.then,
+                severity=severity,
+            )
+
+
+def _severity(moving: AnimatedAttribute, subject: StageSubject) -> Severity | None:
+    """Return how grave it is that the value changes, None where it matters to nothing."""
+    stage = subject.stage
+    if moving.prim in live_nodes(stage, subject.lab):
+        return "warning" if moving.property.startswith(INPUT) else None
+    prim = stage.prim(moving.prim)
+    if prim is None:
+        return None
+    if moving.property.startswith(_OPERATION):
+        order = prim.attributes.get(_ORDER)
+        is_used = isinstance(order, tuple) and any(
+            str(name).endswith(moving.property) for name in order
+        )
+        return _severity_of_place(moving.prim, subject) if is_used else None
+    if moving.property not in prim.attributes:
+        return None
+    return "error" if moving.property in _rates(moving.prim, subject) else "warning"
+
+
+def _severity_of_place(path: str, subject: StageSubject) -> Severity | None:
+    stage, scene = subject.stage, subject.lab.scene
+    robot = scene.robot.path
+    sensors = [scene.sensors[name].path for name in subject.checkpoint.sensors]
+    parts = [robot, *sensors, *bodies_below(stage, robot)]
+    if any(is_at_or_below(part, path) for part in parts):
+        return "error"
+    is_solid = bool(bodies_below(stage, path)) or any(True for _ in stage.colliders.below(path))
+    return "warning" if is_solid else None
+
+
+def _rates(path: str, subject: StageSubject) -> list[str]:
+    """Return the rates that the lab asks of the sensor at a path."""
+    found = (subject.lab.sensors[name] for name in subject.checkpoint.sensors)
+    return [
+        name
+        for sensor in found
+        if sensor.path == path
+        for name in sensor.required
+        if name.startswith(_SENSOR)
+    ]
+
+
+@rule("S18", "starter-not-empty", scope="stage")
+def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
+    """The first checkpoint holds parts of later checkpoints.
+
+    Why: the first checkpoint shows the supplied scene. Leftovers of a finished lab publish beside
+    the student's own graphs: two clocks, two odometries, two parents of one frame.
+
+    Fix: open the supplied file and save it as the first checkpoint before adding anything. Delete
+    the prims named here.
+
+    Example: `/World/ActionGraph` in `{stage0}`.
+    """
+    if subject.checkpoint.graphs:
+        return
+    spec = subject.lab.scene.forbidden.starter
+    form = subject.lab.catalog.graph
+    told = [graph.path for graph in subject.lab.graphs.values()]
+    told = [path for path in told if (prim := subject.stage.prim(path)) and prim.type == form.type]
+    for path, kind in sorted(_prims_and_nodes(subject)):
+        is_sensor = any(kind == sensor.type for sensor in subject.lab.sensors.values())
+        is_wrong = is_named(path.rpartition("/")[2], spec.names) or kind == form.type
+        is_wrong = is_wrong or (path in spec.paths and not is_sensor)
+        if is_wrong and not any(is_at_or_below(path, top) for top in told):
+            told.append(path)
+            message = f"{path} is not part of the supplied scene; was this saved late?"
+            yield Problem(path, message, actual=kind, handout=spec.handout)
+
+
+def _prims_and_nodes(subject: StageSubject) -> Iterator[tuple[str, str]]:
+    """Yield path and type of everything in the scene, nodes of graphs included."""
+    for prim in subject.stage.prims.values():
+        if prim.present:
+            yield prim.path, prim.type
+    for node in subject.stage.nodes():
+        yield node.path, ""
+
+
+@rule("L08", "early-lidar", scope="stage", severity="warning")
+def early_lidar(subject: StageSubject) -> Iterator[Problem]:
+    """The stage holds a lidar before the handout asks for one.
+
+    Why: the file may have been saved late, after work on a later part had begun. A starter scene
+    must not contain a lidar.
+
+    Fix: save each checkpoint before you start the next part.
+
+    Example: `{lidar}` in a checkpoint before the one that adds it.
+    """
+    later = later_sensors(subject, LIDAR)
+    paths = [subject.lab.sensors[name].path for name in later]
+    is_first = not sensors_of(subject, LIDAR)
+    for prim in lidars(subject) if later else ():
+        # Beside a lidar that is asked for, any other place is that of a second lidar.
+        if is_first or prim.path in paths:
+            yield _early(subject, prim)
+
+
+def _early(subject: StageSubject, prim: Prim) -> Problem:
+    """Return that a sensor is there too early: an error in the starter."""
+    severity: Severity | None = None if subject.checkpoint.graphs else "error"
+    message = f"{prim.path} belongs to a later checkpoint; was this saved late?"
+    handout = subject.lab.scene.forbidden.starter.handout
+    return Problem(prim.path, message, actual=prim.type, handout=handout, severity=severity)
+
+
+@rule("C09", "early-camera", scope="stage", severity="warning")
+def early_camera(subject: StageSubject) -> Iterator[Problem]:
+    """The robot has a camera before the handout asks for one.
+
+    Why: the file may have been saved late, after work on a later part had begun. A starter scene
+    must not have the robot's camera.
+
+    Fix: save each checkpoint before you start the next part.
+
+    Example: `{camera}` in a checkpoint before the one that adds it.
+    """
+    yield from _early_on_robot(subject, CAMERA)
+
+
+@rule("D07", "early-sensor", scope="stage", severity="warning")
+def early_sensor(subject: StageSubject) -> Iterator[Problem]:
+    """The robot has a sensor before the handout asks for one of its type.
+
+    Why: the file may have been saved late, after work on a later part had begun. The supplied file
+    must not contain the sensor.
+
+    Fix: save each checkpoint before you start the next part.
+
+    Example: an IMU on the robot in the checkpoint before the part that adds it.
+    """
+    yield from _early_on_robot(subject, OTHER)
+
+
+def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
+    """Yield each prim of the robot that looks like a sensor of a later checkpoint."""
+    lab, stage = subject.lab, subject.stage
+    asked = [find_sensor(lab, stage, name) for name in subject.checkpoint.sensors]
+    # What stands in the place of a sensor, or is one, is judged as that.
+    others = {place.path for place in asked}
+    others |= {place.prim.path for place in asked if place.prim is not None}
+    found = {
+        prim.path: prim
+        for name in later_sensors(subject, kind)
+        for prim in sensor_candidates(lab, stage, name)
+    }
+    for prim in found.values():
+        # One of the world may have any name.
+        if prim.path not in others and is_at_or_below(prim.path, lab.scene.robot.path):
+            yield _early(subject, prim)

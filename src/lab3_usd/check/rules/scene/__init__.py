@@ -1,1 +1,0 @@
-"""Rules about the robot and the world around it."""

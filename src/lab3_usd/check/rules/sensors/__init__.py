@@ -1,1 +1,0 @@
-"""Rules about the lidar and the camera."""

@@ -1,0 +1,420 @@
+"""Rules about values: those that the handout sets, and inputs that it leaves alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.hints import with_setting
+from lab3_usd.check.match.conformance import same_value, setting_matches, setting_value
+from lab3_usd.check.match.subject import GraphSubject, StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.running import live_nodes
+from lab3_usd.check.ros.topics import moving_prims
+from lab3_usd.check.rules.limits import stopping_limits
+from lab3_usd.check.tf.lab_frames import role_specs
+from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
+from lab3_usd.model.stage import Node, once_per_stage
+from lab3_usd.spec.catalog import INPUT, Port, Value, are_alike
+from lab3_usd.spec.graph import NodeSpec, Setting, resolved_topic
+from lab3_usd.spec.lab import Lab
+
+
+class Found(Struct, frozen=True):
+    """A setting of the spec, the node it is asked of, its value there, and whether it is met."""
+
+    node: Node
+    spec: NodeSpec
+    setting: Setting
+    value: Value | None
+    met: bool
+
+
+@once_per_stage
+def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
+    """Return every setting of every matched node."""
+    return tuple(_find_settings(subject))
+
+
+def _find_settings(subject: GraphSubject) -> Iterator[Found]:
+    for node, spec in subject.matched():
+        for setting in spec.settings:
+            value = setting_value(subject.live_nodes, node, setting.port)
+            yield Found(node, spec, setting, value, setting_matches(node, setting, value))
+
+
+def setting_problem(found: Found, message: str) -> Problem:
+    """Return the problem of one setting, with how to set it right."""
+    setting, wanted = found.setting, display(found.setting.value)
+    port = setting.port.partition(":")[2]
+    wires = ", ".join(map(short_source, found.node.sources(setting.port)))
+    first = f"delete the wire from {wires}, then " if wires else ""
+    return Problem(
+        prim=found.node.path,
+        property=setting.port,
+        message=message,
+        expected=wanted,
+        actual=display(found.value),
+        handout=setting.handout,
+        hint=f"{first}select {role_title(found.spec)} "
+        f"and set {port} to {wanted} in the Property panel",
+    )
+
+
+def _wrong_type(node: Node, port: Port | None) -> str | None:
+    """Return the type that the file declares, when it is none the port can have."""
+    state = None if port is None else node.state(port.name)
+    if port is None or state is None or port.is_union:
+        return None
+    # No type is told of a port without a value.
+    is_right = not state.usd_type or are_alike(state.usd_type, port.usd_type)
+    return None if is_right else state.usd_type
+
+
+def _frames_forbidden(subject: GraphSubject, found: Found) -> bool:
+    """Whether a frame is part of the forbidden transform, which a rule of its own names."""
+    tf = found.spec.type.tf
+    if tf is None or found.setting.port not in tf.names:
+        return False
+    child = setting_value(subject.live_nodes, found.node, tf.names[1])
+    return child == subject.lab.frames.unplaced != ""
+
+
+def _swapped(subject: GraphSubject) -> dict[tuple[str, str], str]:
+    """Return the settings whose values stand in each other's node: (prim, port) -> other prim."""
+    wrong = [found for found in settings_of(subject) if not found.met]
+    pairs = {}
+    for one, other in combinations(wrong, 2):
+        if one.spec.type is not other.spec.type or one.setting.port != other.setting.port:
+            continue
+        if _would_be_met(one, other.value) and _would_be_met(other, one.value):
+            pairs[one.node.path, one.setting.port] = other.node.path
+            pairs[other.node.path, one.setting.port] = ""
+    return pairs
+
+
+def _would_be_met(found: Found, value: Value | None) -> bool:
+    return setting_matches(found.node, found.setting, value)
+
+
+@rule("P01", "wrong-value", scope="graph")
+def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
+    """An input has another value than the handout asks for.
+
+    Why: the graph runs, but with a topic, frame, size or speed that no other component expects.
+
+    Fix: select the node and type the value named here into its field in the Property panel.
+
+    Example: `topicName` 'scan1' instead of '{scan}': a subscriber waits for a scan that never
+    comes.
+    """
+    swapped = _swapped(subject)
+    # Where a wire that belongs elsewhere ends, the rule of that wire speaks.
+    strays = {fault.elsewhere for fault in subject.wire_faults if fault.kind == "moved"}
+    for found in settings_of(subject):
+        node, port = found.node, found.setting.port
+        if found.met or (node.path, port) in swapped or not _is_authored(node, port):
+            continue
+        if _has_wrong_type(node, port) or _frames_forbidden(subject, found):
+            continue
+        if f"{node.path}.{port}" in strays:
+            continue
+        what = display(found.value) if found.value is not None else _wired(found)
+        message = f"{port} is {what}, expected {display(found.setting.value)}"
+        message += with_setting(subject, found.spec.role, found.setting, found.value)
+        yield setting_problem(found, message)
+
+
+def _wired(found: Found) -> str:
+    return f"wired from {short_source(found.node.sources(found.setting.port)[0])}"
+
+
+def _is_authored(node: Node, port: str) -> bool:
+    state = node.state(port)
+    return state is not None and (state.value is not None or bool(state.sources))
+
+
+def _has_wrong_type(node: Node, port: str) -> bool:
+    return _wrong_type(node, None if node.type is None else node.type.port(port)) is not None
+
+
+@rule("P02", "wrong-default", scope="graph")
+def wrong_default(subject: GraphSubject) -> Iterator[Problem]:
+    """An input still has its default, but the handout asks for another value.
+
+    Why: a field that was never edited is not written into the file, and Isaac Sim 6.0.1 uses its
+    own default. The defaults of `useDomainIDEnvVar` and `resetOnStop` are True. The default frame
+    ids are base_link, sim_lidar and sim_camera.
+
+    Fix: select the node and set the field named here in the Property panel.
+
+    Example: `useDomainIDEnvVar` not set: the domain id comes from the environment.
+    """
+    for found in settings_of(subject):
+        node, port = found.node, found.setting.port
+        if found.met or _is_authored(node, port) or _has_wrong_type(node, port):
+            continue
+        default, wanted = display(found.value), display(found.setting.value)
+        message = f"{port} was left at its default {default}, expected {wanted}"
+        yield setting_problem(found, message)
+
+
+@rule("P03", "wrong-value-type", scope="graph")
+def wrong_value_type(subject: GraphSubject) -> Iterator[Problem]:
+    """An input is declared with a type that its node type does not have.
+
+    Why: Isaac Sim may be unable to read the value and use the default instead.
+
+    Fix: delete the node, add it again from the node list, and set its fields.
+
+    Example: `inputs:wheelRadius` written as a string by a script, although it is a double.
+    """
+    for found in settings_of(subject):
+        port = found.spec.type.port(found.setting.port)
+        declared = _wrong_type(found.node, port)
+        if declared is not None and port is not None:
+            message = f"{port.name} is of type {declared}, expected {port.usd_type}"
+            problem = setting_problem(found, message)
+            title = role_title(found.spec)
+            hint = f"delete {title}, add it again from the node list and set its fields"
+            yield replace(problem, expected=port.usd_type, actual=declared, hint=hint)
+
+
+@rule("P07", "swapped-values", scope="graph")
+def swapped_values(subject: GraphSubject) -> Iterator[Problem]:
+    """Two nodes hold each other's value.
+
+    Why: with the wheel names exchanged, the left command goes to the right wheel, and the robot
+    turns the wrong way.
+
+    Fix: exchange the two values in the Property panel.
+
+    Example: the first Constant Token holds {other_joint}, the second {joint}.
+    """
+    swapped = _swapped(subject)
+    for found in settings_of(subject):
+        port = found.setting.port
+        other = swapped.get((found.node.path, port))
+        if other:
+            name = other.rpartition("/")[2]
+            message = (
+                f"{port} is {display(found.value)}, expected {display(found.setting.value)}; "
+                f"{name} holds the value that belongs here"
+            )
+            hint = f"exchange the values of {found.node.name} and {name}"
+            problem = setting_problem(found, message)
+            yield replace(problem, hint=hint, related=(f"{other}.{port}",))
+
+
+@rule("P04", "kept-default-changed", scope="graph")
+def kept_default_changed(subject: GraphSubject) -> Iterator[Problem]:
+    """An input that must keep its default was changed.
+
+    Why: a QoS profile, system time or skipped frames change which subscribers receive the topic,
+    and when. A robot path overrides the target prim without a message.
+
+    Fix: select the node and reset the field in the Property panel.
+
+    Example: `useSystemTime` True on the lidar: no transform matches the time stamps of the scan.
+    """
+    for node, spec, port, value in _changed(subject):
+        if port.short in subject.lab.policy.keep_default:
+            yield _kept_problem(subject.lab, node, spec, port, display(value))
+    for fault in subject.wire_faults:
+        spec = subject.spec.nodes[subject.roles.role_of[fault.node.path]]
+        wired = spec.type.port(fault.port)
+        if wired is not None and fault.kind == "unasked" and _is_kept_from_wires(subject, wired):
+            source = short_source(fault.actual)
+            problem = _kept_problem(subject.lab, fault.node, spec, wired, f"wired from {source}")
+            yield replace(problem, hint=f"delete the wire from {source}")
+
+
+def _is_kept_from_wires(subject: GraphSubject, port: Port) -> bool:
+    """Whether no wire may end here; from G on, a rule about topics speaks of profiles."""
+    judged_as_topic = subject.checkpoint.topics and _is_profile(port)
+    return port.short in subject.lab.policy.keep_default and not judged_as_topic
+
+
+def _is_profile(port: Port) -> bool:
+    return "qos" in port.short
+
+
+def _kept_problem(lab: Lab, node: Node, spec: NodeSpec, port: Port, actual: str) -> Problem:
+    expected = display(port.default)
+    message = f"{port.name} is {actual}, expected its default {expected}"
+    hint = f"select {role_title(spec)} and reset {port.short} in the Property panel"
+    usual = lab.handout.behind("P04", spec.handout) if _is_profile(port) else spec.handout
+    section = dict(spec.keep).get(port.name, usual)
+    return Problem(node.path, message, port.name, expected, actual, section, hint=hint)
+
+
+_Changed = tuple[Node, NodeSpec, Port, Value | None]
+
+
+@once_per_stage
+def _changed(subject: GraphSubject) -> tuple[_Changed, ...]:
+    return tuple(_find_changed(subject))
+
+
+def _find_changed(subject: GraphSubject) -> Iterator[_Changed]:
+    """Yield the inputs that the handout does not set and that are away from their default."""
+    for node, spec in subject.matched():
+        for port in subject.spec.free_inputs[spec.role]:
+            value = node.value(port.name)
+            if not node.sources(port.name) and not same_value(value, port.default):
+                yield node, spec, port, value
+
+
+@rule("P05", "unasked-value", scope="graph", severity="warning")
+def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
+    """An input that the handout does not mention was changed.
+
+    Why: the robot in the handout behaves as described with the default.
+
+    Fix: reset the field in the Property panel unless your instructor asked for the value.
+
+    Example: `maxWheelSpeed` 2: the robot drives at most at 0.05 m/s.
+    """
+    policy = subject.lab.policy
+    left = (*policy.keep_default, policy.namespace)
+    for node, spec, port, value in _changed(subject):
+        agrees = port.short in policy.stamp_reset.ports and value is False
+        stops = port.name in dict(stopping_limits(subject.live_nodes, node))
+        if port.short not in left and not agrees and not stops:
+            message = (
+                f"{port.name} is {display(value)}, the handout leaves it at {display(port.default)}"
+            )
+            section = dict(spec.keep).get(port.name, spec.handout)
+            expected, actual = display(port.default), display(value)
+            yield Problem(node.path, message, port.name, expected, actual, section)
+    for node, spec, name, prims in _aimed(subject):
+        message = f"{name} names {format_paths(prims)}, the handout leaves it empty"
+        yield Problem(node.path, message, name, format_paths(()), format_paths(prims), spec.handout)
+
+
+def _aimed(
+    subject: GraphSubject,
+) -> Iterator[tuple[Node, NodeSpec, str, tuple[str, ...]]]:
+    """Yield the relationships that the handout leaves empty and that name prims of the student.
+
+    A node that does by itself what a missing node should do for it is told as the missing node.
+    """
+    own = subject.lab.catalog.graph.ignored_below
+    for node, spec in subject.matched():
+        for port in subject.spec.free_targets[spec.role]:
+            prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
+            if prims and not _lacks_source(subject, spec):
+                yield node, spec, port.name, prims
+
+
+def _lacks_source(subject: GraphSubject, spec: NodeSpec) -> bool:
+    """Whether a node is missing that a wire should come from."""
+    wires = subject.spec.wires_into(spec.role)
+    return None in (subject.roles.node_of[wire.source.role] for wire in wires)
+
+
+@rule("P06", "namespace", scope="graph")
+def namespace(subject: GraphSubject) -> Iterator[Problem]:
+    """A node namespace changes the name of a topic.
+
+    Why: with a namespace, `{scan}` becomes `/<namespace>{scan}`, and nothing in the lab subscribes
+    to it.
+
+    Fix: select the node and clear nodeNamespace in the Property panel.
+
+    Example: `nodeNamespace` 'tb3' on the clock publisher: the topic is /tb3/clock.
+    """
+    for node, spec, port, value in _changed(subject):
+        if port.short == subject.lab.policy.namespace and resolved_topic(str(value)):
+            message = f"{port.name} is {display(value)}, expected no namespace"
+            hint = f"select {role_title(spec)} and clear {port.short} in the Property panel"
+            yield Problem(
+                node.path, message, port.name, "''", display(value), spec.handout, hint=hint
+            )
+
+
+@rule("P08", "topic-spelling", scope="graph", severity="note")
+def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
+    """A topic is spelled differently from the handout, but resolves to the same name.
+
+    Why: Isaac Sim removes characters other than letters and digits from both ends and adds a
+    leading slash, so `clock` becomes `/clock`. The topic works.
+
+    Fix: nothing is required. Write the leading slash to be clear.
+
+    Example: `topicName` 'clock' instead of '/clock'.
+    """
+    for found in settings_of(subject):
+        is_topic = found.setting.port in found.spec.type.topics
+        if is_topic and found.met and found.value != found.setting.value:
+            wanted = display(found.setting.value)
+            message = f"{found.setting.port} is {display(found.value)}, which is {wanted} to ROS 2"
+            yield setting_problem(found, message)
+
+
+@rule("P09", "stamp-reset", scope="stage", severity="note")
+def stamp_reset(subject: StageSubject) -> Iterator[Problem]:
+    """The time of a sensor restarts on Stop while the clock continues.
+
+    Why: the clock has resetOnStop False. The sensor helpers reset their own time by default.
+    After Stop and Play, scans and images have time stamps in the past. There is one finding for the
+    stage.
+
+    Fix: set resetSimulationTimeOnStop False on the helpers, or restart Isaac Sim between runs. The
+    handout does not ask for it.
+
+    Example: {scan} has time stamp 2.0 s while /clock is at 95.0 s after a second Play.
+    """
+    reset = subject.lab.policy.stamp_reset
+    found = list(_with_value(subject, reset.ports, value=True))
+    if found and any(_with_value(subject, (reset.agree,), value=False)):
+        (prim, port), others = found[0], found[1:]
+        related = tuple(f"{path}.{name}" for path, name in others)
+        message = f"{port} is True: stamps restart on Stop, while the clock goes on"
+        yield Problem(prim, message, port, "False", "True", related=related)
+
+
+def _with_value(
+    subject: StageSubject, ports: Sequence[str], *, value: bool
+) -> Iterator[tuple[str, str]]:
+    """Yield node and input of the lab's graphs where one of some inputs has a value."""
+    for node in (each for roles in subject.roles.values() for each in roles.node_of.values()):
+        if node is None or node.type is None:
+            continue
+        for name in (f"{INPUT}{short}" for short in ports):
+            if name in node.type.ports and node.value(name) is value:
+                yield node.path, name
+
+
+@rule("P10", "namespace-attribute", scope="stage")
+def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
+    """A namespace on a node, its sensor or a prim above them changes the name of a topic.
+
+    Why: Isaac Sim joins the namespaces of the prim and all its ancestors and puts them before the
+    topic name. A sensor helper uses those of its sensor. `{scan}` becomes `/<namespace>{scan}`
+    although the node says `{scan}`.
+
+    Fix: select the prim named here and clear its Namespace in the Property panel.
+
+    Example: `isaac:namespace` 'tb3' on the robot root.
+    """
+    attribute, stage, lab = subject.lab.policy.namespace_attribute, subject.stage, subject.lab
+    live = live_nodes(stage, lab)
+    moved: dict[tuple[str, str], list[str]] = {}
+    for path, role in role_specs(subject).items():
+        node = live.get(path) if role.type.topics else None
+        for site in () if node is None else moving_prims(node, stage, lab, live):
+            moved.setdefault(site, []).append(path)
+    for (path, value), nodes in moved.items():
+        if resolved_topic(value):
+            message = (
+                f"{attribute} is {display(value)}, which moves the topics of {_counted(nodes)}"
+            )
+            yield Problem(path, message, attribute, "''", display(value), related=tuple(nodes))
+
+
+def _counted(nodes: list[str]) -> str:
+    return nodes[0].rpartition("/")[2] if len(nodes) == 1 else f"{len(nodes)} nodes"

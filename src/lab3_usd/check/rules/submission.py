@@ -1,0 +1,290 @@
+"""Rules about the files of a submission.
+
+Which are there, what they are called, and what they show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
+from lab3_usd.check.registry import rule
+from lab3_usd.model.finding import Problem, StageResult
+from lab3_usd.model.folder import StageFile, SubmissionSubject
+
+
+@rule("X01", "missing-stage", scope="submission")
+def missing_stage(subject: SubmissionSubject) -> Iterator[Problem]:
+    """The stage of a checkpoint is missing from the submission.
+
+    Why: each part of the lab is judged by the stage that was saved at its end. Later stages do not
+    show that earlier ones worked.
+
+    Fix: save the stage under the name in the handout into the folder `{stages}`. If it was
+    forgotten, open the next stage, delete what its part added, and save it under the missing name.
+
+    Example: `{stages}` holds `{stage2}` and `{stage4}`, but no `{stage3}`.
+    """
+    handout, ending = subject.spec.stages.handout, subject.spec.stages.endings[0]
+    unusable = {entry.name.partition(".")[0] for entry in subject.listing.entries if entry.why_not}
+    for number, checkpoint in subject.lab.checkpoints.items():
+        if number in subject.listing.stages or checkpoint.file in unusable:
+            continue
+        name = f"{checkpoint.file}{ending}"
+        folder = subject.listing.stage_folder
+        path = f"{folder}/{name}" if folder else name
+        yield Problem(
+            path, f"the stage of checkpoint {number} is missing", None, name, None, handout
+        )
+
+
+@rule("X02", "misnamed-stage", scope="submission")
+def misnamed_stage(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A stage has another name than the handout lists.
+
+    Why: a program that collects the files by name does not find it. File names on Linux are
+    case-sensitive.
+
+    Fix: rename the file to the name given here.
+
+    Example: `{stage3}.txt` instead of `{stage3}`.
+    """
+    for stage, name in _stages(subject, "misnamed"):
+        message = f"seems to be the stage of checkpoint {stage.checkpoint}, which is called {name}"
+        yield _named(stage, message, name, subject.spec.stages.handout)
+
+
+@rule("X03", "misplaced-stage", scope="submission", severity="warning")
+def misplaced_stage(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A stage has its right name, but is not in the folder of stages.
+
+    Why: the handout asks for one folder of stages. Relative paths to textures and references break
+    in another folder.
+
+    Fix: open the stage and save it into the folder `{stages}`, so that Isaac Sim updates its
+    relative paths.
+
+    Example: `{stage3}` beside the folder `{stages}`.
+    """
+    for stage, name in _stages(subject, "misplaced"):
+        place = subject.listing.stage_folder or "the submission itself"
+        message = f"stage of checkpoint {stage.checkpoint} lies elsewhere, expected in {place}"
+        yield _named(stage, message, name, subject.spec.stages.handout)
+
+
+@rule("X04", "no-usd-ending", scope="submission")
+def no_usd_ending(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A stage has the extension `.uda`, which USD does not have.
+
+    Why: neither Isaac Sim nor USD opens it. `.usda` is probably meant.
+
+    Fix: rename the file to end in `.usda`, and open it once in Isaac Sim to check that it is
+    complete.
+
+    Example: `{stem1}.uda`.
+    """
+    for stage, name in _stages(subject, "slip"):
+        ending = stage.path.rpartition(".")[2]
+        message = f"'.{ending}' is no ending of USD; '{subject.spec.stages.endings[0]}' is meant"
+        yield _named(stage, message, name)
+
+
+@rule("X05", "stage-in-two-forms", scope="submission", severity="warning")
+def stage_in_two_forms(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A checkpoint has more than one stage.
+
+    Why: the submission does not say which of the two counts. One is judged: the one with the name
+    in the handout in the folder `{stages}`, with the handout's own extension. It is a note if the
+    other is in another folder or has another name.
+
+    Fix: delete the older of the two.
+
+    Example: `{stem3}.usda` and `{stem3}.usd`.
+    """
+    handout = subject.spec.stages.handout
+    for stage in subject.listing.stages.values():
+        judged = f"second file for checkpoint {stage.checkpoint}; {stage.path} is judged"
+        for path in stage.others:
+            yield Problem(path, f"a {judged}", handout=handout, related=(stage.path,))
+        for path in stage.more:
+            message = f"seems to be a {judged}"
+            yield Problem(path, message, handout=handout, severity="note", related=(stage.path,))
+
+
+@rule("X11", "file-not-opened", scope="submission")
+def file_not_opened(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A file is a link out of the submission, a pipe or device, or cannot be read.
+
+    Why: such files are never opened. A link shows another file on every computer, and reading a
+    pipe waits for ever.
+
+    Fix: put the file itself into the submission, readable for everybody.
+
+    Example: `{stages}/{stage3}` is a link to a file in somebody's home.
+    """
+    handout = subject.spec.folders.handout
+    for entry in subject.listing.entries:
+        if entry.why_not:
+            yield Problem(entry.path, f"was not opened: {entry.why_not}", handout=handout)
+
+
+@rule("X12", "too-many-files", scope="submission", severity="warning")
+def too_many_files(subject: SubmissionSubject) -> Iterator[Problem]:
+    """The folder holds more files than a submission can have.
+
+    Why: only the first thousands of files were examined. The rest of the submission was not seen.
+
+    Fix: hand in the folder of the lab alone, without installations, caches or build folders.
+
+    Example: a whole home folder.
+    """
+    if not subject.listing.complete:
+        count = len(subject.listing.entries)
+        yield Problem(".", f"only the first {count} files were looked at", actual=str(count))
+
+
+def _stages(subject: SubmissionSubject, how: str) -> Iterator[tuple[StageFile, str]]:
+    """Yield the stages that are named in one way, with the name each should have."""
+    ending = subject.spec.stages.endings[0]
+    for number, stage in subject.listing.stages.items():
+        if stage.naming == how:
+            yield stage, f"{subject.lab.checkpoints[number].file}{ending}"
+
+
+def _named(stage: StageFile, message: str, name: str, handout: str | None = None) -> Problem:
+    actual = stage.path.rpartition("/")[2]
+    return Problem(stage.path, message, None, name, actual, handout)
+
+
+_SHOWN = 3  # titles that a message names
+
+
+@rule("X06", "starter-not-there", scope="submission", severity="note")
+def starter_not_there(subject: SubmissionSubject) -> Iterator[Problem]:
+    """The supplied starter is missing from the folder of the starter.
+
+    Why: without it nobody can see whether it was overwritten, and the stages are not compared with
+    it.
+
+    Fix: put the supplied file into `{assets}`, or give it with `--starter`.
+
+    Example: a submission without the folder `{assets}`.
+    """
+    if subject.starter is None and subject.listing.stage_folder:
+        name = f"{subject.spec.stages.starter}{subject.spec.stages.endings[0]}"
+        path = f"{subject.spec.folders.starter}/{name}"
+        yield Problem(path, "the starter is not here", handout=subject.spec.folders.handout)
+
+
+@rule("X07", "starter-overwritten", scope="submission")
+def starter_overwritten(subject: SubmissionSubject) -> Iterator[Problem]:
+    """The starter holds parts of the lab, or can no longer be opened.
+
+    Why: the handout says not to overwrite it. It is the file to return to, and the stages are
+    compared with it.
+
+    Fix: put the supplied file into `{assets}` again.
+
+    Example: `{graph_name}` in `{starter}`.
+    """
+    starter = subject.starter
+    if starter is None:
+        return
+    handout = subject.spec.stages.handout
+    if starter.fault:
+        yield Problem(starter.path, f"the starter cannot be used: {starter.fault}", handout=handout)
+    elif starter.holds:
+        message = f"the starter was overwritten: it holds {_few(starter.holds)}"
+        yield Problem(starter.path, message, actual=starter.holds[0], handout=handout)
+
+
+@rule("X08", "lost-work", scope="submission", severity="warning")
+def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A checkpoint lacks something that the previous checkpoint had.
+
+    Why: each part builds on the previous one. If a stage was saved from an older file, or something
+    was deleted by accident, all later stages lack it too.
+
+    Fix: open the previous checkpoint, repeat the last part there, and save it under this name.
+
+    Example: `{stage4}` was made from `{stage2}`: what `{stage3}` adds is missing.
+    """
+    results = [each for each in subject.results.items() if each[1].verdict != "unreadable"]
+    for (before, earlier), (number, later) in pairwise(results):
+        if subject.digests.get(before) == subject.digests.get(number):
+            continue
+        lost = _lost(earlier, later)
+        if lost:
+            path = subject.listing.stages[number].path
+            message = f"checkpoint {before} had what is gone here: {_few(tuple(lost))}"
+            where = subject.listing.stages[before].path
+            handout = subject.spec.stages.handout
+            yield Problem(path, message, actual=str(len(lost)), handout=handout, related=(where,))
+
+
+def _lost(earlier: StageResult, later: StageResult) -> list[str]:
+    """Return the titles of what the earlier stage has and the later one lacks."""
+    had = {each.id for each in earlier.requirements if each.met}
+    return [
+        f"{each.group}: {each.title}"
+        for each in later.requirements
+        if each.id in had and not each.met
+    ]
+
+
+@rule("X09", "same-file-twice", scope="submission")
+def same_file_twice(subject: SubmissionSubject) -> Iterator[Problem]:
+    """The stages of two checkpoints are the same file, although a part is between them.
+
+    Why: each of these checkpoints adds something to the one before. A copy under another name shows
+    nothing.
+
+    Fix: save the stage at the end of each part under its own name.
+
+    Example: `{stage1}` and `{stage2}` have the same bytes.
+    """
+    for number, first in _copies(subject.digests, subject.spec.stages.differ).items():
+        stages = subject.listing.stages
+        message = f"the same file, to the byte, as checkpoint {first}"
+        handout, where = subject.spec.stages.handout, stages[first].path
+        yield Problem(stages[number].path, message, actual=where, handout=handout, related=(where,))
+
+
+def _copies(digests: Mapping[str, str], differ: tuple[str, ...]) -> dict[str, str]:
+    """Map each checkpoint whose file an earlier one has already to that one."""
+    first: dict[str, str] = {}
+    copies = {}
+    for number in differ:
+        digest = digests.get(number)
+        if digest is not None and first.setdefault(digest, number) != number:
+            copies[number] = first[digest]
+    return copies
+
+
+@rule("X10", "deliverable-not-found", scope="submission", severity="note")
+def deliverable_not_found(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A deliverable beside the stages was not found.
+
+    Why: report, images, video, configuration and logs are deliverables. They may have been handed
+    in elsewhere, so this is only a note.
+
+    Fix: put them into the submission: a report as PDF, the images in a folder, the link to the
+    video in a text file.
+
+    Example: no link to a video in any text file.
+    """
+    for name, wanted in subject.spec.deliverables.items():
+        found = subject.listing.found.get(name, ())
+        if len(found) >= wanted.at_least:
+            continue
+        count = f"{len(found)} of at least {wanted.at_least}" if wanted.at_least > 1 else "not"
+        message = f"{wanted.title}: {count} found"
+        yield Problem(
+            ".", message, None, str(wanted.at_least), str(len(found)), wanted.handout,
+            hint=wanted.hint,
+        )  # fmt: skip
+
+
+def _few(names: tuple[str, ...]) -> str:
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more

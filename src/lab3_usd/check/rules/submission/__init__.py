@@ -1,1 +1,0 @@
-"""Rules about files: stages, maps, parameters, saved output."""

@@ -1,0 +1,251 @@
+"""Rules about relationships.
+
+Which prims a node works on, and lists that give a frame its own parent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec.structs import replace
+
+from lab3_usd.check.match.conformance import target_matches, targets_handout_prims, targets_prims
+from lab3_usd.check.match.subject import GraphSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.running import severity_if_uncertain
+from lab3_usd.check.tf.lab_frames import (
+    TfView,
+    differs_from_spec,
+    frame_list_text,
+    frame_sources,
+    lacks_only_the_camera,
+    lists_its_parent,
+    missing_frames,
+    self_parent_pairs,
+)
+from lab3_usd.check.tf.targets import Pair, listed_targets, parent_prim, tf_ports
+from lab3_usd.model.finding import Problem, Severity, format_paths
+from lab3_usd.model.stage import Node
+from lab3_usd.spec.graph import NodeSpec, Target
+
+
+def _targets(subject: GraphSubject) -> Iterator[tuple[Node, NodeSpec, Target]]:
+    """Yield each relationship that is judged as a list of prims."""
+    for node, spec in subject.matched():
+        for target in spec.targets:
+            if target.port not in spec.frames_from:
+                yield node, spec, target
+
+
+def _problem(node: Node, target: Target, message: str) -> Problem:
+    return Problem(
+        prim=node.path,
+        property=target.port,
+        message=message,
+        expected=format_paths(target.prims),
+        actual=format_paths(node.targets(target.port)),
+        handout=target.handout,
+        hint="select the node, clear the field in the Property panel, "
+        f"pick {format_paths(target.prims)}",
+    )
+
+
+def _awaits_its_sensor(subject: GraphSubject, node: Node, target: Target) -> bool:
+    """Whether a relationship names where the lab has a sensor that stands elsewhere."""
+    spec = subject.lab.graphs[subject.spec.name].nodes[subject.roles.role_of[node.path]]
+    named = [each.prims for each in spec.targets if each.port == target.port]
+    return named != [target.prims] and any(targets_prims(node, target, each) for each in named)
+
+
+@rule("R01", "missing-target", scope="graph")
+def missing_target(subject: GraphSubject) -> Iterator[Problem]:
+    """A required relationship of a node has no target.
+
+    Why: without its target the node does nothing: it has no articulation to drive, no sensor to
+    render, or no body for odometry. Isaac Compute Transform Tree without a parent prim puts its
+    frames below `world`, separate from the robot.
+
+    Fix: select the node, click the target field in the Property panel and choose the prim.
+
+    Example: Articulation Controller without a target prim: the robot does not move.
+    """
+    for node, _, target in _targets(subject):
+        if not node.targets(target.port):
+            state, asked = node.state(target.port), format_paths(target.prims)
+            message = f"{target.port} names no prim, expected {asked}"
+            if state is not None and state.usd_type != "rel":
+                message = f"{target.port} is an attribute, expected a relationship to {asked}"
+            yield _problem(node, target, message)
+
+
+@rule("R02", "wrong-target", scope="graph")
+def wrong_target(subject: GraphSubject) -> Iterator[Problem]:
+    """A relationship targets another prim than the handout asks for.
+
+    Why: the node works on the wrong prim. A lidar helper on a camera publishes nothing. Odometry of
+    a wheel rotates on the spot.
+
+    Fix: select the node, clear the field in the Property panel and choose the prim named here.
+
+    Example: Isaac Create Render Product of the lidar graph with the camera as its camera prim. If
+    the articulation root is on the robot root, `{base}` for the Articulation Controller is a
+    warning: the handout asks for it, but Isaac Sim finds no articulation there.
+    """
+    for node, _, target in _targets(subject):
+        actual = node.targets(target.port)
+        if _awaits_its_sensor(subject, node, target):
+            continue  # the sensor is to be moved back, and then it is the target
+        if actual and not target_matches(node, target):
+            message = (
+                f"{target.port} is {format_paths(actual)}, expected {format_paths(target.prims)}"
+            )
+            yield _problem(node, target, message)
+        if targets_handout_prims(node, target):
+            root = format_paths(target.prims)
+            message = (
+                f"{target.port} is {format_paths(actual)} as in the handout, but the articulation"
+            )
+            message += f" root is on {root}: no articulation is found, and nothing moves"
+            yield replace(_problem(node, target, message), severity="warning")
+
+
+@rule("R03", "unknown-target", scope="graph", severity="warning")
+def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
+    """A target list names a prim that does not exist.
+
+    Why: Isaac Sim skips the target with a warning in the console, and its frame is missing.
+
+    Fix: select the node, and remove the target in the Property panel or choose the intended prim.
+
+    Example: Isaac Compute Transform Tree with a target that was renamed later.
+    """
+    for node, spec in subject.matched():
+        asked = {path for target in spec.targets for path in target.prims}
+        for port in spec.frames_from:
+            for path in node.targets(port):
+                if path not in asked and not _exists(subject, path):
+                    message = f"{port} names {path}, which does not exist"
+                    yield Problem(node.path, message, port, None, path, spec.handout)
+
+
+def _exists(subject: GraphSubject, path: str) -> bool:
+    if subject.stage.prim(path) is not None or path in subject.live_nodes:
+        return True
+    return subject.stage.unresolved_above(path) is not None
+
+
+@rule("T09", "frame-is-its-own-parent", scope="frames")
+def frame_is_its_own_parent(view: TfView) -> Iterator[Problem]:
+    """A frame is its own parent.
+
+    Why: tf2 rejects such a transform (TF_SELF_TRANSFORM) and logs an error for every message. Isaac
+    Sim omits the parent prim only if a robot root is the target, not if the parent prim itself is
+    listed. If an articulation root above it is the target, the other frames still arrive: a
+    warning.
+
+    Fix: remove the parent prim from the Target Prims of Isaac Compute Transform Tree. It is the
+    parent of the other frames, and odometry places it.
+
+    Example: Parent Prim is `{robot}/{base}`, and so is one of the Target Prims.
+    """
+    subject = view.subject
+    # What a node of the lab would send is judged even where its wires are wrong.
+    judged = {path: node for path, node in view.live_nodes.items() if path in view.role_specs}
+    for path, node in {**judged, **view.running}.items():
+        if not listed_targets(node) or differs_from_spec(path, view):
+            continue
+        for problem in _own_parents(node, view):
+            doubtful = severity_if_uncertain(subject.stage, subject.lab, path)
+            yield replace(problem, severity=doubtful or problem.severity)
+    strangers = (
+        edge for edge in view.edges if edge.cause not in {*view.role_specs, *subject.faulty_prims}
+    )
+    for edge in strangers:
+        if edge.parent == edge.child != view.odom and edge.target is None:
+            severity: Severity | None = None if edge.sure else "warning"
+            message = f"publishes '{edge.child}' as its own parent"
+            yield Problem(edge.cause, message, severity=severity)
+
+
+def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
+    parent = parent_prim(node)
+    pairs = self_parent_pairs(node, view)
+    around = next((pair.target for pair in pairs if pair.prim == parent), "")
+    if lists_its_parent(node, view):
+        what = f"{parent} is the parent prim and a target: its frame is its own parent"
+        others = [path for path in listed_targets(node) if path != parent]
+        yield _self_problem(node, what, others, view)
+    elif around:
+        what = (
+            f"{around} stands for its bodies, the parent prim {parent} among them: "
+            "its frame is its own parent"
+        )
+        found = _self_problem(node, what, _instead(around, node, view), view)
+        yield replace(found, severity="warning", hint=f"name the links, not {around}")
+    else:
+        yield from (_named_alike(node, pair, view) for pair in pairs)
+
+
+def _instead(around: str, node: Node, view: TfView) -> list[str]:
+    """Return the targets with every required prim in the place of one that stands for them."""
+    makers = [maker for maker in frame_sources(view) if maker.node.path == node.path]
+    required = [home for maker in makers for home in maker.prims.values()]
+    return [*required, *(path for path in listed_targets(node) if path != around)]
+
+
+def _self_problem(node: Node, what: str, wanted: list[str], view: TfView) -> Problem:
+    """Say what is its own parent, and which frames the targets do not give."""
+    makers = [maker for maker in frame_sources(view) if maker.node.path == node.path]
+    lost = {frame: m.prims[frame] for m in makers for frame in missing_frames(m, view)}
+    losing = f", and nothing publishes {frame_list_text(list(lost))}" if lost else ""
+    return Problem(
+        node.path,
+        f"{what}{losing}",
+        property=tf_ports(node).prims[1],
+        expected=", ".join(dict.fromkeys([*wanted, *lost.values()])) or "the links as targets",
+        actual=", ".join(listed_targets(node)),
+        handout=view.subject.lab.frames.handout,
+    )
+
+
+def _named_alike(node: Node, pair: Pair, view: TfView) -> Problem:
+    return Problem(
+        node.path,
+        f"{pair.prim} is named as the parent frame is: '{pair.child}' is its own parent",
+        property=tf_ports(node).prims[1],
+        expected="a frame of another name",
+        actual=", ".join(listed_targets(node)),
+        handout=view.subject.lab.frames.handout,
+        hint=f"rename {pair.prim} or take it out of the target prims",
+    )
+
+
+@rule("T10", "robot-root-alone", scope="frames", severity="warning")
+def robot_root_alone(view: TfView) -> Iterator[Problem]:
+    """The robot root is the only target prim, and the camera is not a link of the robot.
+
+    Why: a robot root gives the prims below it with IsaacLinkAPI, IsaacSiteAPI or
+    IsaacReferencePointAPI. The links in its robot schema do not matter. A camera has none of these
+    schemas by default. Its frame is then missing from the required tree, and RViz cannot place the
+    image. The robot still drives and navigates, and the handout allows this target: it costs no
+    points.
+
+    Fix: keep `{robot}` and add `{camera}` as a second target prim.
+
+    Example: the Target Prims of Isaac Compute Transform Tree are `{robot}`, and `{camera_name}` is
+    not published.
+    """
+    for maker in frame_sources(view):
+        missing = missing_frames(maker, view)
+        is_told = bool(self_parent_pairs(maker.node, view))
+        if missing and lacks_only_the_camera(maker, view) and not is_told:
+            homes = ", ".join(maker.prims[frame] for frame in missing)
+            yield Problem(
+                maker.node.path,
+                f"the robot root alone does not publish {frame_list_text(missing)}",
+                property=maker.port,
+                expected=f"{', '.join(maker.node.targets(maker.port))}, {homes}",
+                actual=", ".join(maker.node.targets(maker.port)),
+                handout=maker.handout,
+                hint=f"add {homes} as a second target",
+            )

@@ -1,0 +1,211 @@
+"""Rules about topics: one publisher each, the right message type, a QoS that subscribers match."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.sensors import second_lidars
+from lab3_usd.check.robot.wheels import second_commanders
+from lab3_usd.check.ros.running import live_nodes, live_sources
+from lab3_usd.check.ros.topics import PROFILE, Endpoint, endpoints
+from lab3_usd.check.tf.lab_frames import repeated_publishers, repeating_graphs, role_specs
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.prims import is_at_or_below
+
+
+@rule("Q01", "topic-published-twice", scope="stage")
+def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
+    """A topic has two publishers.
+
+    Why: subscribers receive both streams mixed. Two clocks make time jump back, two odometries make
+    the robot jump. Only `/tf` and `/tf_static` may have several publishers. The graph of a second
+    lidar is reported with that lidar.
+
+    Fix: delete the second publisher. Most often it is a copy of the whole graph, or was created by
+    an Isaac Sim menu under `/Graph`.
+
+    Example: `/Graph/ROS_Clock` publishes `/clock` beside `{graph}`.
+    """
+    if not subject.checkpoint.graphs:
+        return
+    told = tuple(prim.path for prim in second_lidars(subject))
+    again: dict[str, list[tuple[Endpoint, tuple[Endpoint, ...]]]] = {}
+    for endpoint, others in repeated_publishers(subject):
+        if not any(is_at_or_below(endpoint.node.path, lidar) for lidar in told):
+            again.setdefault(endpoint.node.path.rpartition("/")[0], []).append((endpoint, others))
+    for found in again.values():
+        first = found[0][0]
+        names = ", ".join(str(endpoint.topic) for endpoint, _ in found)
+        paths = [other.node.path for _, others in found for other in others]
+        wanted = subject.lab.topics.get(str(first.topic))
+        yield Problem(
+            first.node.path,
+            f"publishes {names}, which another node publishes as well",
+            property=first.port,
+            expected="one publisher",
+            actual=names,
+            handout=None if wanted is None else wanted.handout,
+            related=tuple(dict.fromkeys([*(e.node.path for e, _ in found[1:]), *paths])),
+            severity=None if any(map(_is_sure, found)) else "warning",
+        )
+
+
+def _is_sure(again: tuple[Endpoint, tuple[Endpoint, ...]]) -> bool:
+    endpoint, others = again
+    return endpoint.sure and any(other.sure for other in others)
+
+
+@rule("Q02", "topic-of-another-type", scope="stage")
+def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
+    """A topic of the lab is used with another message type.
+
+    Why: ROS 2 connects only publishers and subscribers of the same type. With two types on one
+    name, `ros2 topic echo` and recordings fail.
+
+    Fix: use the message type of the lab, or another topic name.
+
+    Example: a generic ROS2 Subscriber reads `{commands}` as `geometry_msgs/msg/TwistStamped`.
+    """
+    if not subject.checkpoint.topics:
+        return
+    played, copies = role_specs(subject), repeating_graphs(subject)
+    expected = subject.lab.topics
+    for endpoint in endpoints(subject.stage, subject.lab):
+        path, wanted = endpoint.node.path, expected.get(endpoint.topic or "")
+        if wanted is None or endpoint.type in (None, wanted.type) or path in played:
+            continue
+        is_told = path in subject.faulty_prims or path.rpartition("/")[0] in copies
+        if endpoint.runs and not is_told:
+            yield Problem(
+                path,
+                f"{endpoint.direction} {endpoint.topic} as {endpoint.type}",
+                property=endpoint.port,
+                expected=wanted.type,
+                actual=endpoint.type,
+                handout=wanted.handout,
+                severity=None if endpoint.sure else "warning",
+            )
+
+
+@rule("Q03", "durability-of-a-topic", scope="stage")
+def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
+    """A publisher has another durability than the topic needs.
+
+    Why: a subscriber that requests stored messages gets none from a volatile publisher. Static
+    transforms on `/tf_static` must be transient local, live data volatile.
+
+    Fix: clear QoS Profile, and enable Static Publisher for `/tf_static` only.
+
+    Example: a Publish Raw Transform Tree publishes on `/tf_static` with Static Publisher off.
+    """
+    if not subject.checkpoint.topics:
+        return
+    played, copies = role_specs(subject), repeating_graphs(subject)
+    expected = subject.lab.topics
+    for endpoint in endpoints(subject.stage, subject.lab):
+        path, wanted = endpoint.node.path, expected.get(endpoint.topic or "")
+        judged = path in played or path in subject.faulty_prims or path.rpartition("/")[0] in copies
+        if judged or wanted is None or endpoint.direction != "publishes" or not endpoint.runs:
+            continue
+        actual = None if endpoint.qos is None else endpoint.qos.durability
+        if wanted.durability and actual not in (None, wanted.durability):
+            yield Problem(
+                path,
+                f"publishes {endpoint.topic} with durability {actual}",
+                property=endpoint.port,
+                expected=wanted.durability,
+                actual=actual,
+                handout=wanted.handout,
+                severity=None if endpoint.sure else "warning",
+            )
+
+
+@rule("Q04", "profile-by-wire", scope="stage")
+def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
+    """The QoS profile of a publisher or subscriber of the lab comes through a connection.
+
+    Why: a profile with best effort or a short queue loses messages. A profile that Isaac Sim cannot
+    read stops the node.
+
+    Fix: disconnect QoS Profile and leave it empty. The default is reliable and volatile and keeps
+    as many messages as Queue Size says.
+
+    Example: a ROS2 QoS Profile node set to Sensor Data is connected to the lidar helper.
+    """
+    if not subject.checkpoint.topics:
+        return
+    live, played = live_nodes(subject.stage, subject.lab), role_specs(subject)
+    for endpoint in endpoints(subject.stage, subject.lab):
+        path = endpoint.node.path
+        sources = [
+            f"{node.name}.{port}" for node, port in live_sources(endpoint.node, PROFILE, live)
+        ]
+        if sources and path in played:
+            yield Problem(
+                path,
+                f"the QoS profile of {endpoint.topic} comes by a wire",
+                property=PROFILE,
+                expected="the default",
+                actual="a profile Isaac Sim refuses" if endpoint.qos is None else str(endpoint.qos),
+                hint=f"delete the wire from {', '.join(sources)} and leave the profile empty",
+            )
+
+
+@rule("Q05", "topic-taken-twice", scope="stage", severity="warning")
+def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
+    """A second graph subscribes to a topic of the lab.
+
+    Why: both graphs act on every message. Two copies of the drive graph command the same wheels,
+    and a change in one has no effect while the other runs.
+
+    Fix: delete the copy.
+
+    Example: `/Graph/ROS_Drive` subscribes to `{commands}` beside the graph of the lab.
+    """
+    played = role_specs(subject)
+    takers = [e for e in endpoints(subject.stage, subject.lab) if e.direction == "subscribes"]
+    asked = {e.topic: e.node.path for e in takers if e.topic and e.node.path in played}
+    lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
+    told = second_commanders(subject.stage, subject.lab, subject.roles)
+    lab_graphs |= {node.path.rpartition("/")[0] for node, _ in told}
+    for endpoint in takers:
+        path = endpoint.node.path
+        if endpoint.runs and endpoint.topic in asked and path.rpartition("/")[0] not in lab_graphs:
+            yield Problem(
+                path,
+                f"takes {endpoint.topic}, which another node takes for the lab",
+                property=endpoint.port,
+                actual=endpoint.topic,
+                related=(asked[endpoint.topic],),
+            )
+
+
+@rule("Q06", "topic-of-commands-published", scope="stage", severity="warning")
+def topic_of_commands_published(subject: StageSubject) -> Iterator[Problem]:
+    """The stage publishes a topic that the lab receives from outside.
+
+    Why: what drives the robot publishes {commands}. A publisher in the stage adds its own commands,
+    and the robot follows both in turn.
+
+    Fix: delete the publisher, or give it another topic.
+
+    Example: a ROS2 Publisher publishes geometry_msgs/msg/Twist on `{commands}`.
+    """
+    played = role_specs(subject)
+    found = endpoints(subject.stage, subject.lab)
+    taken = {
+        each.topic: each.node.path
+        for each in found
+        if each.topic and each.direction == "subscribes" and each.node.path in played
+    }
+    for each in found:
+        if each.runs and each.direction == "publishes" and each.topic in taken:
+            yield Problem(
+                each.node.path,
+                f"publishes {each.topic}, which {taken[each.topic]} takes from outside the stage",
+                property=each.port,
+                actual=each.topic,
+                related=(taken[each.topic],),
+            )

@@ -1,0 +1,341 @@
+"""Rules about the wheel joints: what they connect, where they sit, and how they turn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.axles import AXIS, anchor, axle
+from lab3_usd.check.robot.poses import vector_text
+from lab3_usd.check.robot.wheels import (
+    WheelJoint,
+    base_side,
+    could_hide_joints,
+    has_no_joints,
+    is_stated,
+    tied_joints,
+    turning_joints,
+    wheel_joints,
+    wrong_ends,
+)
+from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.physics import (
+    DAMPING,
+    DRIVE_API,
+    EXCLUDED,
+    FAR,
+    JOINT_ENABLED,
+    LIMITS,
+    MAX_FORCE,
+    REVOLUTE,
+    STIFFNESS,
+    bodies,
+    is_excluded,
+    is_switched_off,
+    joints,
+    limits,
+    number,
+)
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import absence_reason, is_unresolved
+from lab3_usd.model.transforms import Vector, angle_between, distance, dot, scaled
+from lab3_usd.spec.scene import WheelSpec
+
+_PAIR = 2  # wheels that are a distance apart
+
+
+@rule("S07", "wheel-joint", scope="stage")
+def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel joint is missing, disabled, has another name, cannot turn, or is no robot's joint.
+
+    Why: the drive graph commands the joints by name. An unknown name stops the whole controller
+    with an error in the console. A joint that is excluded from the articulation is unknown to it.
+    With limits the wheel stops after a part of a turn, or a few.
+
+    Fix: undo the deletion or the change of the joint, rename it in the Stage panel, or start again
+    from the supplied file.
+
+    Example: `{joint_path}` deactivated.
+    """
+    robot = subject.lab.scene.robot
+    handout = robot.wheels.handout or robot.handout
+    if has_no_joints(subject):
+        if not _is_below_missing_link(subject):
+            yield _no_joints(subject, handout)
+        return
+    for joint in wheel_joints(subject):
+        if subject.stage.prim(joint.link) is None:
+            continue
+        message = _why_useless(joint, subject)
+        wrong = None if message or joint.live is None else _wrong_value(joint.live)
+        if message is not None:
+            expected = f"{REVOLUTE} {joint.name}"
+            yield Problem(joint.site, message, None, expected, None, handout, joint.related)
+        elif wrong is not None:
+            message = f"{joint.name} {wrong[0]}"
+            yield Problem(joint.site, message, *wrong[1:], handout, joint.related)
+
+
+def _wrong_value(joint: Prim) -> tuple[str, str, str, str] | None:
+    """Return how a value makes a joint useless, its property, what it should be, and what it is."""
+    if is_switched_off(joint, JOINT_ENABLED):
+        return "is switched off", JOINT_ENABLED, "True", "False"
+    if is_excluded(joint):
+        return "is excluded from the articulation", EXCLUDED, "False", "True"
+    low, high = limits(joint.attributes)
+    if low <= -FAR and high >= FAR:
+        return None
+    name, value = (LIMITS[0], low) if low > -FAR else (LIMITS[1], high)
+    return f"cannot turn past {value:g} degrees", name, "no limit", f"{value:g}"
+
+
+def _is_below_missing_link(subject: StageSubject) -> bool:
+    """Whether the joints are gone with a link that holds them, which S01 misses."""
+    robot = subject.lab.scene.robot
+    home = f"{robot.path}/{robot.wheels.joints_below}"
+    missing = (link for link in robot.link_paths if not subject.stage.prim(link))
+    return any(is_at_or_below(home, link) for link in missing)
+
+
+def _no_joints(subject: StageSubject, handout: str) -> Problem:
+    """Say once that the robot has lost all of its joints, and which links fall apart."""
+    robot = subject.lab.scene.robot
+    site = f"{robot.path}/{robot.wheels.joints_below}".rstrip("/")
+    message = f"the robot has no joints: {site} {absence_reason(subject.stage, site)}"
+    if subject.stage.prim(site) is not None:
+        message = "the robot has no joints"
+    return Problem(site, message, None, "joints", None, handout, robot.link_paths)
+
+
+def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
+    prim = joint.prim
+    if prim is None or not prim.present:
+        is_gone = prim is None or prim.active
+        if is_gone and could_hide_joints(subject):
+            return None
+        return f"{joint.name} {absence_reason(subject.stage, joint.site)}"
+    if prim.type != REVOLUTE:
+        return f"{joint.name} is a {prim.type or 'prim without a type'}, expected {REVOLUTE}"
+    if prim.name != joint.name:
+        return f"the joint of {joint.link} is named {prim.name}, expected {joint.name}"
+    return None
+
+
+@rule("S08", "joint-bodies", scope="stage")
+def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel joint does not connect its own wheel to a body of the robot.
+
+    Why: with the wheels exchanged the robot turns the wrong way. A wheel tied to the world holds
+    the robot in place.
+
+    Fix: select the joint and set Body 0 to the base and Body 1 to the wheel in the Property panel.
+
+    Example: `physics:body1` of `{joint}` names `{other_wheel}`.
+    """
+    lab = subject.lab
+    section = lab.handout.behind("S08", lab.scene.robot.wheels.handout)
+    for joint in turning_joints(subject):
+        for name, actual in wrong_ends(joint, subject):
+            if not actual and is_unresolved(subject.stage, joint.site):
+                continue
+            is_wheel = base_side(joint) is None
+            expected = joint.link if is_wheel else "a link of the robot that is no wheel"
+            message = f"{name} is {actual or 'the world'}, expected {expected}"
+            is_ = actual or "no prim"
+            yield Problem(joint.site, message, name, expected, is_, section, joint.related)
+
+
+@rule("S23", "second-wheel-joint", scope="stage")
+def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
+    """A second joint ties a wheel, beside its own joint.
+
+    Why: the second joint holds or drags the wheel, or couples it to another body. The robot stands
+    still or drives in circles, whatever the drive graph commands.
+
+    Fix: delete the joint, or clear Joint Enabled in the Property panel. Each wheel has one joint.
+
+    Example: `{robot}/lock`, a fixed joint from `{base}` to `{wheel}`.
+    """
+    wheels = wheel_joints(subject)
+    own = [wheel.prim for wheel in wheels]
+    lab = subject.lab
+    section = lab.handout.behind("S23", lab.scene.robot.wheels.handout)
+    for joint in joints(subject.stage):
+        tied = [] if joint in own else [each for each in wheels if _ties(joint, each)]
+        for wheel in [each for each in tied if _may_turn(each, subject)][:1]:
+            other = next((end for end in bodies(joint) if not is_at_or_below(end, wheel.link)), "")
+            is_ = f"{joint.name} ties {wheel.link} to {other or 'the world'}"
+            yield Problem(
+                joint.path,
+                f"{is_}, beside {wheel.name}",
+                None,
+                f"{wheel.name} alone",
+                joint.type,
+                section,
+                (wheel.link, wheel.path),
+            )
+
+
+def _ties(joint: Prim, wheel: WheelJoint) -> bool:
+    """Whether the wheel is at one end of a joint; at both ends it would be tied to itself."""
+    return [is_at_or_below(end, wheel.link) for end in bodies(joint)].count(True) == 1
+
+
+def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
+    """Whether the wheel has its own joint, or may have it; S07 speaks of one that has none."""
+    if wheel.prim is None:
+        return could_hide_joints(subject)
+    return wheel.live is not None and not is_switched_off(wheel.live, JOINT_ENABLED)
+
+
+@rule("S20", "wheel-distance", scope="stage")
+def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
+    """The distance between the wheel joints is not the handout's, or the wheels are exchanged.
+
+    Why: the controller computes the turn rate from this distance. The robot turns too much or too
+    little, and odometry and scan drift apart. With the wheels exchanged it turns the wrong way.
+
+    Fix: select the joint and restore its local positions in the Property panel, or start again from
+    the supplied file.
+
+    Example: `physics:localPos0` (0, 0.1, 0.023) on `{joint}`.
+    """
+    scene = subject.lab.scene
+    wheels, limit = scene.robot.wheels, scene.tolerance.link_position
+    places = {
+        joint: found
+        for joint in tied_joints(subject)
+        if is_stated(joint, subject, f"physics:localPos{base_side(joint)}")
+        and (found := anchor(joint, subject))
+    }
+    if len(places) != len(wheels.joints) or len(places) != _PAIR:
+        return
+    (first, one), (second, other) = places.items()
+    apart = distance(one, other)
+    units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
+    if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
+        axles = [axle(joint, subject) for joint in places]
+        if all(found and dot(found, wheels.axle) > 0 for found in axles):  # else S09 speaks
+            yield from _exchanged(places, wheels)
+        return
+    half = wheels.distance / 2
+    is_first = abs(abs(one[1]) - half) >= abs(abs(other[1]) - half)
+    joint = first if is_first else second
+    expected, actual = f"{wheels.distance:g} m", f"{apart:g} m"
+    message = f"the wheel joints are {actual} apart, expected {expected}"
+    name = f"physics:localPos{base_side(joint)}"
+    yield Problem(joint.site, message, name, expected, actual, wheels.handout, joint.related)
+
+
+def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterator[Problem]:
+    """Say that the left wheel is on the right: a wheel rolls forward about what points left."""
+    left = next((joint for joint in places if joint.name == wheels.left), None)
+    if left is None:
+        return
+    (right,) = places.keys() - {left}
+    if dot(wheels.axle, places[left]) >= dot(wheels.axle, places[right]):
+        return
+    name = f"physics:localPos{base_side(left)}"
+    message = f"{left.name} is on the right of {right.name}: the wheels are exchanged"
+    related = (*left.related, f"{right.site}.physics:localPos{base_side(right)}")
+    sides = ("on the left", "on the right")
+    yield Problem(left.site, message, name, *sides, wheels.handout, related)
+
+
+_WORDS = {DAMPING: "damping", MAX_FORCE: "the drive's largest force"}
+
+
+@rule("S09", "joint-axis", scope="stage")
+def joint_axis(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel joint has a wrong axis: not the lateral axis of the robot, or inverted.
+
+    Why: with one axis inverted the robot spins instead of driving straight. With both inverted it
+    drives backward. About any other axis the wheel does not roll.
+
+    Fix: select the joint and restore Axis and the local rotations in the Property panel to the
+    values in the supplied file.
+
+    Example: `physics:axis` X on `{joint}` and Z on `{other_joint}`.
+    """
+    scene = subject.lab.scene
+    wanted, limit = scene.robot.wheels.axle, scene.tolerance.axle_angle
+    axles = {joint: found for joint in tied_joints(subject) if (found := axle(joint, subject))}
+    wrong = {
+        joint: found for joint, found in axles.items() if not angle_between(found, wanted) <= limit
+    }
+    back = scaled(wanted, -1.0)
+    is_all_back = len(wrong) == len(axles) > 1 and all(
+        angle_between(found, back) <= limit for found in wrong.values()
+    )
+    severity: Severity | None = "warning" if is_all_back else None
+    section = subject.lab.handout.behind("S09", scene.robot.wheels.handout)
+    for joint, found in wrong.items():
+        if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
+            continue
+        message = f"{joint.name} {_says(found, wanted, limit)}"
+        yield Problem(
+            joint.site,
+            message,
+            _cause(joint, list(axles)),
+            vector_text(wanted),
+            vector_text(found),
+            section,
+            joint.related,
+            severity,
+        )
+
+
+def _says(found: Vector, wanted: Vector, limit: float) -> str:
+    if angle_between(found, scaled(wanted, -1.0)) <= limit:
+        return "turns its wheel backward: its axis is inverted"
+    return (
+        f"turns its wheel about {vector_text(found)} of the robot, expected {vector_text(wanted)}"
+    )
+
+
+def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:
+    """Name the axis, or the rotation where all wheel joints have the same axis."""
+    axes = {None if each.prim is None else each.prim.attributes.get(AXIS, "X") for each in others}
+    side = base_side(joint)
+    is_rotation = len(axes) == 1 and len(others) > 1 and side is not None
+    return f"physics:localRot{side}" if is_rotation else AXIS
+
+
+@rule("S10", "joint-drive", scope="stage")
+def joint_drive(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel joint has no velocity drive (stiffness 0, damping and force above 0).
+
+    Why: velocity commands act through damping. Without damping, or with a largest force of 0, the
+    wheel ignores them. With stiffness it is pulled back to its start position.
+
+    Fix: select the joint, and under Drive > Angular set Stiffness to 0 and Damping to the value in
+    the supplied file, or Max Force. If the drive is missing, choose Add > Physics > Angular Drive.
+
+    Example: `drive:angular:physics:damping` 0 on `{joint}`.
+    """
+    handout = subject.lab.scene.robot.wheels.handout
+    for joint in turning_joints(subject):
+        prim = joint.prim
+        if prim is None:
+            continue
+        may_be_hidden = is_unresolved(subject.stage, prim.path)
+        if DRIVE_API not in prim.apis and not may_be_hidden:
+            message = f"{joint.name} has no angular drive"
+            yield Problem(prim.path, message, DAMPING, DRIVE_API, None, handout, joint.related)
+            continue
+        stiffness = number(prim.attributes.get(STIFFNESS, 0.0))
+        if stiffness != 0:
+            message = f"stiffness is {stiffness:g}, expected 0" if stiffness is not None else ""
+            message = message or "stiffness is no number, expected 0"
+            yield Problem(
+                prim.path, message, STIFFNESS, "0", f"{stiffness}", handout, joint.related
+            )
+        hidden = None if may_be_hidden else 0.0
+        for name, unset in ((DAMPING, hidden), (MAX_FORCE, None)):
+            value = number(prim.attributes.get(name, unset))
+            if value is not None and not value > 0:
+                message = f"{_WORDS[name]} is {value:g}, expected more than 0"
+                yield Problem(
+                    prim.path, message, name, "above 0", f"{value:g}", handout, joint.related
+                )

@@ -1,0 +1,253 @@
+"""Rules about wires: every required one, from the right port, and only those."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.hints import without_wire
+from lab3_usd.check.match.subject import (
+    GraphSubject,
+    WireFault,
+    connect_hint,
+    source_shown,
+    wire_problem,
+)
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.running import is_opened_first, signals_once
+from lab3_usd.check.rules.limits import stopping_inputs
+from lab3_usd.check.rules.settings import settings_of
+from lab3_usd.model.finding import Problem, short_source
+
+
+def _faults(subject: GraphSubject, *kinds: str) -> Iterator[WireFault]:
+    return (fault for fault in subject.wire_faults if fault.kind in kinds)
+
+
+def _to_delete(subject: GraphSubject, kind: str, what: str) -> Iterator[Problem]:
+    """Yield a problem for each wire of a kind, whose whole repair is to delete it."""
+    for fault in _faults(subject, kind):
+        source = source_shown(fault)
+        message = f"{fault.port} {what.format(source)}"
+        yield wire_problem(fault, message, f"delete the wire from {source}")
+
+
+@rule("W01", "missing-wire", scope="graph")
+def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A required input is not connected.
+
+    Why: without its execution connection a node never computes. Without data it uses zeros: a
+    publisher without time stamps every message with 0. A publisher without a context uses the
+    domain id in the environment variable `ROS_DOMAIN_ID`, or 0, not that of the graph's context.
+
+    Fix: open the graph in Window > Graph Editors > Action Graph, drag from the source port to the
+    input named here, and check that the connection stays.
+
+    Example: `ros2_publish_clock.inputs:timeStamp` not connected: /clock stays at 0.
+    """
+    for fault in _faults(subject, "missing", "moved"):
+        message = f"{fault.port} is not wired, expected {short_source(fault.expected)}"
+        if fault.elsewhere is not None:
+            message += f"; that wire goes into {short_source(fault.elsewhere)} instead"
+        yield wire_problem(fault, message + without_wire(subject, fault.wire), connect_hint(fault))
+
+
+def _explain(fault: WireFault, subject: GraphSubject) -> str:
+    expected, actual = short_source(fault.expected), source_shown(fault)
+    message = f"{fault.port} is wired from {actual}, expected {expected}"
+    if fault.kind == "bypass":
+        message += f"; the wire goes past {expected.partition('.')[0]}"
+    return message + _told_once(fault, subject)
+
+
+def _told_once(fault: WireFault, subject: GraphSubject) -> str:
+    """Say what a signal does that comes a single time; '' where it comes time and again."""
+    prim, _, port = str(fault.actual).rpartition(".")
+    source = subject.live_nodes.get(prim)
+    if source is None or not signals_once(source, port, subject.live_nodes, subject.lab):
+        return ""
+    if is_opened_first(fault.node):
+        return ", which signals once after Play: that opens the topic, and nothing is ever sent"
+    return ", which signals only once after Play"
+
+
+@rule("W02", "wrong-source", scope="graph")
+def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
+    """A required input is connected to the wrong node or port.
+
+    Why: the node computes with another quantity, which is often always zero: y instead of x of a
+    velocity, an unscaled vector, or the linear instead of the angular velocity. A wrong execution
+    source runs the node at another time, or only once. A publisher that is triggered only once
+    opens its topic and never sends.
+
+    Fix: delete the connection in the Action Graph editor and drag a new one from the port named
+    here.
+
+    Example: `differential_controller.inputs:angularVelocity` connected to `outputs:x` of the
+    angular vector: the robot never turns.
+    """
+    for fault in _faults(subject, "wrong", "bypass"):
+        message = _explain(fault, subject) + without_wire(subject, fault.wire)
+        yield wire_problem(fault, message, connect_hint(fault))
+
+
+@rule("W03", "dead-source", scope="graph")
+def dead_source(subject: GraphSubject) -> Iterator[Problem]:
+    """An input is connected to a node or port that does not exist.
+
+    Why: the connection carries no data, and Isaac Sim may drop it when it loads the stage. The
+    input is effectively not connected. This happens when a node is deleted or renamed outside the
+    editor, or when the type has no such port: a Constant Token gives its value from `inputs:value`.
+
+    Fix: delete the connection and drag a new one from the port named here. A leftover beside a good
+    connection can stay, or can be removed with Disconnect.
+
+    Example: `make_array.inputs:input0` connected to `constant_left_joint.outputs:value`.
+    """
+    for fault in _faults(subject, "dead"):
+        expected, actual = short_source(fault.expected), source_shown(fault)
+        why = "does not exist" if "." in str(fault.actual) else "is a prim and no port"
+        message = f"{fault.port} is wired from {actual}, which {why}, expected {expected}"
+        yield wire_problem(fault, message + without_wire(subject, fault.wire), connect_hint(fault))
+
+
+@rule("W04", "second-source", scope="graph")
+def second_source(subject: GraphSubject) -> Iterator[Problem]:
+    """A required input has a second source beside the right one.
+
+    Why: a data input uses one of its sources, and no public document says which. An execution input
+    may run the node once for each source.
+
+    Fix: select the connection from the source named here in the Action Graph editor and delete it.
+
+    Example: `ros2_publish_clock.inputs:timeStamp` connected to two Isaac Read Simulation Time
+    nodes.
+    """
+    yield from _to_delete(subject, "second", "is also wired from {}, expected one source")
+
+
+@rule("W05", "unasked-wire", scope="graph", severity="warning")
+def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """An input is connected that the handout does not connect.
+
+    Why: the graph in the handout works without this connection. Its data overrides a correct value
+    or default.
+
+    Fix: delete the connection unless your instructor asked for it.
+
+    Example: `differential_controller.inputs:maxLinearSpeed` connected to a constant.
+    """
+    # A wire that makes a value wrong, or reaches what must keep its default, is told as that.
+    told = {(each.node.path, each.setting.port) for each in settings_of(subject) if not each.met}
+    told.update(stopping_inputs(subject))
+    kept = subject.lab.policy.keep_default
+    for fault in _faults(subject, "unasked"):
+        if (fault.node.path, fault.port) not in told and fault.port.partition(":")[2] not in kept:
+            message = (
+                f"{fault.port} is wired from {source_shown(fault)}, which the handout does not ask"
+            )
+            yield wire_problem(fault, message)
+
+
+@rule("W06", "swapped-wires", scope="graph")
+def swapped_wires(subject: GraphSubject) -> Iterator[Problem]:
+    """Two inputs have each other's source.
+
+    Why: every input is connected, but two quantities are exchanged. With the wheel names reversed
+    the robot turns the wrong way. With linear and angular velocity exchanged it spins.
+
+    Fix: delete both connections and connect each source to the other input.
+
+    Example: `make_array.inputs:input0` has the name of the right joint, `inputs:input1` that of the
+    left.
+    """
+    for fault in _faults(subject, "swapped"):
+        other = short_source(fault.elsewhere)
+        message = (
+            f"{fault.port} and {other} are wired the wrong way round: "
+            f"{fault.port} is wired from {source_shown(fault)}, "
+            f"expected {short_source(fault.expected)}"
+        )
+        yield wire_problem(fault, message, f"exchange the two wires at {fault.port} and {other}")
+
+
+@rule("W07", "cross-graph-wire", scope="graph")
+def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A required input is connected to a node of another graph.
+
+    Why: each Action Graph is evaluated separately. A context or time stamp of another graph may be
+    read before it exists. The node then uses the domain id of the environment, or time stamp 0.
+
+    Fix: connect the input to the node of that type in the same graph.
+
+    Example: `inputs:context` of a node of {next_graph_name} connected to the context of
+    {graph_name}.
+    """
+    for fault in _faults(subject, "foreign"):
+        message = (
+            f"{fault.port} is wired from {fault.actual}, which is not in this graph, "
+            f"expected {short_source(fault.expected)}"
+        )
+        yield wire_problem(fault, message, connect_hint(fault))
+
+
+@rule("W08", "execution-cycle", scope="graph")
+def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
+    """Execution connections form a cycle.
+
+    Why: no evaluation order exists for a node that triggers itself. The behaviour of Isaac Sim is
+    not documented: it may skip the nodes, or never finish.
+
+    Fix: delete the execution connection named here.
+
+    Example: the execOut of a publisher connected back to the node that triggers it.
+    """
+    yield from _to_delete(subject, "cycle", "is wired from {}, which this node itself triggers")
+
+
+@rule("W09", "incompatible-wire", scope="graph")
+def incompatible_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A connection joins two ports with incompatible types.
+
+    Why: it carries no usable data, and Isaac Sim may drop it when it loads the stage.
+
+    Fix: delete the connection.
+
+    Example: the tick of On Playback Tick connected to a queue size.
+    """
+    yield from _to_delete(subject, "incompatible", "cannot take what comes from {}")
+
+
+@rule("W10", "forbidden-wire", scope="graph")
+def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A connection exists that the handout forbids.
+
+    Why: the execOut of a subscriber fires only when a message arrives. A controller driven by it
+    runs at the rate of the messages and not in every frame.
+
+    Fix: delete the connection, and trigger the node from the tick of On Playback Tick.
+
+    Example: `ros2_subscribe_twist.outputs:execOut` connected to
+    `differential_controller.inputs:execIn`.
+    """
+    for fault in _faults(subject, "forbidden"):
+        actual = source_shown(fault)
+        expected = "" if fault.expected is None else f", expected {short_source(fault.expected)}"
+        message = f"{fault.port} is wired from {actual}, which the handout forbids{expected}"
+        yield wire_problem(fault, message, connect_hint(fault) if fault.expected else None)
+
+
+@rule("W11", "leftover-wire", scope="graph", severity="warning")
+def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A connection to a deleted node or port was left behind.
+
+    Why: it carries no data, and Isaac Sim may drop it when it loads the stage. It does no harm, but
+    shows that a node was deleted or renamed after it had been connected.
+
+    Fix: right-click the input and choose Disconnect, or leave it.
+
+    Example: a second source `isaac_read_simulation_time_01` of a deleted node.
+    """
+    for fault in _faults(subject, "leftover"):
+        yield wire_problem(
+            fault, f"{fault.port} has a leftover wire from {source_shown(fault)}, now gone"
+        )

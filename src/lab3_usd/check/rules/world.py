@@ -1,0 +1,371 @@
+"""Rules about the world around the robot, and the robot at rest on its ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from msgspec.structs import replace
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.ground import (
+    AXIS,
+    UP,
+    boxes,
+    facing,
+    falling_ground,
+    gravity_faults,
+    has_ground,
+    highest_ground,
+    lights,
+    steep_planes,
+)
+from lab3_usd.check.robot.poses import (
+    is_scaled,
+    pose_errors,
+    pose_property,
+    root_tolerance,
+    vector_text,
+)
+from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.physics import (
+    BODY_API,
+    BODY_ENABLED,
+    COLLISION_API,
+    COLLISION_ENABLED,
+    PLANE,
+    SCENE,
+    collides,
+)
+from lab3_usd.model.prims import Collider, Matrix, Prim, is_at_or_below
+from lab3_usd.model.stage import (
+    StageModel,
+    absence_reason,
+    has_unresolved_outside,
+    is_pose_unresolved,
+)
+from lab3_usd.model.transforms import (
+    IDENTITY,
+    Pose,
+    angle_between,
+    decompose,
+    distance,
+    rotation_difference,
+    scaled,
+    transform_point,
+)
+from lab3_usd.spec.scene import WorldPart
+
+
+@rule("S13", "ground", scope="stage")
+def ground(subject: StageSubject) -> Iterator[Problem]:
+    """No fixed ground with a collision lies below the robot.
+
+    Why: at Play the robot falls for ever. A ground that is a rigid body falls with it.
+
+    Fix: activate the ground plane, tick Collision Enabled on it, turn it so that it faces up, or
+    remove its Rigid Body. Restore a deleted ground from the supplied file, or create one with
+    Create > Physics > Ground Plane.
+
+    Example: the collision plane below `/Environment` deactivated.
+    """
+    asked = _asked(subject, subject.lab.scene.world.ground)
+    if asked is None or has_ground(subject) or _is_elsewhere(subject):
+        return
+    falling = falling_ground(subject)
+    if falling is not None:
+        yield _falls(asked, *falling)
+        return
+    steep = next(steep_planes(subject.stage, subject.lab.scene.robot.path), None)
+    if steep is not None:
+        yield _faces_elsewhere(asked, steep)
+        return
+    off = _silent_ground(subject)
+    if off is not None:
+        has_api = COLLISION_API in off.apis
+        what = "is switched off" if has_api else "was removed"
+        message = f"the ground does not carry the robot: the collision of {off.name} {what}"
+        expected, related = "True" if has_api else COLLISION_API, (asked.usual,)
+        yield Problem(
+            off.path, message, COLLISION_ENABLED, expected, None, asked.handout, related=related
+        )
+        return
+    planes = subject.stage.of_type(PLANE)
+    yield _missing(subject, asked, "a ground with collision", planes)
+
+
+def _falls(asked: WorldPart, ground: Prim, body: Prim) -> Problem:
+    falls = f"falls with {body.name}, which is" if body != ground else "falls as"
+    return Problem(
+        body.path,
+        f"the ground does not carry the robot: {ground.name} {falls} a rigid body",
+        BODY_ENABLED,
+        "no rigid body",
+        BODY_API,
+        asked.handout,
+        related=tuple(sorted({asked.usual, ground.path} - {body.path})),
+        hint=f"remove Rigid Body from {body.name} in the Property panel",
+    )
+
+
+def _faces_elsewhere(asked: WorldPart, plane: Prim) -> Problem:
+    faces, up = vector_text(facing(plane) or UP), vector_text(UP)
+    is_turned = plane.attributes.get(AXIS, "Z") == "Z"
+    return Problem(
+        plane.path,
+        f"the ground does not carry the robot: {plane.name} faces {faces}, expected {up}",
+        pose_property(plane, "rotate") if is_turned else AXIS,
+        up,
+        faces,
+        asked.handout,
+        related=(asked.usual,),
+        hint=f"turn {plane.name}, or the prim that holds it, so that its front faces up",
+    )
+
+
+def _silent_ground(subject: StageSubject) -> Prim | None:
+    """Return what would be ground if it collided."""
+    robot = subject.lab.scene.robot.path
+    for prim in subject.stage.of_type(PLANE):
+        if prim.present and not is_at_or_below(prim.path, robot):
+            return prim
+    return next((subject.stage.prims[box.path] for box in boxes(subject)), None)
+
+
+@rule("S14", "light", scope="stage")
+def light(subject: StageSubject) -> Iterator[Problem]:
+    """The scene has no light.
+
+    Why: the camera may publish black images.
+
+    Fix: activate the light of the supplied file, or choose Create > Light > Dome Light.
+
+    Example: the only DistantLight deactivated.
+    """
+    found = list(lights(subject.stage))
+    asked = _asked(subject, subject.lab.scene.world.light)
+    if asked is None or any(prim.present for prim in found):
+        return
+    if not _is_elsewhere(subject) and not _is_told_by_ground(subject, asked):
+        yield _missing(subject, asked, "a light", found)
+
+
+@rule("S15", "physics-scene", scope="stage")
+def physics_scene(subject: StageSubject) -> Iterator[Problem]:
+    """The stage has no physics scene, or one whose gravity does not pull down.
+
+    Why: Isaac Sim then uses its own gravity and time step, and the handout asks for the prim.
+    Without weight the wheels do not grip the ground.
+
+    Fix: activate or restore `physicsScene`, or choose Create > Physics > Physics Scene. Restore its
+    gravity: Magnitude 9.81, and Direction (0, 0, -1). Clear Disable Gravity on the links.
+
+    Example: `/physicsScene` deleted, or `physics:gravityMagnitude` 0 on it.
+    """
+    found = list(subject.stage.of_type(SCENE))
+    asked = _asked(subject, subject.lab.scene.world.physics_scene)
+    if asked is None:
+        return
+    for wrong in gravity_faults(subject):
+        usual = (asked.usual,) if wrong.prim != asked.usual else ()
+        yield replace(wrong, handout=asked.handout, related=(*usual, *wrong.related))
+    if not any(prim.present for prim in found) and not _is_elsewhere(subject):
+        yield _missing(subject, asked, "a physics scene", found)
+
+
+@rule("S16", "observation-camera", scope="stage", severity="warning")
+def observation_camera(subject: StageSubject) -> Iterator[Problem]:
+    """The observation camera beside the robot is missing.
+
+    Why: the supplied file has one. Without it the screenshots show another view, and it
+    may have been turned into the robot's camera.
+
+    Fix: restore it from the supplied file, or choose Create > Camera and place it beside the robot.
+
+    Example: the world's camera dragged onto `{base}` and renamed.
+    """
+    robot, world = subject.lab.scene.robot.path, subject.lab.scene.world
+    asked = world.observation_camera
+    is_gone = subject.stage.prim(world.graph_parent.path) is None  # which is S01's
+    if asked is None or is_gone or _is_elsewhere(subject):
+        return
+    typed = subject.stage.of_type(asked.type)
+    cameras = [prim for prim in typed if not is_at_or_below(prim.path, robot)]
+    if not any(prim.present for prim in cameras):
+        yield _missing(subject, asked, "an observation camera", cameras)
+
+
+def _is_elsewhere(subject: StageSubject) -> bool:
+    """Whether an asset of the environment is missing, which could hold it."""
+    return has_unresolved_outside(subject.stage, subject.lab.scene.robot.path)
+
+
+def _asked(subject: StageSubject, part: WorldPart | None) -> WorldPart | None:
+    """Return a part of the world that the lab has, None for one below a prim that S01 misses."""
+    above = subject.lab.scene.world.graph_parent.path
+    is_gone = subject.stage.prim(above) is None
+    return None if part is None or (is_gone and is_at_or_below(part.usual, above)) else part
+
+
+def _is_told_by_ground(subject: StageSubject, light: WorldPart) -> bool:
+    """Whether ground and light are gone because one prim that holds both is switched off."""
+    ground = _asked(subject, subject.lab.scene.world.ground)
+    if ground is None or ground.usual != light.usual:
+        return False
+    usual = subject.stage.prims.get(ground.usual)
+    return usual is not None and not usual.present and not has_ground(subject)
+
+
+def _missing(subject: StageSubject, asked: WorldPart, title: str, parts: Iterable[Prim]) -> Problem:
+    """Say that a part is missing: at the prim that is switched off, else where it usually is."""
+    usual = asked.usual
+    off = [prim.path for prim in parts if not prim.present]
+    top = subject.stage.prims.get(usual)
+    if top is not None and not top.present:
+        off = [usual]
+    site = min(off, default=usual)
+    why = f": {site} {absence_reason(subject.stage, site)}" if off else ""
+    related = (usual,) if site != usual else ()
+    message = f"the scene has no {title.split(' ', 1)[1]}{why}"
+    return Problem(site, message, None, title, None, asked.handout, related)
+
+
+_UP = (0.0, 0.0, 1.0)
+
+
+@rule("S19", "not-at-rest", scope="stage")
+def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel is above the ground, or a part of the robot is below it.
+
+    Why: at Play the robot drops, tips, or is thrown up by the overlap. A lidar below the ground
+    sees nothing. The collision shapes are judged as saved, if the robot root is at its pose. In
+    later checkpoints, which may be saved after a run, it is a warning.
+
+    Fix: set the transform of the link or ground named here to the value in the supplied file.
+
+    Example: the ground plane moved to Z = -0.1.
+    """
+    if subject.lab.scene.world.ground is None or not _root_stands_right(subject):
+        return
+    found = highest_ground(subject)
+    if found is None:
+        return
+    height, ground = found
+    lows = {body: low - height for body, low in _lows(subject).items()}
+    spec = subject.lab.scene.robot
+    wheels = [f"{spec.path}/{name}" for name in spec.wheels.joints.values()]
+    limit = _limit(subject)
+    off = {body: low for body, low in lows.items() if low < -limit}
+    off |= {body: lows[body] for body in wheels if body in lows and lows[body] > limit}
+    standing = [body for body in wheels if body in lows]
+    if standing and all(body in off for body in standing):
+        # All wheels at once: it is the robot or the ground that is wrong, and one thing to say.
+        off = {spec.path: off[standing[0]]}
+    later = subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until)
+    severity: Severity | None = "warning" if later else None
+    section = subject.lab.handout.behind("S19", spec.handout)
+    for body, low in off.items():
+        where = "above" if low > 0 else "below"
+        part = body.rpartition("/")[2]
+        message = f"{part} is {abs(low):.3g} m {where} the ground"
+        related = (ground if body == spec.path else spec.path,)
+        expected, actual = "on the ground", f"{low:.3g} m"
+        yield Problem(body, message, None, expected, actual, section, related, severity)
+
+
+def _root_stands_right(subject: StageSubject) -> bool:
+    spec = subject.lab.scene.robot
+    root = subject.stage.prim(spec.path)
+    if root is None or root.local is None:
+        return False
+    tolerance = root_tolerance(subject.lab.scene, subject.stage)
+    return not any(pose_errors(root, root.local or IDENTITY, spec.pose, tolerance))
+
+
+def _limit(subject: StageSubject) -> float:
+    """Allow the wheels as much as the robot's own height is allowed."""
+    spec = subject.lab.scene.robot
+    root = subject.stage.prim(spec.path)
+    height = root.world[14] if root is not None and root.world else 0.0
+    given = abs(height * subject.stage.meters_per_unit - spec.pose.translate[2])
+    tolerance = subject.lab.scene.tolerance
+    return tolerance.rest + min(given, tolerance.root_position)
+
+
+def _lows(subject: StageSubject) -> dict[str, float]:
+    """Return how low each link reaches, in metres: its collision shapes, else its own origin."""
+    spec, stage = subject.lab.scene.robot, subject.stage
+    size = subject.lab.scene.tolerance.scale
+    lows: dict[str, float] = {}
+    for name, link in spec.links.items():
+        path = f"{spec.path}/{name}"
+        shapes = [box.low[2] for box in stage.colliders.below(path) if _is_on(box, stage)]
+        prim = stage.prim(path)
+        if prim is not None and (is_pose_unresolved(stage, prim) or is_scaled(prim, size)):
+            continue  # what is scaled S24 tells
+        if shapes:
+            lows[path] = min(shapes)
+        elif link.offset is not None and prim is not None and prim.world:
+            lows[path] = prim.world[14] * stage.meters_per_unit
+    return lows
+
+
+def _is_on(box: Collider, stage: StageModel) -> bool:
+    prim = stage.prim(box.path)
+    return prim is not None and collides(prim)
+
+
+@rule("S22", "starts-elsewhere", scope="stage", severity="note")
+def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
+    """The robot's base is not where its root has it.
+
+    Why: at Play the robot starts where its bodies are, as after a saved run. The root stays behind.
+    Odometry begins at zero there, and AMCL needs that place as its initial pose.
+
+    Fix: nothing is required. To start at the pose in the supplied file, open the stage that was
+    saved before the run, or reset the transforms of the links.
+
+    Example: `{robot}/{base}` at (-1.4, 1.2, 0) on its root, facing 90 degrees.
+    """
+    robot, stage = subject.lab.scene.robot, subject.stage
+    root = stage.prim(robot.path)
+    base = stage.prim(robot.base)
+    if (
+        root is None
+        or base is None
+        or robot.base_frame not in robot.links
+        or is_pose_unresolved(stage, root)
+        or is_pose_unresolved(stage, base)
+    ):
+        return
+    if root.world is None or base.world is None:
+        return
+    start, expected = decompose(base.world), _base_pose(subject, root.world)
+    limits = root_tolerance(subject.lab.scene, stage)
+    away = distance(start.translation, expected.translation) * stage.meters_per_unit
+    turn = rotation_difference(start.rotation, expected.rotation)
+    if away <= limits.position and turn <= limits.angle:
+        return
+    at, root_at = (_start(pose, stage.meters_per_unit) for pose in (start, expected))
+    message = f"the robot starts {at}; its root has it {root_at}"
+    where = pose_property(base, "translate")
+    yield Problem(base.path, message, where, root_at, at, robot.pose.handout)
+
+
+def _base_pose(subject: StageSubject, root: Matrix) -> Pose:
+    """Return the pose of the robot's base where it is at its place on the root."""
+    robot, units = subject.lab.scene.robot, subject.stage.meters_per_unit or 1.0
+    pose = decompose(root)
+    offset = robot.links[robot.base_frame].offset or (0.0, 0.0, 0.0)
+    return replace(pose, translation=transform_point(scaled(offset, 1.0 / units), root))
+
+
+def _start(pose: Pose, metres: float) -> str:
+    """Say where a robot with this pose starts, and how it stands there."""
+    ahead = pose.rotation[0]
+    facing = round(math.degrees(math.atan2(ahead[1], ahead[0])), 1) + 0.0
+    tilt = angle_between(pose.rotation[2], _UP)
+    tipped = f", tipped by {tilt:.3g} degrees" if tilt >= 1 else ""
+    at = vector_text([round(part, 4) for part in scaled(pose.translation, metres)])
+    return f"at {at} m, facing {facing:g} degrees{tipped}"

@@ -1,1 +1,0 @@
-"""The robot, its wheels and sensors, and the ground, as the rules ask for them."""

@@ -1,0 +1,374 @@
+"""The frames that target prims give, as Isaac Sim 6.0.1 works them out.
+
+Names, links, and unknown ones.
+
+Isaac Compute Transform Tree goes by schemas and by the namespace. The joints say only below
+which link another one hangs; what a robot lists as its links plays no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from msgspec import Struct
+
+from lab3_usd.model.physics import (
+    ARTICULATION_API,
+    BODIES,
+    BODY_API,
+    bodies_below,
+    is_excluded,
+    is_joint,
+    is_joint_type,
+)
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import Node, StageModel, is_unresolved
+from lab3_usd.spec.catalog import TfPorts
+from lab3_usd.spec.lab import Lab
+
+NAME_OVERRIDE = "isaac:nameOverride"
+
+
+def frame_name(path: str, stage: StageModel) -> str:
+    """Return the frame of a prim: its name override, else the prim's own name."""
+    prim = stage.prim(path)
+    override = None if prim is None else prim.attributes.get(NAME_OVERRIDE)
+    return override if isinstance(override, str) and override else _leaf(path)
+
+
+def _leaf(path: str) -> str:
+    return path.rpartition("/")[2]
+
+
+def unique_names(paths: Sequence[str], stage: StageModel) -> list[str]:
+    """Return a frame name for each prim of one list, as Isaac Compute Transform Tree does.
+
+    The prim with the longest path keeps a name that several want. The others go by the prim's
+    name; where that is taken too, an ancestor's name comes before it, but never that of a prim at
+    the root, as the first path of the list has one.
+    """
+    wanted = [frame_name(path, stage) for path in paths]
+    owner: dict[str, int] = {}
+    for index, name in enumerate(wanted):
+        if name not in owner or len(paths[index]) > len(paths[owner[name]]):
+            owner[name] = index
+    names = [name if owner[name] == index else "" for index, name in enumerate(wanted)]
+    start = max(paths[0].find("/", 1), 0) if paths else 0
+    for index, path in enumerate(paths):
+        if not names[index]:
+            leaf = _leaf(path)
+            names[index] = _qualified(path, start, names, stage) if leaf in names else leaf
+    return names
+
+
+def _qualified(path: str, start: int, taken: Sequence[str], stage: StageModel) -> str:
+    """Return the first name with an ancestor's before it that is free, else the rest of the path.
+
+    The rest is no unique name for a prim right below one at the root. Isaac Sim counts `start` in
+    characters, whatever prim it falls into.
+    """
+    leaf = _leaf(path)
+    end = path.find("/", start + 1)
+    while end >= 0:
+        above = frame_name(path[:end], stage)
+        if above != leaf and f"{above}_{leaf}" not in taken:
+            return f"{above}_{leaf}"
+        end = path.find("/", end + 1)
+    return path[start:].removeprefix("/").replace("/", "_") or leaf
+
+
+def names_in_turn(paths: Sequence[str], stage: StageModel) -> list[str]:
+    """Return a frame name for each prim: who comes first keeps it, the next goes by its path."""
+    names: dict[str, str] = {}
+    for path in paths:
+        if path not in names:
+            name = frame_name(path, stage)
+            taken = name in names.values()
+            names[path] = path.strip("/").replace("/", "_") if taken else name
+    return [names[path] for path in paths]
+
+
+ROBOT_API = "IsaacRobotAPI"
+LINK_API = "IsaacLinkAPI"
+FRAME_APIS = frozenset({LINK_API, "IsaacSiteAPI", "IsaacReferencePointAPI"})
+_NO_FRAMES = frozenset({"IsaacJointAPI", ROBOT_API})
+_ROBOT_JOINTS = "isaac:physics:robotJoints"
+
+Links = dict[str, str]  # the path of each link with that of its parent link, '' for none
+
+
+def expansion(target: Prim, stage: StageModel, parent: str) -> Links | None:
+    """Return the prims that become frames in the place of a target, None where it stays one.
+
+    An articulation root stands for the bodies at and below it, a robot for everything in its
+    subtree that a schema of Isaac Sim calls a link, a site or a reference point. Of a robot, not
+    of an articulation, the prim `parent` is left out, below which the others hang.
+    """
+    if ARTICULATION_API in target.apis:
+        bodies = bodies_below(stage, target.path)
+        if bodies:
+            return {path: above(path, bodies) for path in bodies}
+    links = _robot(target, stage) if ROBOT_API in target.apis else {}
+    return {path: links[path] for path in links if path != parent} if links else None
+
+
+def _robot(robot: Prim, stage: StageModel) -> Links:
+    parents = joint_parents(robot, stage)
+    links = {prim.path for prim in stage.with_api(LINK_API) if prim.present}
+    return {
+        prim.path: parents.get(prim.path, "") if prim.path in links else above(prim.path, links)
+        for prim in stage.with_api(FRAME_APIS.__contains__)
+        if prim.present and is_at_or_below(prim.path, robot.path)
+        if not _NO_FRAMES & set(prim.apis)
+    }
+
+
+def joint_parents(robot: Prim, stage: StageModel) -> Links:
+    """Map each link to the one on which the robot's joints hang it; the last joint counts."""
+    found: Links = {}
+    for path in robot.relationships.get(_ROBOT_JOINTS, ()):
+        joint = stage.prims.get(path)  # a joint that is deactivated is still read
+        if joint is None or not is_joint(joint) or is_excluded(joint):
+            continue
+        parent, child = (joint.relationships.get(name, ()) for name in BODIES)
+        if parent and child:
+            found[child[0]] = parent[0]
+    return found
+
+
+def above(path: str, paths: Iterable[str]) -> str:
+    """Return the nearest prim above `path` that is one of `paths`, '' for none."""
+    found = (each for each in paths if path.startswith(f"{each}/"))
+    return max(found, key=len, default="")
+
+
+def articulation_links(root: Prim, stage: StageModel) -> Links | None:
+    """Return the links that joints tie to an articulation root, parents first; None for no root."""
+    if ARTICULATION_API not in root.apis:
+        return None
+    parents = _parents_by_joints(stage)
+    children: dict[str, list[str]] = {}
+    for child, parent in parents.items():
+        children.setdefault(parent, []).append(child)
+    ahead = [_topmost(path, parents) for path in bodies_below(stage, root.path)]
+    links: Links = {}
+    while ahead:
+        path = ahead.pop(0)
+        if path not in links:
+            links[path] = parents.get(path, "")
+            ahead.extend(children.get(path, ()))
+    return links or None
+
+
+def _topmost(path: str, parents: Links) -> str:
+    """Climb to the link that no joint hangs below another."""
+    seen = {path}
+    while parents.get(path) and parents[path] not in seen:
+        path = parents[path]
+        seen.add(path)
+    return path
+
+
+def _parents_by_joints(stage: StageModel) -> Links:
+    """Map each body to the one its joint hangs it on."""
+    found: Links = {}
+    for joint in stage.of_type(is_joint_type):
+        if joint.present:
+            parent, child = (joint.relationships.get(name, ()) for name in BODIES)
+            if parent and child and stage.prim(parent[0]) and stage.prim(child[0]):
+                found.setdefault(child[0], parent[0])
+    return found
+
+
+class Pair(Struct, frozen=True):
+    """A parent and a child frame that a list of target prims gives.
+
+    `target` is the prim that was listed, `prim` the one whose frame the child is; `expanded` says
+    that the target stands for other prims than itself.
+    """
+
+    parent: str
+    child: str
+    target: str
+    prim: str
+    expanded: bool
+
+
+def tf_ports(node: Node) -> TfPorts:
+    """Return the ports of a node that carry frames; none for a node of another kind."""
+    found = None if node.type is None else node.type.tf
+    return TfPorts() if found is None else found
+
+
+def computes(node: Node) -> bool:
+    """Whether a node hands the frames of its prims on, as one that only computes them does."""
+    return bool(tf_ports(node).gives)
+
+
+def listed_targets(node: Node) -> tuple[str, ...]:
+    """Return the target prims of a node that makes frames of prims."""
+    ports = tf_ports(node).prims
+    return node.targets(ports[1]) if ports else ()
+
+
+def parent_prim(node: Node) -> str:
+    """Return the prim below whose frame a node hangs the others, '' for none."""
+    ports = tf_ports(node).prims
+    return next(iter(node.targets(ports[0])), "") if ports else ""
+
+
+def parent_frame(node: Node, stage: StageModel, lab: Lab) -> str:
+    """Return the frame below which a node hangs those that have no other parent."""
+    prim = parent_prim(node)
+    return frame_name(prim, stage) if prim else lab.catalog.world_frame
+
+
+def computed_pairs(node: Node, stage: StageModel, lab: Lab) -> list[Pair]:
+    """Return the frames that a node's target prims give, in the order of the targets.
+
+    Targets that do not exist, and those of which a missing asset holds what they stand for, give
+    none.
+    """
+    found: list[tuple[str, str]] = []  # target prim, prim of the frame
+    links: Links = {}
+    expanded: set[str] = set()
+    targets = listed_targets(node)
+    if not targets:
+        return []
+    for target in targets:
+        made = _frames_of(target, node, stage)
+        if made != {target: ""}:
+            expanded.add(target)
+        found.extend((target, path) for path in made)
+        links.update(made)
+    paths = [path for _, path in found]
+    names = _names(paths, node, stage)
+    frames = {**_bodies_above(paths, node, stage), **dict(zip(paths, names, strict=True))}
+    top = parent_frame(node, stage, lab)
+    pairs = [
+        Pair(frames.get(links[path], top), name, target, path, target in expanded)
+        for (target, path), name in zip(found, names, strict=True)
+    ]
+    return [pair for pair in pairs if not _is_left_out(pair, node, stage)]
+
+
+def _frames_of(target: str, node: Node, stage: StageModel) -> Links:
+    if stage.prim(target) is None:
+        return {}
+    links = _expansion(target, node, stage)
+    if links is not None:
+        return links
+    return {} if is_target_unresolved(target, stage) else {target: ""}
+
+
+def _expansion(target: str, node: Node, stage: StageModel) -> Links | None:
+    prim = stage.prims[target]
+    if computes(node):
+        return expansion(prim, stage, parent_prim(node))
+    return articulation_links(prim, stage)
+
+
+def expands(target: str, node: Node, stage: StageModel) -> bool:
+    """Whether a target prim of a node stands for other prims than itself."""
+    return stage.prim(target) is not None and _expansion(target, node, stage) is not None
+
+
+def unresolved_frames_of(node: Node, stage: StageModel) -> Iterator[UnresolvedFrames]:
+    """Yield what only a missing asset could tell of the frames that a node's targets give."""
+    for target in listed_targets(node) if stage.unresolved else ():
+        yield from unresolved_frames_at(target, stage, expands=expands(target, node, stage))
+
+
+def _names(paths: Sequence[str], node: Node, stage: StageModel) -> list[str]:
+    if computes(node):
+        return unique_names(paths, stage)
+    first = [parent_prim(node)] if parent_prim(node) else []
+    return names_in_turn([*first, *paths], stage)[len(first) :]
+
+
+def _bodies_above(paths: Sequence[str], node: Node, stage: StageModel) -> dict[str, str]:
+    """Return the frames of bodies that are no targets themselves, but stand above targets.
+
+    The computing node follows them to know where a target without a body is, and hangs below
+    them the links that their joints tie to them.
+    """
+    if not computes(node):
+        return {}
+    bodies = set(bodies_below(stage, "/"))
+    still = (path for path in (*paths, parent_prim(node)) if path not in bodies)
+    found = (above(path, bodies) for path in still)
+    return {path: frame_name(path, stage) for path in found if path}
+
+
+def _is_left_out(pair: Pair, node: Node, stage: StageModel) -> bool:
+    """Whether the old way of a publisher leaves a body out that would be its own parent."""
+    prim = stage.prims[pair.prim]
+    return not computes(node) and pair.parent == pair.child and BODY_API in prim.apis
+
+
+_SAYS_NOTHING = frozenset({"", "Xform", "Scope"})  # types that a robot may have
+
+
+class UnresolvedFrames(Struct, frozen=True):
+    """Frames that only a missing asset could tell: those of a prim, or of the links at and below.
+
+    `parent` is the frame below which they would hang, `publisher` the node that would send them
+    and `cause` the one whose target `prim` is.
+    """
+
+    prim: str
+    links: bool
+    asset: str
+    parent: str = ""
+    publisher: str = ""
+    cause: str = ""
+    topic: str = ""
+
+    @property
+    def what(self) -> str:
+        """What cannot be known, in words."""
+        return f"{'links' if self.links else 'frame'} of {self.prim}"
+
+    def may_be(self, frame: str) -> bool:
+        """Whether a frame of this name could be among them."""
+        return self.links or _name(self.prim) == frame
+
+    def may_give(self, prim: str) -> bool:
+        """Whether the frame of this prim could be among them."""
+        return is_at_or_below(prim, self.prim) or _name(prim) == _name(self.prim)
+
+
+def _name(path: str) -> str:
+    return path.rpartition("/")[2]
+
+
+def is_target_unresolved(target: str, stage: StageModel) -> bool:
+    """Whether a missing asset holds the target, or what the target stands for.
+
+    What the stage defines itself it also names: a link or a sensor stays what it is.
+    """
+    if not is_unresolved(stage, target):
+        return False
+    prim = stage.prim(target)
+    return prim is None or (_carries_asset(prim, stage) and not _says_what_it_is(prim))
+
+
+def _carries_asset(prim: Prim, stage: StageModel) -> bool:
+    return any(missing.prim == prim.path for missing in stage.unresolved)
+
+
+def _says_what_it_is(prim: Prim) -> bool:
+    return prim.type not in _SAYS_NOTHING or bool(set(prim.apis) & {BODY_API, *FRAME_APIS})
+
+
+def unresolved_frames_at(
+    target: str, stage: StageModel, *, expands: bool
+) -> Iterator[UnresolvedFrames]:
+    """Yield what is unknown of a target; below one that stands for its links there may be more."""
+    missing = stage.unresolved_above(target)
+    if missing is not None and is_target_unresolved(target, stage):
+        yield UnresolvedFrames(target, links=stage.prim(target) is not None, asset=missing.asset)
+    elif expands:
+        for below in stage.unresolved:
+            if is_at_or_below(below.prim, target) and is_unresolved(stage, below.prim):
+                yield UnresolvedFrames(below.prim, links=True, asset=below.asset)

@@ -1,0 +1,169 @@
+"""The configuration: which keys there are, what each may hold, and how findings change by it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.registry import check_rule_names
+from lab3_usd.config.files import find_file, read_table
+from lab3_usd.errors import UsageError
+from lab3_usd.model.finding import SEVERITIES, Finding, Severity, family_of, is_among
+
+
+class Config(Struct, frozen=True):
+    """What is set: None or empty where nothing is.
+
+    `file` holds it. `per_file_ignores` and `checkpoints` are by patterns of file names, or of
+    paths below the folder of `file`; `severity` is by rules and families.
+    """
+
+    file: Path | None = None
+    select: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+    per_file_ignores: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    severity: tuple[tuple[str, Severity], ...] = ()
+    checkpoints: tuple[tuple[str, str], ...] = ()
+    starter: Path | None = None
+    maps: Path | None = None
+    lab: Path | None = None
+
+
+def config_for(paths: Iterable[str]) -> Config:
+    """Return the configuration for files that are judged together.
+
+    Raises:
+        UsageError: the file that holds it is wrong, or the paths have several.
+    """
+    files = {find_file(Path(path)): path for path in paths}
+    if len(files) > 1:
+        named = "; ".join(f"{path}: {file or 'none'}" for file, path in files.items())
+        message = f"these have several configurations, name one with --config: {named}"
+        raise UsageError(message)
+    file = next(iter(files), None)
+    return Config() if file is None else load_config(file)
+
+
+def load_config(file: Path) -> Config:
+    """Read a configuration file.
+
+    Raises:
+        UsageError: it cannot be read, or a key or value is wrong; the line says which.
+    """
+    given = dict(read_table(file))
+    _refuse_unknown(given, str(file))
+    values = {
+        key.replace("-", "_"): _KEYS[key](value, f"{file}: {key}", file.parent)
+        for key, value in given.items()
+    }
+    return Config(file=file, **values)
+
+
+def _refuse_unknown(given: Iterable[str], where: str) -> None:
+    for key in given:
+        if key in _KEYS:
+            continue
+        from difflib import get_close_matches  # noqa: PLC0415 - only after a slip
+
+        close = " or ".join(f"'{each}'" for each in get_close_matches(key, _KEYS))
+        hint = f"did you mean {close}?" if close else f"known are {', '.join(_KEYS)}"
+        message = f"{where}: there is no key '{key}'; {hint}"
+        raise UsageError(message)
+
+
+def _rules(value: Any, where: str, _folder: Path) -> tuple[str, ...]:  # noqa: ANN401 - as TOML has it
+    if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
+        message = f"{where} is {value!r}, expected a list of rules and families"
+        raise UsageError(message)
+    return check_rule_names(value, where)
+
+
+def _path(value: Any, where: str, folder: Path) -> Path:  # noqa: ANN401
+    if not isinstance(value, str) or not value:
+        message = f"{where} is {value!r}, expected a path"
+        raise UsageError(message)
+    if not (folder / value).exists():
+        message = f"{where}: there is no {folder / value}"
+        raise UsageError(message)
+    return folder / value
+
+
+def _table(value: Any, where: str) -> Mapping[str, Any]:  # noqa: ANN401
+    if not isinstance(value, dict):
+        message = f"{where} is {value!r}, expected a table"
+        raise UsageError(message)
+    return value
+
+
+def _ignores(value: Any, where: str, folder: Path) -> tuple[tuple[str, tuple[str, ...]], ...]:  # noqa: ANN401
+    table = _table(value, where)
+    return tuple((name, _rules(each, f"{where}: {name}", folder)) for name, each in table.items())
+
+
+def _severities(value: Any, where: str, _folder: Path) -> tuple[tuple[str, Severity], ...]:  # noqa: ANN401
+    for name, each in _table(value, where).items():
+        if each not in SEVERITIES:
+            message = f"{where}: {name} is {each!r}, expected one of {', '.join(SEVERITIES)}"
+            raise UsageError(message)
+    return tuple(zip(check_rule_names(value, where), value.values(), strict=True))
+
+
+def _checkpoints(value: Any, where: str, _folder: Path) -> tuple[tuple[str, str], ...]:  # noqa: ANN401
+    for name, each in _table(value, where).items():
+        if not isinstance(each, str):
+            message = f"{where}: {name} is {each!r}, expected a checkpoint in quotes"
+            raise UsageError(message)
+    return tuple(value.items())
+
+
+_KEYS: dict[str, Callable[[Any, str, Path], Any]] = {
+    "select": _rules,
+    "ignore": _rules,
+    "per-file-ignores": _ignores,
+    "severity": _severities,
+    "checkpoints": _checkpoints,
+    "starter": _path,
+    "maps": _path,
+    "lab": _path,
+}
+
+
+_Value = TypeVar("_Value")
+
+
+def with_config_applied(
+    findings: Iterable[Finding], path: str, config: Config
+) -> Iterator[Finding]:
+    """Yield the findings of a file that its patterns do not ignore, as grave as is set.
+
+    What is set for a rule counts before what is set for its family.
+    """
+    if not (config.per_file_ignores or config.severity):
+        yield from findings
+        return
+    ignored = tuple(
+        rule for rules in matching(config.per_file_ignores, path, config) for rule in rules
+    )
+    severities = dict(config.severity)
+    for finding in findings:
+        if not is_among(finding.rule, ignored):
+            of_family = severities.get(family_of(finding.rule), finding.severity)
+            yield replace(finding, severity=severities.get(finding.rule, of_family))
+
+
+def matching(
+    by_pattern: Iterable[tuple[str, _Value]], path: str, config: Config
+) -> Iterator[_Value]:
+    """Yield what is set for the patterns that a path matches, in the order of the file."""
+    whole = Path(path).absolute()
+    names = [whole.name]
+    if config.file is not None and whole.is_relative_to(config.file.parent):
+        names.append(whole.relative_to(config.file.parent).as_posix())
+    for pattern, value in by_pattern:
+        if any(fnmatchcase(name, pattern) for name in names):
+            yield value

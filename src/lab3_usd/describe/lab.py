@@ -1,0 +1,219 @@
+"""Describes a whole lab after a stage: the text of every file, and its folder."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.tf.frames import published_edges
+from lab3_usd.describe.checkpoints import (
+    FileNames,
+    Step,
+    checkpoints_text,
+    describe_steps,
+    file_names,
+    ros_text,
+    rubric_text,
+    submission_text,
+)
+from lab3_usd.describe.graphs import GraphText, catalog_text, describe_graphs
+from lab3_usd.describe.scene import (
+    Source,
+    describe_scene,
+    describe_sensors,
+    read_source,
+    targets_of,
+)
+from lab3_usd.describe.yaml_text import document
+from lab3_usd.errors import UsageError
+from lab3_usd.model.stage import StageModel
+from lab3_usd.spec.catalog import Catalog
+from lab3_usd.spec.contradictions.names import graph_frames, named_frames
+from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab
+from lab3_usd.spec.load.lab import parse_scene
+
+_SCENE_HEAD = """\
+What the lab asks of the scene itself: units, robot, world, sensors.
+`handout` names the section of each item. Lengths in metres, angles in degrees, masses in kg."""
+_SCENE_NOTES = {
+    "tolerance": "How exactly the numbers below must be met.",
+    "robot": "The links are the bodies right below the robot's path.",
+    "world": "Recognised by type, wherever they stand; `usual` is where the stage has them.",
+    "sensors": "By the names that checkpoints add them under. Only what is `required` is checked.",
+}
+
+
+class Description(Struct, frozen=True):
+    """The files of a new lab by name, its checkpoints, and what of the stage they leave out."""
+
+    files: Mapping[str, str]
+    steps: tuple[Step, ...]
+    left_out: tuple[str, ...]
+
+
+class _Parts(Struct, frozen=True):
+    """What the files are made of: graphs, their scene, the names of stages, and the TF tree."""
+
+    texts: tuple[GraphText, ...]
+    names: FileNames
+    scene: Mapping[str, Any]
+    frames: Mapping[str, Any]
+    lab: Lab
+    outside: tuple[str, ...]
+
+    @property
+    def has_frames(self) -> bool:
+        """Whether a checkpoint can ask for the tree: all messages are in its frames."""
+        return bool(self.frames["edges"]) and not self.outside
+
+
+def describe_lab(path: Path, lab: Lab, types: Catalog) -> Description:
+    """Describe a lab after a stage.
+
+    `lab` is the bundled one, `types` the catalog of all public node types.
+
+    Raises:
+        StageError: the stage cannot be read.
+        UsageError: it has no robot, or no graph.
+    """
+    source = read_source(path, lab, types)
+    parts = _parts(source)
+    by_graph = _sensors_by_graph(parts)
+    graphs = parts.lab.graphs
+    steps = describe_steps(parts.names, graphs, by_graph, frames=parts.has_frames)
+    return Description(
+        files=_files(source, parts, steps, lab.catalog),
+        steps=steps,
+        left_out=(*(line for text in parts.texts for line in text.left_out), *parts.outside),
+    )
+
+
+def _parts(source: Source) -> _Parts:
+    stage = source.stage
+    texts = describe_graphs(stage.graphs, source.lab.catalog)
+    if not texts:
+        message = "the stage has no Action Graph"
+        raise UsageError(message)
+    graphs = {text.spec.name: text.spec for text in texts}
+    names = file_names(source.stem, graphs)
+    scene = describe_scene(stage, graphs, source.lab, names.ids[-1])
+    sections = {
+        prim.path: f"{graphs[_home(prim.path, texts)].handout[0]}5" for prim in source.sensors
+    }
+    sensors = describe_sensors(source, sections, scene["robot"]["path"])
+    scene |= {"sensors": sensors} if sensors else {}
+    lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
+    frames = _describe_frames(stage, lab, f"{texts[-1].spec.handout[0]}6")
+    return _Parts(texts, names, scene, frames, lab, tuple(_frames_outside(frames, lab)))
+
+
+def _home(sensor: str, texts: Sequence[GraphText]) -> str:
+    """Return the graph with which a sensor comes: the first that names it, else the last."""
+    named = (text.spec.name for text in texts if sensor in targets_of(text.spec))
+    return next(named, texts[-1].spec.name)
+
+
+def _sensors_by_graph(parts: _Parts) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for name, sensor in parts.lab.sensors.items():
+        found.setdefault(_home(sensor.path, parts.texts), []).append(name)
+    return found
+
+
+def _files(
+    source: Source, parts: _Parts, steps: tuple[Step, ...], known: Catalog
+) -> dict[str, str]:
+    """Return the text of every file by name; `known` are the bundled lab's node types."""
+    title = " ".join(source.stem.replace("_", " ").split())
+    nodes = source.stage.nodes()
+    used = {node.type_name: node.type.type for node in nodes if node.type is not None}
+    types = catalog_text(used, known, source.unknown)
+    return {
+        CHECKPOINTS: checkpoints_text(parts.names, title, steps, parts.frames, parts.lab),
+        **{f"{text.spec.name}.yaml": _graph_text(text) for text in parts.texts},
+        SCENE: document(_SCENE_HEAD, parts.scene, _SCENE_NOTES),
+        ROS: ros_text(parts.lab, steps),
+        SUBMISSION: submission_text(parts.names, steps, parts.lab.submission.folders),
+        RUBRIC: rubric_text(title, steps, parts.lab.sensors, frames=parts.has_frames),
+        **({CATALOG: types} if types else {}),
+    }
+
+
+def _graph_text(text: GraphText) -> str:
+    head = f"The graph {text.spec.path}. A node's key is its role; `set` has what is no default."
+    if text.left_out:
+        lines = "\n".join(f"  {line}" for line in text.left_out)
+        head += f"\nNot described, because no file of a lab can hold it:\n{lines}"
+    return document(head, text.data)
+
+
+def _describe_frames(stage: StageModel, lab: Lab, section: str) -> dict[str, Any]:
+    """Describe the tree; `lab` has the new graphs and scene."""
+    edges = _edges(stage, lab)
+    base = lab.scene.robot.base_frame
+    data = {"handout": section, "edges": [f"{parent} -> {child}" for parent, child in edges]}
+    is_known = any(base in edge for edge in edges)
+    return data | ({"deeper_under": base} if is_known else {})
+
+
+def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
+    """Return the transforms: what the stage publishes, and what missing assets would add to it."""
+    given = list(graph_frames(lab))
+    known = {each.child for each in given}
+    found = {
+        edge.child: (edge.parent, edge.child)
+        for edge in published_edges(stage, lab)
+        if edge.child in known and edge.parent != edge.child
+    }
+    for each in given:
+        if each.parent:
+            found.setdefault(each.child, (each.parent, each.child))
+    return list(found.values())
+
+
+def _frames_outside(frames: Mapping[str, Any], lab: Lab) -> Iterator[str]:
+    """Yield the frames of messages that the described tree does not have, with their places."""
+    tree = {name for edge in frames["edges"] for name in edge.split(" -> ")}
+    for each in named_frames(lab):
+        if tree and each.child not in tree:
+            yield f"{each.place}: '{each.child}' is no frame of the tree that the stage publishes"
+
+
+def refuse_existing_folder(folder: Path) -> None:
+    """Refuse a place where something is.
+
+    Raises:
+        UsageError: there is a file or folder.
+    """
+    if folder.exists() or folder.is_symlink():
+        message = f"{folder} exists; name a folder that does not"
+        raise UsageError(message)
+
+
+def write_folder(folder: Path, files: Mapping[str, str], check: Callable[[Path], None]) -> None:
+    """Write the files to a new folder beside `folder`, check it, then rename it to `folder`.
+
+    Raises:
+        UsageError: `folder` exists, or cannot be written.
+    """
+    refuse_existing_folder(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
+        try:
+            for name, text in files.items():
+                (temporary / name).write_text(text, encoding="utf-8")
+            check(temporary)
+            temporary.chmod(0o755)
+            temporary.rename(folder)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+    except OSError as error:
+        message = f"{folder} cannot be written ({error.strerror})"
+        raise UsageError(message) from error

@@ -1,0 +1,357 @@
+"""Compares two stages in words of the lab: graphs, scene, topics and frames."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+
+from msgspec import Struct
+
+from lab3_usd.check.ros.topics import Endpoint, endpoints
+from lab3_usd.check.tf.frames import published_edges
+from lab3_usd.model.changes import EDITS, PARTS, StageChange, StageDiff
+from lab3_usd.model.finding import display, format_paths, node_title
+from lab3_usd.model.stage import GraphModel, Node, StageModel
+from lab3_usd.spec.catalog import INPUT, GraphForm, Value
+from lab3_usd.spec.lab import Lab
+from lab3_usd.stage.compare.scenes import scene_changes
+from lab3_usd.stage.read.opening import open_stage, stage_errors
+from lab3_usd.stage.read.reader import read_model
+
+_ALIKE = 0.5  # the share of node types that tells a graph under another name
+
+
+class GraphPair(Struct, frozen=True):
+    """A graph before and after; None where there is none.
+
+    `nodes` are its nodes before and after in the same way.
+    """
+
+    before: GraphModel | None
+    after: GraphModel | None
+    nodes: tuple[tuple[Node | None, Node | None], ...]
+
+
+class StagePairs(Struct, frozen=True):
+    """The graphs of two stages in pairs, and the new paths of what has another path now."""
+
+    graphs: tuple[GraphPair, ...]
+    paths: Mapping[str, str]
+
+    def path(self, before: str) -> str:
+        """Return the path in the second stage of what has this path in the first."""
+        if before in self.paths:
+            return self.paths[before]
+        above, _, name = before.rpartition("/")
+        return f"{self.path(above)}/{name}" if above else before
+
+    def source(self, before: str) -> str:
+        """Return a property path of the first stage as the second names it."""
+        prim, _, name = before.rpartition(".")
+        return f"{self.path(prim)}.{name}"
+
+
+def pair_stages(before: StageModel, after: StageModel) -> StagePairs:
+    """Find the graphs and nodes of one stage in another."""
+    ours, theirs = _active(before), _active(after)
+    pairs = list(_paired_graphs(ours, theirs))
+    moved = {
+        was.path: now.path
+        for was, now in pairs
+        if was is not None and now is not None and was.path != now.path
+    }
+    graphs = tuple(_graph_pair(was, now, moved) for was, now in pairs)
+    found = chain.from_iterable(pair.nodes for pair in graphs)
+    nodes = {was.path: now.path for was, now in found if was is not None and now is not None}
+    return StagePairs(graphs, moved | nodes)
+
+
+def _active(stage: StageModel) -> list[GraphModel]:
+    """Return the graphs that are part of the scene, and the nodes outside of every graph as one."""
+    graphs = [graph for graph in stage.graphs if graph.active]
+    if stage.orphans:
+        graphs.append(GraphModel("", active=True, attributes={}, nodes=stage.orphans))
+    return graphs
+
+
+def _paired_graphs(
+    before: Sequence[GraphModel], after: Sequence[GraphModel]
+) -> Iterator[tuple[GraphModel | None, GraphModel | None]]:
+    left = {graph.path: graph for graph in after}
+    gone = []
+    for graph in before:
+        if graph.path in left:
+            yield graph, left.pop(graph.path)
+        else:
+            gone.append(graph)
+    for graph in gone:
+        twin = max(left.values(), key=lambda each: _likeness(graph, each), default=None)
+        if twin is not None and _likeness(graph, twin) >= _ALIKE:
+            yield graph, left.pop(twin.path)
+        else:
+            yield graph, None
+    yield from ((None, graph) for graph in left.values())
+
+
+def _likeness(one: GraphModel, other: GraphModel) -> float:
+    """Return the share of node types that two graphs have in common; a name counts as well."""
+    types = [{node.type_name for node in graph.nodes} for graph in (one, other)]
+    either, both = types[0] | types[1], types[0] & types[1]
+    return (len(both) / len(either) if either else 0.0) + (one.name == other.name) * _ALIKE
+
+
+def _graph_pair(
+    before: GraphModel | None, after: GraphModel | None, moved: Mapping[str, str]
+) -> GraphPair:
+    if before is None or after is None:
+        nodes = [(node, None) for node in before.nodes] if before is not None else []
+        added = [(None, node) for node in after.nodes] if after is not None else []
+        return GraphPair(before, after, (*nodes, *added))
+    folder = moved.get(before.path, before.path)
+    return GraphPair(before, after, tuple(_paired_nodes(before, after.nodes, folder)))
+
+
+def _paired_nodes(
+    before: GraphModel, after: Iterable[Node], folder: str
+) -> Iterator[tuple[Node | None, Node | None]]:
+    left = {node.path: node for node in after}
+    gone = []
+    for node in before.nodes:
+        path = folder + node.path.removeprefix(before.path)
+        if path in left:
+            yield node, left.pop(path)
+        else:
+            gone.append(node)
+    for node in gone:
+        same_type = [each for each in left.values() if each.type_name == node.type_name]
+        twin = max(same_type, key=lambda each: _agreement(node, each), default=None)
+        yield node, None if twin is None else left.pop(twin.path)
+    yield from ((None, node) for node in left.values())
+
+
+def _agreement(one: Node, other: Node) -> int:
+    """Count the ports in which two nodes of one type agree."""
+    return sum(other.state(name) == state for name, state in one.ports.items())
+
+
+_PRECISION = 1e-6  # of a number that a file holds in single precision
+_TYPE, _VERSION, _NAMESPACE = "node:type", "node:typeVersion", "isaac:namespace"
+
+
+def graph_changes(pairs: StagePairs, form: GraphForm) -> Iterator[StageChange]:
+    """Yield the changes graph by graph; of a graph that came or went, one."""
+    for pair in pairs.graphs:
+        if pair.before is None or pair.after is None:
+            yield from _whole_graph(pair)
+            continue
+        yield from _attributes(pair.before, pair.after, form)
+        for was, now in pair.nodes:
+            yield from _node_changes(was, now, pairs)
+
+
+def _whole_graph(pair: GraphPair) -> Iterator[StageChange]:
+    if pair.after is not None:
+        yield StageChange("graph", "added", pair.after.path, now=_counted(pair.after))
+    elif pair.before is not None:
+        yield StageChange("graph", "removed", pair.before.path, was=_counted(pair.before))
+
+
+def _counted(graph: GraphModel) -> str:
+    wires = sum(len(port.sources) for node in graph.nodes for port in node.ports.values())
+    return f"{len(graph.nodes)} nodes, {wires} wires"
+
+
+def _attributes(before: GraphModel, after: GraphModel, form: GraphForm) -> Iterator[StageChange]:
+    if before.path != after.path:
+        yield StageChange("graph", "changed", after.path, "path", before.path, after.path)
+    unwritten = {each.name: each.unwritten for each in form.attributes}
+    for name in sorted({*before.attributes, *after.attributes}):
+        was = before.attributes.get(name, unwritten.get(name))
+        now = after.attributes.get(name, unwritten.get(name))
+        if not same_plain_value(was, now):
+            yield StageChange("graph", "changed", after.path, name, display(was), display(now))
+
+
+def _node_changes(was: Node | None, now: Node | None, pairs: StagePairs) -> Iterator[StageChange]:
+    if was is not None and now is not None:
+        yield from _itself(was, now, pairs)
+        for name in _inputs(was, now):
+            yield from _input(was, now, name, pairs)
+    elif was is not None:
+        yield StageChange("node", "removed", was.path, was=node_title(was))
+    elif now is not None:
+        yield StageChange("node", "added", now.path, now=node_title(now))
+        yield from _new_inputs(now)
+
+
+def _itself(was: Node, now: Node, pairs: StagePairs) -> Iterator[StageChange]:
+    if now.name != was.name:
+        yield StageChange("node", "changed", now.path, "path", pairs.path(was.path), now.path)
+    told = {
+        _TYPE: (was.type_name, now.type_name),
+        _VERSION: (was.version, now.version),
+        _NAMESPACE: (was.own_namespace, now.own_namespace),
+    }
+    for name, (before, after) in told.items():
+        if before != after:
+            yield StageChange("node", "changed", now.path, name, display(before), display(after))
+
+
+def _inputs(*nodes: Node) -> list[str]:
+    names = {name for node in nodes for name in node.ports if name.startswith(INPUT)}
+    return sorted(names)
+
+
+def _new_inputs(node: Node) -> Iterator[StageChange]:
+    for name in _inputs(node):
+        state = node.ports[name]
+        if state.value is not None and not state.sources:
+            yield StageChange("value", "added", node.path, name, now=display(state.value))
+        for source in state.sources:
+            yield StageChange("wire", "added", node.path, name, now=source)
+        if state.targets:
+            yield StageChange("target", "added", node.path, name, now=format_paths(state.targets))
+
+
+def _input(was: Node, now: Node, name: str, pairs: StagePairs) -> Iterator[StageChange]:
+    sources = {pairs.source(each): None for each in was.sources(name)}
+    yield from (
+        StageChange("wire", "removed", now.path, name, was=each)
+        for each in sources
+        if each not in now.sources(name)
+    )
+    yield from (
+        StageChange("wire", "added", now.path, name, now=each)
+        for each in now.sources(name)
+        if each not in sources
+    )
+    before, after = was.value(name), now.value(name)
+    is_hidden = was.sources(name) and now.sources(name)  # the wires bring the value
+    if not is_hidden and not same_plain_value(before, after):
+        yield StageChange("value", "changed", now.path, name, display(before), display(after))
+    targets = tuple(map(pairs.path, was.targets(name)))
+    if sorted(targets) != sorted(now.targets(name)):
+        shown = (format_paths(targets), format_paths(now.targets(name)))
+        yield StageChange("target", "changed", now.path, name, *shown)
+
+
+def same_plain_value(was: Value | None, now: Value | None) -> bool:
+    """Whether two values are the same up to single precision."""
+    if isinstance(was, tuple) and isinstance(now, tuple):
+        return len(was) == len(now) and all(map(same_plain_value, was, now))
+    if isinstance(was, bool) or isinstance(now, bool):
+        return was is now
+    if isinstance(was, (int, float)) and isinstance(now, (int, float)):
+        return was == now or math.isclose(was, now, rel_tol=_PRECISION)
+    return was == now
+
+
+class Comparison(Struct, frozen=True):
+    """What differs between two stages, and which graph of one is which of the other."""
+
+    diff: StageDiff
+    pairs: StagePairs
+
+
+def compare_stages(before: Path, after: Path, lab: Lab) -> Comparison:
+    """Compare two stages as they are composed, payloads loaded.
+
+    Raises:
+        StageError: one of the files cannot be opened.
+    """
+    stages = [open_stage(path) for path in (before, after)]
+    was, now = (
+        read_model(stage, lab, str(path))
+        for stage, path in zip(stages, (before, after), strict=True)
+    )
+    pairs = pair_stages(was, now)
+    with stage_errors(f"{before} or {after}"):
+        scene = tuple(scene_changes(stages[0], stages[1], lab, pairs.path))
+    changes = [
+        *graph_changes(pairs, lab.catalog.graph),
+        *_stage_changes(was, now),
+        *scene,
+        *_topic_changes(was, now, lab, pairs),
+        *_frame_changes(was, now, lab),
+    ]
+    ordered = tuple(sorted(changes, key=_order))
+    return Comparison(StageDiff(str(before), str(after), ordered), pairs)
+
+
+def _order(change: StageChange) -> tuple[int, str, str, int]:
+    return (
+        PARTS.index(change.part), change.path, change.property, EDITS.index(change.edit),
+    )  # fmt: skip
+
+
+def _stage_changes(before: StageModel, after: StageModel) -> Iterator[StageChange]:
+    """Yield what differs of the stages as wholes: units, assets that are not found, animation."""
+    for name in ("up_axis", "meters_per_unit", "kilograms_per_unit"):
+        was, now = getattr(before, name), getattr(after, name)
+        if was != now:
+            yield StageChange("scene", "changed", "/", name, str(was), str(now))
+    absent = [{(each.prim, each.asset) for each in stage.unresolved} for stage in (before, after)]
+    for prim, asset in absent[0] - absent[1]:
+        yield StageChange("scene", "removed", prim, "asset not found", was=asset)
+    for prim, asset in absent[1] - absent[0]:
+        yield StageChange("scene", "added", prim, "asset not found", now=asset)
+    moves = [{(each.prim, each.property): each for each in s.moving} for s in (before, after)]
+    for key in moves[0].keys() | moves[1].keys():
+        told = [each[key].then if key in each else "" for each in moves]
+        if told[0] != told[1]:
+            yield StageChange("scene", "changed", key[0], f"{key[1]} (animated)", *told)
+
+
+def _topic_changes(
+    before: StageModel, after: StageModel, lab: Lab, pairs: StagePairs
+) -> Iterator[StageChange]:
+    """Yield the topics that came, went or are not what they were."""
+    ours = {(pairs.path(each.node.path), each.port): each for each in endpoints(before, lab)}
+    theirs = {(each.node.path, each.port): each for each in endpoints(after, lab)}
+    for place, was in ours.items():
+        if place not in theirs:
+            yield StageChange("topic", "removed", _name(was), was=_words(was))
+            continue
+        now, old = _facts(theirs[place]), _facts(was)
+        for fact in old:
+            if old[fact] != now[fact]:
+                name = _name(theirs[place])
+                yield StageChange("topic", "changed", name, fact, old[fact], now[fact])
+    for place, endpoint in theirs.items():
+        if place not in ours:
+            yield StageChange("topic", "added", _name(endpoint), now=_words(endpoint))
+
+
+def _name(endpoint: Endpoint) -> str:
+    return endpoint.topic or endpoint.written
+
+
+def _words(endpoint: Endpoint) -> str:
+    return f"{endpoint.node.path} {endpoint.direction} {endpoint.type or 'an unknown type'}"
+
+
+def _facts(endpoint: Endpoint) -> dict[str, str]:
+    return {
+        "name": _name(endpoint),
+        "type": endpoint.type or "unknown",
+        "frames": ", ".join(endpoint.frames) or "none",
+        "qos": "unknown" if endpoint.qos is None else str(endpoint.qos),
+        "rate": endpoint.rate if endpoint.runs else "never",
+    }
+
+
+def _frame_changes(before: StageModel, after: StageModel, lab: Lab) -> Iterator[StageChange]:
+    """Yield the transforms that came or went, as often as they did."""
+    ours, theirs = _transforms(before, lab), _transforms(after, lab)
+    for child, words in (ours - theirs).elements():
+        yield StageChange("frame", "removed", child, was=words)
+    for child, words in (theirs - ours).elements():
+        yield StageChange("frame", "added", child, now=words)
+
+
+def _transforms(stage: StageModel, lab: Lab) -> Counter[tuple[str, str]]:
+    edges = published_edges(stage, lab)
+    return Counter((each.child, f"{each.parent} -> {each.child} on {each.topic}") for each in edges)

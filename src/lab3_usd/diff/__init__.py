@@ -1,1 +1,0 @@
-"""Compares two stages in words of the lab."""

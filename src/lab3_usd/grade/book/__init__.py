@@ -1,1 +1,0 @@
-"""The gradebook and the reports of each student."""

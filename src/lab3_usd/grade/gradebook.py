@@ -1,0 +1,379 @@
+"""Writes the gradebook.
+
+A folder of reports for each student, then the tables of the whole class.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from lab3_usd.check.manual import rules_in
+from lab3_usd.errors import UsageError
+from lab3_usd.files import leftover_files, write_parts, write_whole
+from lab3_usd.grade.intake.submissions import StudentSubmission
+from lab3_usd.grade.rubric import COLUMNS, Item, Rubric
+from lab3_usd.grade.scoring import Grade, ItemGrade, State
+from lab3_usd.model.finding import Report
+from lab3_usd.report.formats.markdown import text
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.html.class_page import class_page
+from lab3_usd.report.html.model import GradeItem, GradeSummary
+from lab3_usd.report.options import NAME, Options, tool_version
+from lab3_usd.report.safe_text import safe_cell
+from lab3_usd.spec.load.loader import load_lab
+
+MOST_LOST = 12  # requirements named at one item: the findings name the rest
+
+
+def grade_sheet(rubric: Rubric, points: Grade, student: str, name: str) -> GradeSummary:
+    """Return the grade as the student's page shows it."""
+    graded = {each.id: each for each in points.items}
+    lost: dict[str, list[str]] = {}
+    for each in points.lost:
+        part, slash, _ = each.requirement.partition("/")
+        lost.setdefault(each.item, []).append(f"{part}: {each.title}" if slash else "")
+    items = (
+        _item(item, graded, rubric, list(filter(None, lost.get(item.id, ()))))
+        for item in rubric.items
+    )
+    return GradeSummary(
+        title=rubric.title,
+        student=student,
+        name=name,
+        earned=points.earned,
+        possible=points.possible,
+        percent=points.percent,
+        because=points.because,
+        items=tuple(items),
+    )
+
+
+def _item(
+    item: Item, graded: Mapping[str, ItemGrade], rubric: Rubric, lost: list[str]
+) -> GradeItem:
+    own = graded[item.id]
+    return GradeItem(
+        title=item.title,
+        state=own.state,
+        earned=own.earned,
+        possible=own.possible,
+        points=item.points,
+        why=tuple(_why(item, graded, rubric)),
+        lost=tuple(lost[:MOST_LOST]),
+        more=max(len(lost) - MOST_LOST, 0),
+    )
+
+
+def _why(item: Item, graded: Mapping[str, ItemGrade], rubric: Rubric) -> Iterator[str]:
+    own = graded[item.id]
+    if item.optional:
+        yield "extra points: nothing is lost where they are missing"
+    yield from _of_state(item, own.state)
+    if own.blocked:
+        yield _blocked(item, graded, rubric)
+    if own.because in {cap.because for cap in rubric.caps}:
+        yield f"limited: {own.because}"
+
+
+def _of_state(item: Item, state: State) -> Iterator[str]:
+    if state == "missing":
+        yield f"no stage of checkpoint {item.checkpoint} was found"
+    elif state == "unreadable":
+        yield f"the stage of checkpoint {item.checkpoint} cannot be opened"
+    elif state == "open":
+        yield f"for a person to judge: {item.checklist}"
+    elif state == "none" and item.checklist:
+        yield f"not met: {item.checklist}"
+    elif state == "none" and not item.partial:
+        yield "all or nothing"
+
+
+def _blocked(item: Item, graded: Mapping[str, ItemGrade], rubric: Rubric) -> str:
+    """Say how much of the item does not count, and which item has cost points for it already."""
+    titles = {each.id: each.title for each in rubric.items if graded[each.id].state != "full"}
+    stands_on = ", ".join(titles[name] for name in item.needs if name in titles)
+    amount = f"{graded[item.id].blocked:g} of {item.points:g} points do not count"
+    if stands_on:
+        return f"blocked by {stands_on}: {amount}"
+    return f"blocked by faults that cost points above: {amount}"
+
+
+HTML, JSON, GRADESCOPE = "report.html", "report.json", "results.json"
+
+
+def write_reports(report: Report, rubric: Rubric, points: Grade, name: str) -> dict[str, str]:
+    """Return the texts of the report files by name; `name` is the student's, where it is known."""
+    student = report.submissions[0].path if report.submissions else ""
+    summary = grade_sheet(rubric, points, student, name)
+    return {
+        HTML: render("html", report, rules_in(load_lab()), Options(grade=summary)),
+        JSON: render("json", report, None, Options()),
+        GRADESCOPE: gradescope(report, rubric, points),
+    }
+
+
+def gradescope(report: Report, rubric: Rubric, points: Grade) -> str:
+    """Return a Gradescope result: a test for each item of the rubric, with its points.
+
+    What the checker says of the groups that an item is about goes into the item's test.
+    """
+    document = json.loads(render("gradescope", report, None, Options()))
+    said = {test["name"]: test["output"] for test in document["tests"]}
+    graded = {each.id: each for each in points.items}
+    tests = [_test(item, graded[item.id], rubric, said) for item in rubric.items]
+    tests += [{"name": name, "output": output} for name, output in said.items() if output]
+    document["score"] = points.earned
+    document["tests"] = tests
+    return json.dumps(document, indent=2) + "\n"
+
+
+def _test(item: Item, graded: ItemGrade, rubric: Rubric, said: dict[str, str]) -> Mapping[str, Any]:
+    groups = dict.fromkeys(each.group for each in rubric.asked[item.id])
+    names = [f"Checkpoint {item.checkpoint}: {group}" for group in groups]
+    blocks = [said.pop(name, "") for name in names]
+    if graded.state in {"missing", "unreadable", "blocked"} or graded.because:
+        because = f": {graded.because}" if graded.because else ""
+        blocks.insert(0, text(f"{graded.state}{because}"))
+    return {
+        "name": item.title,
+        "score": graded.earned,
+        "max_score": graded.possible,
+        "status": "passed" if graded.state == "full" else "failed",
+        "visibility": item.visibility,
+        "output": "\n\n".join(block for block in blocks if block),
+    }
+
+
+STUDENTS, RESULT = "students", "result.json"
+CSV, GRADEBOOK_JSON, PAGE = "grades.csv", "grades.json", "index.html"
+FINISHED = ("graded", "empty", "unreadable")  # the other ways to end may go better next time
+_TABLES = (CSV, GRADEBOOK_JSON, PAGE)
+_FILES = (HTML, JSON, GRADESCOPE, RESULT)
+_VERSION = 1
+# What desktops and spreadsheet programs leave in a folder that somebody looked into.
+_LITTER = (".ds_store", "thumbs.db", "desktop.ini", ".directory", "._*", ".~lock.*#", "~$*")
+Row = dict[str, Any]
+
+
+def check_target(out: Path, *, resume: bool) -> None:
+    """Refuse to grade into a folder that holds something else, or a gradebook without `--resume`.
+
+    Halves of files, from a run that was killed as it wrote them, are removed.
+
+    Raises:
+        UsageError: the folder is in use, or is no folder.
+    """
+    if not out.exists():
+        return
+    if not out.is_dir():
+        message = f"{out}: is not a folder; choose another one for -o"
+        raise UsageError(message)
+    half = leftover_files(out, _TABLES)
+    holds = {path.name for path in out.iterdir() if not _is_litter(path)} - {
+        path.name for path in half
+    }
+    if (holds or half) and not resume:
+        message = f"{out}: is not empty; choose another folder, or give --resume to go on with it"
+        raise UsageError(message)
+    foreign = sorted(holds - {STUDENTS, *_TABLES})
+    if foreign:
+        message = f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
+        raise UsageError(message)
+    students = out.glob(f"{STUDENTS}/*/")
+    _remove([*half, *(path for each in students for path in leftover_files(each, _FILES))])
+
+
+def _is_litter(path: Path) -> bool:
+    return any(fnmatchcase(path.name.lower(), pattern) for pattern in _LITTER)
+
+
+def _remove(files: Iterable[Path]) -> None:
+    try:
+        for path in files:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        message = f"{error.filename} cannot be removed ({error.strerror})"
+        raise UsageError(message) from error
+
+
+def known_digest(out: Path, submission: StudentSubmission, salt: str, items: Sequence[str]) -> str:
+    """Return the digest of what was judged before under the same conditions, '' for nothing.
+
+    `items` are those of the rubric, each of which a result has.
+    """
+    row = read_result(out, submission)
+    if row is None or row.get("salt") != salt or row.get("status") not in FINISHED:
+        return ""
+    of_now = {"late": submission.late, "student": submission.student, "name": submission.name}
+    if any(row.get(key) != of_now[key] for key in of_now) or not _is_whole(row, items):
+        return ""
+    folder = out / STUDENTS / submission.folder
+    if not all((folder / name).is_file() for name in _reports(row)):
+        return ""
+    return str(row.get("digest", ""))
+
+
+class _Recorded(Grade, frozen=True, kw_only=True):
+    """What the tables need of a result, which somebody may have edited."""
+
+    reason: str
+    digest: str
+    verdicts: dict[str, str]
+    crashes: list[str]
+    unconfined: tuple[str, ...] = ()
+
+
+def _is_whole(row: Row, items: Sequence[str]) -> bool:
+    try:
+        recorded = msgspec.convert(row, _Recorded)
+    except msgspec.ValidationError:
+        return False
+    return [item.id for item in recorded.items] == list(items)
+
+
+def _reports(row: Row) -> Iterator[str]:
+    """Yield the names of the reports of a student, of a result that somebody may have edited."""
+    names = row.get("reports")
+    return (str(name) for name in (names if isinstance(names, list) else ["no report"]))
+
+
+def read_result(out: Path, submission: StudentSubmission) -> Row | None:
+    """Return what was recorded of a student, None where nothing was or it cannot be read."""
+    try:
+        row = json.loads((out / STUDENTS / submission.folder / RESULT).read_bytes())
+    except (OSError, ValueError):
+        return None
+    return row if isinstance(row, dict) and row.get("version") == _VERSION else None
+
+
+def write_student(
+    out: Path, submission: StudentSubmission, salt: str, answer: Mapping[str, Any]
+) -> None:
+    """Write a student's reports, and last the result, which says that the rest is complete.
+
+    The result of before goes first: it says nothing of reports that are written anew.
+    """
+    folder = out / STUDENTS / submission.folder
+    _remove([folder / RESULT])
+    for name, contents in sorted(answer["reports"].items()):
+        write_whole(folder / name, contents.encode("utf-8", "replace"), force=True)
+    row = {
+        "version": _VERSION,
+        "student": submission.student,
+        "name": submission.name,
+        "folder": submission.folder,
+        "late": submission.late,
+        "salt": salt,
+        **{key: value for key, value in answer.items() if key != "reports"},
+        "reports": sorted(answer["reports"]),
+    }
+    write_whole(folder / RESULT, _json(row), force=True)
+
+
+def _json(document: Any) -> bytes:  # noqa: ANN401 - whatever JSON holds
+    return (json.dumps(document, indent=1) + "\n").encode()
+
+
+class Rows(Sized, Iterable[Row]):
+    """The rows of a gradebook, in the order of the students; read from its files as they pass by.
+
+    A class may be large: its rows are never in memory all at once.
+    """
+
+    def __init__(self, out: Path, submissions: Iterable[StudentSubmission]) -> None:
+        """Find the students of whom there is a result."""
+        self._out = out
+        self._submissions = tuple(
+            each for each in submissions if read_result(out, each) is not None
+        )
+
+    def __len__(self) -> int:
+        """Return how many students there are."""
+        return len(self._submissions)
+
+    def __iter__(self) -> Iterator[Row]:
+        """Yield one row after the other."""
+        for each in self._submissions:
+            row = read_result(self._out, each)
+            if row is not None:
+                yield row
+
+
+def write_tables(out: Path, submissions: Iterable[StudentSubmission], rubric: Rubric) -> Rows:
+    """Write the tables and the page of the class from the students' results, and return those."""
+    rows = Rows(out, submissions)
+    page = class_page(rubric.title, _columns(rubric), rows)
+    write_parts(out / CSV, _csv(rows, rubric), force=True)
+    write_parts(out / GRADEBOOK_JSON, _document(rows, rubric), force=True)
+    write_parts(out / PAGE, (part.encode() for part in page), force=True)
+    return rows
+
+
+def _columns(rubric: Rubric) -> list[Row]:
+    return [
+        {"id": item.id, "title": item.title, "points": item.points, "optional": item.optional}
+        for item in rubric.items
+    ]
+
+
+def _csv(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
+    """Yield the lines of the table of grades; they end in CR LF, and no cell is a formula."""
+    names = [item.id for item in rubric.items]
+    yield _line(map(safe_cell, [*COLUMNS[:-1], *names, COLUMNS[-1]]))
+    for row in rows:
+        earned = {item["id"]: item for item in row["items"]}
+        cells = [row["student"], row["name"], row["status"], "yes" if row["late"] else ""]
+        cells += [_number(row[key]) for key in ("earned", "possible", "percent")]
+        cells += [_cell(earned[name]) for name in names]
+        yield _line(map(safe_cell, [*cells, _remarks(row)]))
+
+
+def _line(cells: Iterable[str]) -> bytes:
+    line = io.StringIO(newline="")
+    csv.writer(line).writerow(cells)
+    return line.getvalue().encode("utf-8", "replace")
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _cell(item: Row) -> str:
+    """Return an item's points; blocked and open items have none."""
+    return "" if item["state"] in {"blocked", "open"} else _number(item["earned"])
+
+
+def _remarks(row: Row) -> str:
+    remarks = [row["reason"], *row["because"]]
+    for item in row["items"]:
+        named = item["state"] in {"missing", "unreadable", "blocked", "open"}
+        why = item["state"] if named else item["because"]
+        remarks.append(f"{item['id']}: {why}" if why else "")
+    return "; ".join(filter(None, remarks))
+
+
+def _document(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
+    """Yield the gradebook as JSON, each student on a line."""
+    head = {
+        "version": _VERSION,
+        "tool": {"name": NAME, "version": tool_version()},
+        "title": rubric.title,
+        "points": rubric.points,
+        "items": _columns(rubric),
+        "unconfined": sorted({name for row in rows for name in row.get("unconfined", [])}),
+    }
+    yield json.dumps(head, indent=1).removesuffix("\n}").encode() + b',\n "students": ['
+    between = b"\n"
+    for row in rows:
+        shown = {key: row[key] for key in row if key not in {"version", "salt"}}
+        yield between + b"  " + json.dumps(shown).encode()
+        between = b",\n"
+    yield b"\n ]\n}\n"

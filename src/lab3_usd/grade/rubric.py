@@ -1,0 +1,342 @@
+"""What each part of the lab is worth: the rubric as plain data, loaded and checked."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Collection, Iterator, Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct, field, to_builtins
+from msgspec.structs import replace
+
+from lab3_usd.check.checker import judge
+from lab3_usd.check.registry import all_rules
+from lab3_usd.errors import SpecError
+from lab3_usd.model.finding import REQUIREMENT_KINDS, Requirement
+from lab3_usd.model.stage import StageModel
+from lab3_usd.spec.contradictions.names import LabFault
+from lab3_usd.spec.contradictions.references import RULES
+from lab3_usd.spec.lab import CHECKPOINTS, RUBRIC, SUBMISSION, Lab
+from lab3_usd.spec.submission import ChecklistSpec
+from lab3_usd.spec.yaml_file import read_foreign_yaml, read_yaml, record, records
+
+# The columns of the table of grades that are no items; the last stands behind the items.
+COLUMNS = ("student", "name", "status", "late", "earned", "possible", "percent", "remarks")
+Visibility = Literal["visible", "hidden", "after_due_date", "after_published"]
+Points = Annotated[float, Meta(ge=0.001, le=1e6)]  # so that sums and shares stay sane numbers
+Share = Annotated[float, Meta(ge=0, le=1)]
+
+
+class Item(Struct, frozen=True, forbid_unknown_fields=True):
+    """One line of the gradebook: points for requirements of a checkpoint, or for a checklist line.
+
+    `groups` and `requirements` are patterns of requirement groups and ids; `checklist` is the
+    text of a line of the handout's checklists. `needs` names the items that this one stands on.
+    """
+
+    id: str
+    title: str
+    points: Points
+    checkpoint: str = ""
+    groups: tuple[str, ...] = ("*",)
+    requirements: tuple[str, ...] = ("*",)
+    checklist: str = ""
+    partial: bool = True
+    optional: bool = False
+    needs: tuple[str, ...] = ()
+    visibility: Visibility = "visible"
+
+    def asks(self, requirement: Requirement) -> bool:
+        """Whether the requirement, of this item's checkpoint, is one of this item's."""
+        return any(fnmatchcase(requirement.group, each) for each in self.groups) and any(
+            fnmatchcase(requirement.id, each) for each in self.requirements
+        )
+
+
+class Cap(Struct, frozen=True, forbid_unknown_fields=True):
+    """An error of one of `rules` limits `items` (all where none is named) to a share.
+
+    `checkpoints` are patterns of those in whose stages an error counts; where there are none it
+    is the item's own, and any for an item of the handout's checklists.
+    """
+
+    rules: tuple[str, ...]
+    at_most: Share
+    because: str
+    items: tuple[str, ...] = ()
+    checkpoints: tuple[str, ...] = ()
+
+    def looks_at(self, number: str, item: Item) -> bool:
+        """Whether an error in the stage of this checkpoint limits the item."""
+        if self.checkpoints:
+            return any(fnmatchcase(number, each) for each in self.checkpoints)
+        return item.checkpoint in {"", number}
+
+
+class Late(Struct, frozen=True, forbid_unknown_fields=True):
+    """What a late submission may earn, and who was late beside those that the names tell."""
+
+    at_most: Share = 1.0
+    students: tuple[str, ...] = ()
+
+
+class Rubric(Struct, frozen=True):
+    """Everything that a rubric file says.
+
+    `asked` holds the requirements of each item, none of them met. `digest` tells two rubrics
+    apart.
+    """
+
+    title: str
+    digest: str
+    weights: Mapping[str, float]
+    items: tuple[Item, ...]
+    caps: tuple[Cap, ...] = ()
+    late: Late = field(default_factory=Late)
+    asked: Mapping[str, tuple[Requirement, ...]] = field(default_factory=dict)
+
+    @property
+    def points(self) -> float:
+        """The points there are without the optional ones."""
+        return sum(item.points for item in self.items if not item.optional)
+
+
+def load_items(
+    data: Mapping[str, Mapping[str, Any]],
+    asked: Mapping[str, tuple[Requirement, ...]],
+    lines: Collection[str],
+    where: str,
+) -> tuple[Item, ...]:
+    """Return the items of a rubric in their order.
+
+    `asked` is everything that each checkpoint asks for, `lines` are the texts of the checklists.
+
+    Raises:
+        SpecError: there is none, or one is wrong; the line names it, and opens with `where`.
+    """
+    if not data:
+        message = f"{where}: 'items' is empty; a rubric needs at least one"
+        raise SpecError(message)
+    items = records(data, Item, where, "id")
+    for name, item in items.items():
+        _check_name(name, where)
+        place = f"{where}: {name}"
+        if bool(item.checkpoint) == bool(item.checklist):
+            message = f"{place}: give either 'checkpoint' or 'checklist'"
+            raise SpecError(message)
+        _check_needs(item, tuple(data), place)
+        if item.checklist:
+            _check_line(item, lines, place)
+        else:
+            _check_requirements(item, asked, place)
+    return tuple(items.values())
+
+
+def one_of(value: str, known: Collection[str], place: str) -> None:
+    """Refuse a value that is not one of the `known`.
+
+    Raises:
+        SpecError: it is not; the message names them.
+    """
+    if value not in known:
+        message = f"{place}: {value!r} is not known; known are {', '.join(known)}"
+        raise SpecError(message)
+
+
+def _check_name(name: str, where: str) -> None:
+    """Refuse what can head no column of the table of grades."""
+    if not name or not name.isprintable() or name != name.strip():
+        message = f"{where}: items: {name!r} is no name for an item"
+        raise SpecError(message)
+    if name.casefold() in COLUMNS:
+        message = f"{where}: items: '{name}' is a column of grades.csv; choose another name"
+        raise SpecError(message)
+
+
+def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
+    """Refuse what does not stand above: an item is judged after those that it needs."""
+    above = names[: names.index(item.id)]
+    for name in item.needs:
+        if name in above:
+            continue
+        why = f"no item is called that; those above are {', '.join(above) or 'none'}"
+        if name == item.id:
+            why = "which is the item itself"
+        elif name in names:
+            why = (
+                f"which stands below it; an item may only need items above it, so move '{name}' up"
+            )
+        message = f"{place}: needs '{name}', {why}"
+        raise SpecError(message)
+
+
+def _check_line(item: Item, lines: Collection[str], place: str) -> None:
+    if item.checklist not in lines:
+        message = f"{place}: no checklist of the handout has the line '{item.checklist}'"
+        raise SpecError(message)
+
+
+def _check_requirements(
+    item: Item, asked: Mapping[str, tuple[Requirement, ...]], place: str
+) -> None:
+    one_of(item.checkpoint, asked, place)
+    there = asked[item.checkpoint]
+    for key, patterns in (("groups", item.groups), ("requirements", item.requirements)):
+        for pattern in patterns:
+            name = "group" if key == "groups" else "id"
+            if not any(fnmatchcase(getattr(each, name), pattern) for each in there):
+                groups = ", ".join(dict.fromkeys(each.group for each in there))
+                message = (
+                    f"{place}: '{pattern}' in '{key}' is nothing that checkpoint {item.checkpoint} "
+                    f"asks for; its groups are {groups}"
+                )
+                raise SpecError(message)
+    if not any(item.asks(requirement) for requirement in there):
+        message = f"{place}: its groups and requirements have nothing in common"
+        raise SpecError(message)
+
+
+class _RubricFile(Struct, forbid_unknown_fields=True):
+    title: str
+    items: dict[str, dict[str, Any]]
+    weights: dict[str, Points] = {}
+    caps: tuple[Cap, ...] = ()
+    late: Late = Late()
+
+
+def load_rubric(path: Path | None, lab: Lab) -> Rubric:
+    """Load the rubric at `path`, None for that of the lab.
+
+    Raises:
+        SpecError: the file is missing or wrong; the line names the item and the key.
+    """
+    file = path if path is not None else lab.folder / RUBRIC
+    if path is None and not file.is_file():
+        message = f"{lab.title} has no {RUBRIC}; name a rubric with --rubric"
+        raise SpecError(message)
+    data = read_yaml(file) if path is None else read_foreign_yaml(file)
+    where = file.name
+    said = record(data, _RubricFile, where)
+    asked = everything_asked(lab)
+    for kind in said.weights:
+        one_of(kind, REQUIREMENT_KINDS, f"{where}: weights")
+    lines = [line.text for line in lab.submission.checklist]
+    items = load_items(said.items, asked, lines, where)
+    for number, cap in enumerate(said.caps, start=1):
+        _check_cap(cap, said.items, asked, f"{where}: cap {number}")
+    rubric = Rubric(
+        title=said.title,
+        digest="",
+        weights=dict.fromkeys(REQUIREMENT_KINDS, 1.0) | said.weights,
+        items=items,
+        caps=said.caps,
+        late=said.late,
+        asked={
+            item.id: tuple(each for each in asked.get(item.checkpoint, ()) if item.asks(each))
+            for item in items
+        },
+    )
+    return replace(rubric, digest=_digest(rubric))
+
+
+def _digest(rubric: Rubric) -> str:
+    """Return what tells the rubric from others, the order of its items and caps included.
+
+    What the checkpoints ask for is no part of it: that is the lab's, not the rubric's.
+    """
+    said = to_builtins(replace(rubric, asked={}))
+    return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+
+
+def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
+    """Return every requirement of every checkpoint, as an empty stage leaves it: not met."""
+    empty = StageModel("", 1.0, 1.0, (), {})
+    return {
+        number: tuple(
+            Requirement(each.id, each.group, each.kind, each.title, met=False, handout=each.handout)
+            for each in judge(lab, checkpoint, empty).requirements
+        )
+        for number, checkpoint in lab.checkpoints.items()
+    }
+
+
+def _check_cap(cap: Cap, items: Collection[str], checkpoints: Collection[str], place: str) -> None:
+    """Refuse a cap that could limit nothing."""
+    if not cap.rules:
+        message = f"{place}: 'rules' is empty; name the rules whose errors limit the points"
+        raise SpecError(message)
+    for rule in cap.rules:
+        one_of(rule, all_rules(), place)
+    for name in cap.items:
+        one_of(name, items, place)
+    for pattern in cap.checkpoints:
+        if not any(fnmatchcase(number, pattern) for number in checkpoints):
+            one_of(pattern, checkpoints, place)
+
+
+_Asked = Mapping[str, tuple[Requirement, ...]]
+
+
+def scoring_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield what is wrong with the points and checklists of a lab, and what they leave out."""
+    for rule in lab.handout.rules:
+        if rule not in all_rules():
+            yield LabFault(
+                CHECKPOINTS, f"{RULES}: {rule}", "there is no such rule", "see lab3 rules"
+            )
+    asked = everything_asked(lab)
+    yield from _checklist_faults(lab, asked[lab.last])
+    if not (lab.folder / RUBRIC).is_file():
+        message = "is missing, so that lab3 grade needs --rubric"
+        yield LabFault(RUBRIC, "items", message, severity="warning")
+        return
+    try:
+        rubric = load_rubric(lab.folder / RUBRIC, lab)
+    except SpecError as error:
+        key, _, message = str(error).removeprefix(f"{RUBRIC}: ").rpartition(": ")
+        yield LabFault(RUBRIC, key or "items", message)
+        return
+    yield from _sections_without_points(lab, rubric, asked)
+
+
+def _checklist_faults(lab: Lab, asked: tuple[Requirement, ...]) -> Iterator[LabFault]:
+    for line in lab.submission.checklist:
+        key = f"checklist: {line.section}: '{line.text}'"
+        for pattern in line.requirements:
+            if not any(fnmatchcase(each.id, pattern) for each in asked):
+                message = f"'{pattern}' fits no requirement of checkpoint {lab.last}"
+                groups = ", ".join(dict.fromkeys(each.group for each in asked))
+                yield LabFault(SUBMISSION, f"{key}: requirements", message, f"groups: {groups}")
+        for rule in line.rules:
+            if rule not in all_rules():
+                message = f"there is no rule {rule}"
+                yield LabFault(SUBMISSION, f"{key}: rules", message, "see lab3 rules")
+
+
+def _sections_without_points(lab: Lab, rubric: Rubric, asked: _Asked) -> Iterator[LabFault]:
+    """Yield the sections of which no item counts any requirement."""
+    lines = {line.text: line for line in lab.submission.checklist}
+    paid = {each.handout for counted in rubric.asked.values() for each in counted}
+    for item in rubric.items:
+        line = lines.get(item.checklist)
+        paid |= _sections_of(line, asked[lab.last]) if line is not None else set()
+    first: dict[str | None, tuple[str, Requirement]] = {}
+    for checkpoint, requirements in asked.items():
+        for each in requirements:
+            first.setdefault(each.handout, (checkpoint, each))
+    for section, (checkpoint, requirement) in first.items():
+        if section not in paid:
+            message = f"no item counts section {section} of the handout"
+            other = f"checkpoint {checkpoint} asks for {requirement.id}"
+            yield LabFault(RUBRIC, "items", message, other, "warning")
+
+
+def _sections_of(line: ChecklistSpec, asked: tuple[Requirement, ...]) -> set[str | None]:
+    return {
+        each.handout
+        for each in asked
+        if any(fnmatchcase(each.id, pattern) for pattern in line.requirements)
+    }

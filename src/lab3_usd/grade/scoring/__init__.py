@@ -1,1 +1,0 @@
-"""Points, by the rubric."""

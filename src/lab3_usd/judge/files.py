@@ -1,0 +1,275 @@
+"""Judges the files of a submission beside its stages.
+
+Maps, parameters, saved outputs, recordings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from importlib.util import find_spec
+from pathlib import Path, PurePosixPath
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.rule_runs import RuleResults, merge_results, run_family
+from lab3_usd.errors import Lab3Error, RecordingError
+from lab3_usd.lab.evidence.reader import read_listed
+from lab3_usd.lab.maps import MapFrame, agreement, draw_map, find_map, map_subject, read_pgm
+from lab3_usd.lab.nav2 import read_params
+from lab3_usd.lab.submission import find_parameter_files, folder_named
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.folder import (
+    Agreement,
+    Entry,
+    Evidence,
+    EvidenceSubject,
+    Listing,
+    MapSubject,
+    RecordingShown,
+)
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.ros import MapFacts, RosSpec
+from lab3_usd.spec.submission import SubmissionSpec, named_checkpoint
+
+MOST = 12  # recordings
+MOST_BYTES = 512_000_000  # of all of them
+MESSAGES = 200_000  # of one
+LISTED = 600_000  # transforms and goals in them
+LARGEST_FILE = 512_000_000  # bytes that one may unpack to
+UNPACKED = 1_000_000_000  # bytes that the parts of one may unpack to
+_ENDINGS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
+_METADATA = "metadata.yaml"
+
+
+def opens_all(_name: str) -> str:
+    """Have nothing against opening a recording."""
+    return ""
+
+
+def read_recordings(
+    root: Path, entries: Sequence[Entry], until: tuple[Lab, str], may_open: Callable[[str], str]
+) -> tuple[RecordingShown, ...]:
+    """Judge each recording by what was recorded, at the checkpoint in its name, or the last.
+
+    `may_open` is told of each before it is opened, and says why it is not to be.
+    """
+    return tuple(_shown(root, entries, until, may_open))
+
+
+def _shown(
+    root: Path, entries: Sequence[Entry], until: tuple[Lab, str], may_open: Callable[[str], str]
+) -> Iterator[RecordingShown]:
+    room = MOST_BYTES
+    for number, files in enumerate(_recordings(entries)):
+        name = files[0].path
+        refused = next((each.why_not for each in files if each.why_not), "")
+        if refused:
+            yield RecordingShown(name, unread=refused)
+        elif find_spec("rosbags") is None:
+            yield RecordingShown(name, unread="needs the extra lab3-usd[sim]", for_lack=True)
+        else:
+            room -= sum((root / each.path).stat().st_size for each in files)
+            if room < 0 or number >= MOST:
+                most = f"{MOST} recordings of {MOST_BYTES // 10**6} MB in all are read"
+                yield RecordingShown(name, unread=f"no more than {most}")
+                return
+            refused = may_open(name)
+            yield RecordingShown(name, unread=refused) if refused else _judged(root, files, until)
+
+
+def _recordings(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
+    """Yield the files of each recording: a folder with metadata is one, else each file is one."""
+    folders: dict[str, list[Entry]] = {}
+    for each in entries:
+        if each.name == _METADATA or each.name.endswith(_ENDINGS):
+            folders.setdefault(each.folder, []).append(each)
+    for inside in folders.values():
+        files = [each for each in inside if each.name != _METADATA]
+        if files and len(files) < len(inside):
+            yield [*files, *(each for each in inside if each.name == _METADATA)]
+        else:
+            yield from ([each] for each in files)
+
+
+def _judged(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> RecordingShown:
+    from lab3_usd.sim.bag.files import Bounds, layout_of  # noqa: PLC0415 - of the extra
+    from lab3_usd.sim.bag.judge import judge_what_came  # noqa: PLC0415
+
+    lab, last = until
+    name = files[0].path
+    parts = reversed(PurePosixPath(name).parts)
+    known = (named_checkpoint(each, lab.files) for each in parts)
+    bounds = Bounds(MESSAGES, LISTED, LARGEST_FILE, UNPACKED)
+    try:
+        layout = layout_of([root / each.path for each in files])
+        found = judge_what_came(layout, bounds, lab, next(filter(None, known), last))
+    except (RecordingError, OSError) as error:
+        return RecordingShown(name, unread=str(error).replace(f"{root}/", ""))
+    frames = {name for each in found.frames for name in (each.parent, each.child)}
+    topics = frozenset(each.name for each in found.topics)
+    return RecordingShown(name, topics, frozenset(frames), found.checks)
+
+
+class FolderContents(Struct, frozen=True):
+    """A submission folder, the files that it holds, and what they are judged by."""
+
+    root: Path
+    listing: Listing
+    lab: Lab
+    ros: RosSpec
+    spec: SubmissionSpec
+
+    @property
+    def usable(self) -> list[str]:
+        """The paths of the files that may be opened."""
+        return [entry.path for entry in self.listing.entries if not entry.why_not]
+
+    @property
+    def refused(self) -> frozenset[str]:
+        """The paths of the files that are never opened."""
+        return frozenset(entry.path for entry in self.listing.entries if entry.why_not)
+
+
+def judge_maps(contents: FolderContents, maps: Path | None, stage: Path | None) -> RuleResults:
+    """Judge the map of the submission, or of the folder `maps`; with a stage, also its walls."""
+    facts = contents.lab.scene.map
+    if facts is None:
+        return RuleResults()
+    if maps is not None:
+        subject = map_subject(find_map(maps, facts), facts)
+        return run_family(
+            "maps", "M", _with_walls(subject, maps, stage, contents.lab), contents.lab
+        )
+    path = _map_path(contents, facts)
+    if path is not None and path.relative_to(contents.root).as_posix() in contents.refused:
+        return RuleResults()
+    subject = map_subject(path, facts, root=contents.root)
+    if subject.image_file in contents.refused:
+        return RuleResults()
+    return run_family(
+        "maps", "M", _with_walls(subject, contents.root, stage, contents.lab), contents.lab
+    )
+
+
+def _map_path(contents: FolderContents, facts: MapFacts) -> Path | None:
+    """Return where the map is or should be.
+
+    None for a bare folder of stages without one, and before a stage that needs it is handed in.
+    """
+    name = folder_named(contents.root, contents.spec.folders.maps)
+    if name:
+        return find_map(contents.root / name, facts)
+    if facts.yaml in contents.usable:
+        return contents.root / facts.yaml
+    stages = [contents.lab.checkpoints[each] for each in contents.listing.stages]
+    is_due = not stages or any(each.localization for each in stages)
+    if not is_due or not contents.listing.stage_folder:
+        return None
+    return contents.root / contents.spec.folders.maps / facts.yaml
+
+
+def _with_walls(subject: MapSubject, root: Path, stage: Path | None, lab: Lab) -> MapSubject:
+    facts = subject.facts
+    if stage is None or subject.size != (facts.width, facts.height):
+        return subject
+    figures = _wall_agreements(stage, root / subject.image_file, facts, lab)
+    return replace(subject, agreements=figures)
+
+
+def _wall_agreements(
+    stage_path: Path, image: Path, facts: MapFacts, lab: Lab
+) -> tuple[Agreement, ...]:
+    """Compare a map with the one that the stage's walls give.
+
+    Nobody says whether the map's frame is the world's or begins where the robot starts, so both
+    are tried. What cannot be compared gives no figure.
+    """
+    try:
+        return tuple(_agreements(stage_path, image, facts, lab))
+    except Lab3Error:
+        return ()
+
+
+def _agreements(stage_path: Path, image: Path, facts: MapFacts, lab: Lab) -> Iterator[Agreement]:
+    from lab3_usd.stage.read.opening import (  # noqa: PLC0415 - pxr, only when it is needed
+        open_stage,
+    )
+    from lab3_usd.stage.slices import SliceOptions, slice_stage  # noqa: PLC0415
+
+    robot = lab.scene.robot
+    if not lab.lidar_link:
+        return
+    cut = slice_stage(open_stage(stage_path), SliceOptions(robot.path, lab.lidar_link))
+    if cut.robot is None or not cut.segments:
+        return
+    grid = read_pgm(image)
+    start_x, start_y, _ = robot.pose.translate
+    guesses = {"the world's": (0.0, 0.0), "the robot's start": (start_x, start_y)}
+    for about, (x, y) in guesses.items():
+        corner = (facts.origin_x + x, facts.origin_y + y)
+        frame = MapFrame(facts.resolution, corner, facts.width, facts.height)
+        drawn = draw_map(frame, cut.segments, cut.robot)
+        yield Agreement(agreement(grid, drawn.grid), f"with the origin at {about}")
+
+
+def judge_parameters(contents: FolderContents) -> RuleResults:
+    """Judge every file of the submission that holds parameters of ROS 2 nodes."""
+    usable = [entry for entry in contents.listing.entries if not entry.why_not]
+    runs = []
+    if contents.ros.navigation is None:
+        return RuleResults()
+    for path in find_parameter_files(contents.root, usable, contents.spec.folders):
+        subject = read_params(
+            contents.root / path, contents.ros, contents.lab.frames, contents.root
+        )
+        runs.append(run_family("navigation", "V", subject, contents.lab))
+    return merge_results(runs)
+
+
+def read_saved_outputs(contents: FolderContents) -> Evidence:
+    """Read the saved output of the running system."""
+    names = [folder_named(contents.root, name) or name for name in contents.spec.folders.shown]
+    return read_listed(contents.root, contents.usable, names, contents.ros)
+
+
+def judge_saved_outputs(
+    contents: FolderContents, evidence: Evidence, until: str, *, required: bool
+) -> RuleResults:
+    """Judge the saved output, up to what the checkpoint `until` asks for."""
+    subject = EvidenceSubject(
+        ros=contents.ros,
+        frames=contents.lab.frames,
+        facts=contents.lab.scene.map,
+        evidence=evidence,
+        reached=contents.lab.until(until),
+        required=required,
+    )
+    return run_family("evidence", "E", subject, contents.lab)
+
+
+def map_findings(maps: Path, lab: Lab) -> tuple[Finding, ...]:
+    """Return what is wrong with the map of a folder, for the report of a single stage."""
+    facts = lab.scene.map
+    if facts is None:
+        return ()
+    found = run_family("maps", "M", map_subject(find_map(maps, facts), facts), lab)
+    return tuple(_at_stage(found.findings, maps))
+
+
+def lone_stage_notes(checkpoint: str, lab: Lab) -> tuple[Finding, ...]:
+    """Return the note that a stage of localization or navigation was checked without its map."""
+    facts = lab.scene.map
+    if facts is None or not lab.checkpoints[checkpoint].localization:
+        return ()
+    found = run_family("maps", "M", map_subject(None, facts), lab)
+    return tuple(_at_stage(found.findings, None))
+
+
+def _at_stage(findings: Iterable[Finding], maps: Path | None) -> Iterable[Finding]:
+    """Tell findings about files as findings about a stage, whose sites are prims."""
+    for each in findings:
+        layer = str(maps / each.prim) if maps is not None else None
+        yield replace(
+            each, prim="/", property=None, layer=layer, message=f"{each.prim}: {each.message}"
+        )

@@ -1,0 +1,450 @@
+"""Occupancy maps: their files as map_server reads them, as handed in, and drawn from segments."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+import yaml
+from msgspec import Struct
+
+from lab3_usd.errors import Lab3Error, UsageError
+from lab3_usd.lab.plain_yaml import load_plain
+from lab3_usd.model.folder import MapSubject
+from lab3_usd.spec.ros import MapFacts
+
+OCCUPIED, FREE, UNKNOWN = 0, 254, 205
+_WHITE = 255
+_OCCUPIED_THRESHOLD = 0.65
+_TWO_BYTES = 65535
+_MOST_CELLS = 10**8
+_MOST_DIGITS = 9
+GAP = rb"(?:\s|#[^\n]*\n)+"
+# One white space ends the header: in a binary file the next byte is a cell.
+_HEADER = re.compile(
+    rb"(?P<kind>P[25])"
+    + GAP
+    + rb"(?P<width>\d{1,9})"
+    + GAP
+    + rb"(?P<height>\d{1,9})"
+    + GAP
+    + rb"(?P<white>\d{1,9})(?:[ \t]*#[^\n]*)?\s"
+)
+
+
+class MapError(Lab3Error):
+    """A map file cannot be read, or two maps cannot be compared."""
+
+
+class MapFile(Struct, frozen=True):
+    """What a map's YAML says; `image` as written there, lengths in metres, the turn in radians."""
+
+    image: str
+    resolution: float
+    origin: tuple[float, float, float]
+    negate: int
+    occupied_thresh: float
+    free_thresh: float
+    mode: str = "trinary"
+
+
+class Grid(Struct, frozen=True):
+    """A map image: one byte for each cell, row 0 at the top."""
+
+    width: int
+    height: int
+    cells: bytes
+
+    def at(self, column: int, row: int) -> int:
+        """Return the grey value of a cell."""
+        return self.cells[row * self.width + column]
+
+    def occupied(self) -> Iterator[tuple[int, int]]:
+        """Yield (column, row) of the cells that map_server calls occupied, black being 1."""
+        for index, value in enumerate(self.cells):
+            if (_WHITE - value) / _WHITE > _OCCUPIED_THRESHOLD:
+                yield index % self.width, index // self.width
+
+
+def map_yaml(file: MapFile) -> str:
+    """Write a map's YAML in the order and form of the handout (4.2)."""
+    origin = ", ".join(f"{value:.10g}" for value in file.origin)
+    return (
+        f"image: {file.image}\n"
+        f"mode: {file.mode}\n"
+        f"resolution: {file.resolution:.10g}\n"
+        f"origin: [{origin}]\n"
+        f"negate: {file.negate}\n"
+        f"occupied_thresh: {file.occupied_thresh:.10g}\n"
+        f"free_thresh: {file.free_thresh:.10g}\n"
+    )
+
+
+def pgm(grid: Grid) -> bytes:
+    """Write a grid as a binary PGM."""
+    return b"P5\n%d %d\n%d\n" % (grid.width, grid.height, _WHITE) + grid.cells
+
+
+def read_pgm(path: Path) -> Grid:
+    """Read a PGM image, binary (P5) or text (P2), with comments; grey values become 0 to 255.
+
+    Raises:
+        MapError: the file cannot be read, is no PGM, or holds other cells than it announces.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        message = f"{path} cannot be read ({error.strerror})"
+        raise MapError(message) from error
+    header = _HEADER.match(data)
+    if header is None:
+        message = f"{path} is no PGM image, which begins with P5 or P2, width, height and white"
+        raise MapError(message)
+    width, height, white = (int(header[name]) for name in ("width", "height", "white"))
+    if not (0 < width * height <= _MOST_CELLS and 0 < white <= _TWO_BYTES):
+        message = f"{path}: no map has {width} x {height} cells and {white} shades of grey"
+        raise MapError(message)
+    body = data[header.end() :]
+    values = _binary(body, white) if header["kind"] == b"P5" else _decimal(body, path)
+    if len(values) < width * height:
+        message = f"{path}: {width} x {height} cells announced, only {len(values)} found"
+        raise MapError(message)
+    cells = values[: width * height]
+    if max(cells) > white:
+        message = f"{path}: a cell is {max(cells)}, but white is {white}"
+        raise MapError(message)
+    return Grid(width, height, bytes(value * _WHITE // white for value in cells))
+
+
+def _binary(body: bytes, white: int) -> Sequence[int]:
+    if white <= _WHITE:
+        return body
+    return [body[at] * 256 + body[at + 1] for at in range(0, len(body) - 1, 2)]
+
+
+def _decimal(body: bytes, path: Path) -> Sequence[int]:
+    words = re.sub(rb"#[^\n]*", b"", body).split()
+    if all(word.isdigit() and len(word) <= _MOST_DIGITS for word in words):
+        return [int(word) for word in words]
+    message = f"{path}: a text PGM (P2) holds only whole numbers"
+    raise MapError(message)
+
+
+def agreement(student: Grid, ours: Grid) -> float:
+    """Return the share of the student's occupied cells that lie within one cell of one of ours.
+
+    A cell's neighbours include the diagonal ones. A map without walls agrees with nothing: 0.
+
+    Raises:
+        MapError: the maps have different sizes.
+    """
+    if (student.width, student.height) != (ours.width, ours.height):
+        message = (
+            f"a map of {student.width} x {student.height} cells cannot be compared "
+            f"with one of {ours.width} x {ours.height}"
+        )
+        raise MapError(message)
+    near = {
+        (column + right, row + down)
+        for column, row in ours.occupied()
+        for right in (-1, 0, 1)
+        for down in (-1, 0, 1)
+    }
+    judged = [cell in near for cell in student.occupied()]
+    return sum(judged) / len(judged) if judged else 0.0
+
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+_NUMBER = rb"(\d{1,9})"
+_BITMAP = re.compile(rb"P[14]" + GAP + _NUMBER + GAP + _NUMBER + rb"\s")
+_COLOUR = re.compile(rb"P[36]" + GAP + _NUMBER + GAP + _NUMBER + GAP + _NUMBER + rb"\s")
+_ONE_BYTE = 255  # what is lighter than that takes two
+
+
+class _OtherImage(Struct, frozen=True):
+    """An image by its format, the endings that say so, and its size in cells."""
+
+    name: str
+    endings: tuple[str, ...]
+    width: int
+    height: int
+
+
+_TABS = re.compile(rb"(?<=[^\s])\t+")  # not those that a line begins with
+
+
+def find_map(folder: Path, facts: MapFacts) -> Path:
+    """Return the map YAML of a folder: the one with the handout's name, else the only one there."""
+    named = folder / facts.yaml
+    others = sorted(path for path in folder.glob("*.y*ml") if path.is_file())
+    return others[0] if not named.is_file() and len(others) == 1 else named
+
+
+def map_subject(yaml_path: Path | None, facts: MapFacts, root: Path | None = None) -> MapSubject:
+    """Read a map YAML and the image it names; None says that no map was handed in.
+
+    Files are named relative to `root`, by default the YAML's folder. What cannot be read is said in
+    the subject, not raised. The caller compares it with the walls of a stage.
+    """
+    if yaml_path is None:
+        return MapSubject(facts, given=False, file=facts.yaml)
+    base = root if root is not None else yaml_path.parent
+    file = _relative(yaml_path, base)
+    values, fault = _read(yaml_path)
+    image = values.get("image") if values is not None else None
+    if not isinstance(image, str) or not image:
+        return MapSubject(facts, given=True, file=file, values=values, fault=fault)
+    absolute = _is_absolute(image)
+    image_path = yaml_path.parent / (PureWindowsPath(image).name if absolute else image)
+    inside = _is_inside(image_path, base)
+    exists = inside and image_path.is_file()
+    shown = _image(image_path) if exists else _Image()
+    return MapSubject(
+        facts,
+        given=True,
+        file=file,
+        values=values,
+        image_file=_relative(image_path, base) if exists or (inside and not absolute) else "",
+        image_absolute=absolute,
+        image_exists=exists,
+        image_fault=shown.fault,
+        image_format=shown.format,
+        size=shown.size,
+    )
+
+
+def _is_absolute(image: str) -> bool:
+    """Whether a path holds for one computer only, whichever system that runs."""
+    windows = PureWindowsPath(image).is_absolute()
+    return windows or PurePosixPath(image).is_absolute() or image.startswith("~")
+
+
+def _is_inside(path: Path, base: Path) -> bool:
+    """Whether a path that somebody else wrote stays in the submission and can be asked for."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError):
+        return False
+    return path.resolve().is_relative_to(base.resolve())
+
+
+def _load(data: bytes) -> object:
+    """Read a YAML as map_server's yaml-cpp does, which takes a tab for a blank between words."""
+    try:
+        return load_plain(data)
+    except yaml.YAMLError:
+        if b"\t" not in data:
+            raise
+        return load_plain(_TABS.sub(b" ", data))
+
+
+def _read(path: Path) -> tuple[dict[str, object] | None, str | None]:
+    try:
+        data = _load(path.read_bytes())
+    except FileNotFoundError:
+        return None, "is not handed in"
+    except OSError as error:
+        return None, f"cannot be read ({error.strerror})"
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        mark = getattr(error, "problem_mark", None)
+        return None, "is not YAML" + (f", see line {mark.line + 1}" if mark is not None else "")
+    if not isinstance(data, dict):
+        return None, "holds no keys such as 'image' and 'resolution'"
+    return {str(key): value for key, value in data.items()}, None
+
+
+class _Image(Struct, frozen=True):
+    """What an image file shows."""
+
+    size: tuple[int, int] | None = None
+    fault: str | None = None
+    format: str = ""
+
+
+def _image(path: Path) -> _Image:
+    try:
+        grid = read_pgm(path)
+    except (MapError, OSError, ValueError) as error:
+        fault = str(error).replace(str(path), "").lstrip(": ")
+    else:
+        return _Image((grid.width, grid.height))
+    try:
+        other = _other_image(path.read_bytes())
+    except OSError:
+        other = None
+    if other is None:
+        return _Image(fault=f"{fault}; map_server cannot load it")
+    told = path.suffix.lower() in other.endings
+    return _Image((other.width, other.height), format="" if told else other.name)
+
+
+def _relative(path: Path, base: Path) -> str:
+    try:
+        return path.resolve().relative_to(base.resolve()).as_posix()
+    except (ValueError, OSError):
+        return path.as_posix()
+
+
+def _other_image(data: bytes) -> _OtherImage | None:
+    """Return what a file holds where it is a whole PNG, PPM or PBM image."""
+    if data.startswith(_PNG):
+        return _png(data)
+    for header, name, ending in ((_COLOUR, "PPM", ".ppm"), (_BITMAP, "PBM", ".pbm")):
+        found = header.match(data)
+        if found:
+            width, height, *white = (int(group) for group in found.groups())
+            image = _OtherImage(name, (ending, ".pnm"), width, height)
+            return image if _is_whole(data[:2], data[found.end() :], image, *white) else None
+    return None
+
+
+def _is_whole(kind: bytes, body: bytes, image: _OtherImage, white: int = 1) -> bool:
+    """Whether as many values stand after a header as it announces."""
+    cells = image.width * image.height
+    if cells == 0:
+        return False
+    if kind == b"P1":  # digits, which need no blanks between them
+        return sum(map(body.count, (b"0", b"1"))) >= cells
+    if kind == b"P3":
+        return len(body.split()) >= 3 * cells
+    if kind == b"P4":
+        return len(body) >= (image.width + 7) // 8 * image.height
+    return len(body) >= 3 * cells * (2 if white > _ONE_BYTE else 1)
+
+
+def _png(data: bytes) -> _OtherImage | None:
+    """Read the size of a PNG out of its first chunk; None unless its last one is there."""
+    chunks = dict(_chunks(data))
+    header = chunks.get(b"IHDR")
+    if header is None or b"IDAT" not in chunks or b"IEND" not in chunks:
+        return None
+    width, height = (int.from_bytes(data[header + at : header + at + 4], "big") for at in (0, 4))
+    return _OtherImage("PNG", (".png",), width, height)
+
+
+def _chunks(data: bytes) -> Iterator[tuple[bytes, int]]:
+    """Yield the name of each chunk that is whole, and where what it holds begins."""
+    at = len(_PNG)
+    while (end := at + 12 + int.from_bytes(data[at : at + 4], "big")) <= len(data):
+        yield data[at + 4 : at + 8], at + 8
+        at = end
+
+
+Point = tuple[float, float]
+# Arithmetic noise must not decide on which side of a cell's edge a wall stands.
+_DIGITS = 6
+
+
+class MapFrame(Struct, frozen=True):
+    """Where a map lies: the world's place of its lower left corner, in metres, and its cells."""
+
+    resolution: float
+    origin: Point
+    width: int
+    height: int
+
+    def to_cells(self, point: Point) -> Point:
+        """Return a point of the world in cells from the lower left corner."""
+        x, y = (
+            round((value - start) / self.resolution, _DIGITS)
+            for value, start in zip(point, self.origin, strict=True)
+        )
+        return (x, y)
+
+
+class DrawnMap(Struct, frozen=True):
+    """A map, and whether walls keep its free space from the edge."""
+
+    grid: Grid
+    closed: bool
+
+
+def draw_map(frame: MapFrame, segments: Sequence[tuple[Point, Point]], start: Point) -> DrawnMap:
+    """Draw the cells that the robot reaches as free and the walls around them as occupied.
+
+    The rest is unknown: a lidar sees neither the inside nor the back of a wall. The robot goes
+    from cell to cell over edges, not corners; a wall beside a free cell's corner is seen.
+
+    Raises:
+        UsageError: `start` lies outside the map or on a wall.
+    """
+    cells = bytearray([UNKNOWN]) * (frame.width * frame.height)
+    for begin, end in segments:
+        for column, row in _touched(frame, frame.to_cells(begin), frame.to_cells(end)):
+            cells[row * frame.width + column] = OCCUPIED
+    column, row = (math.floor(value) for value in frame.to_cells(start))
+    if not (0 <= column < frame.width and 0 <= row < frame.height):
+        message = f"the start {start} lies outside the map, give --start or another frame"
+        raise UsageError(message)
+    if cells[row * frame.width + column] == OCCUPIED:
+        message = f"the start {start} lies on a wall, give --start"
+        raise UsageError(message)
+    _flood(cells, frame.width, row * frame.width + column)
+    _forget_unseen(cells, frame.width)
+    rows = [cells[at : at + frame.width] for at in range(0, len(cells), frame.width)]
+    edge = rows[0] + rows[-1] + bytes(row[0] for row in rows) + bytes(row[-1] for row in rows)
+    grid = Grid(frame.width, frame.height, b"".join(bytes(row) for row in reversed(rows)))
+    return DrawnMap(grid, closed=FREE not in edge)
+
+
+def _touched(frame: MapFrame, begin: Point, end: Point) -> Iterator[tuple[int, int]]:
+    """Yield (column, row from below) of every cell that a segment passes through."""
+    (x0, y0), (x1, y1) = sorted((begin, end))
+    for column in range(max(0, math.floor(x0)), min(frame.width - 1, math.floor(x1)) + 1):
+        if x1 == x0:
+            low, high = y0, y1
+        else:
+            slope = (y1 - y0) / (x1 - x0)
+            at_left = y0 + slope * (max(column, x0) - x0)
+            at_right = y0 + slope * (min(column + 1, x1) - x0)
+            low, high = sorted((at_left, at_right))
+        first, last = max(0, _floor(low)), min(frame.height - 1, _floor(high))
+        yield from ((column, row) for row in range(first, last + 1))
+
+
+def _floor(value: float) -> int:
+    return math.floor(round(value, _DIGITS))
+
+
+def _flood(cells: bytearray, width: int, start: int) -> None:
+    """Turn the unknown cells that hang together with `start` into free ones, run by run."""
+    waiting = [start]
+    while waiting:
+        cell = waiting.pop()
+        if cells[cell] != UNKNOWN:
+            continue
+        row = cell - cell % width
+        left = cells.rfind(OCCUPIED, row, cell) + 1 or row
+        right = cells.find(OCCUPIED, cell, row + width)
+        right = row + width if right < 0 else right
+        cells[left:right] = bytes([FREE]) * (right - left)
+        for neighbours in (left - width, left + width):
+            if 0 <= neighbours < len(cells):
+                waiting.extend(_runs(cells, neighbours, neighbours + right - left))
+
+
+def _runs(cells: bytearray, begin: int, end: int) -> Iterator[int]:
+    """Yield one cell of each unknown run between two cells of a row."""
+    while (cell := cells.find(UNKNOWN, begin, end)) >= 0:
+        yield cell
+        begin = cells.find(OCCUPIED, cell, end)
+        if begin < 0:
+            return
+
+
+def _forget_unseen(cells: bytearray, width: int) -> None:
+    """Turn the occupied cells without a free neighbour into unknown ones."""
+    free = bytes([FREE])
+    cell = cells.find(OCCUPIED)
+    while cell >= 0:
+        row = cell - cell % width
+        left, right = max(row, cell - 1), min(row + width, cell + 2)
+        # The rows below and above; slices beyond the first and last row are empty.
+        near = [cells[max(0, left + step) : max(0, right + step)] for step in (-width, 0, width)]
+        if not any(free in part for part in near):
+            cells[cell] = UNKNOWN
+        cell = cells.find(OCCUPIED, cell + 1)

@@ -1,0 +1,145 @@
+"""Reads a parameter file of Nav2 as handed in, with the line of every value."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lab3_usd.errors import SpecError
+from lab3_usd.lab.plain_yaml import PlainLoader
+from lab3_usd.model.folder import NavigationSubject, Parameter, Refusal, kind_of
+from lab3_usd.spec.lab import FrameSpec
+from lab3_usd.spec.ros import RosSpec
+
+_PARAMETERS = "ros__parameters"
+_EXPONENT = re.compile(r"[-+]?\d+\.?\d*[eE][-+]?\d+")
+_ALIKE = re.compile(r"ros_*param(eter)?s?", re.IGNORECASE)
+
+
+def read_params(
+    path: Path, ros: RosSpec, frames: FrameSpec, root: Path | None = None
+) -> NavigationSubject:
+    """Read a parameter file; what cannot be read is said in the subject, not raised.
+
+    The file is named relative to `root`, by default its own folder.
+
+    Raises:
+        SpecError: the lab has no navigation.
+    """
+    base = root if root is not None else path.parent
+    try:
+        file = path.relative_to(base).as_posix()
+    except ValueError:
+        file = path.as_posix()
+    navigation = ros.navigation
+    if navigation is None:
+        message = "ros.yaml: 'navigation' is missing, so that parameters of Nav2 cannot be judged"
+        raise SpecError(message)
+    names = navigation.parameters.rewritten
+    try:
+        found = tuple(_found(path.read_bytes(), names))
+    except OSError as error:
+        return NavigationSubject(
+            ros, navigation, frames, file, fault=f"cannot be read ({error.strerror})"
+        )
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f", see line {mark.line + 1}" if mark is not None else ""
+        return NavigationSubject(ros, navigation, frames, file, fault=f"is not YAML{place}")
+    parameters = tuple(each for each in found if isinstance(each, Parameter))
+    refusals = tuple(each for each in found if isinstance(each, Refusal))
+    fault = None if found else f"has no '{_PARAMETERS}'"
+    return NavigationSubject(ros, navigation, frames, file, parameters, refusals, fault)
+
+
+def _found(data: bytes, rewritten: Sequence[str]) -> Iterator[Parameter | Refusal]:
+    loader = PlainLoader(data)
+    try:
+        root = loader.get_single_node()
+        repeated = _repeated(root)
+        if repeated is not None:
+            raise yaml.MarkedYAMLError(problem_mark=repeated.start_mark)
+        for each in _nodes(loader, root, ()):
+            why = _why_refused(each, rewritten) if isinstance(each, Parameter) else None
+            yield each
+            if why is not None and isinstance(each, Parameter):
+                yield Refusal(each.site, f"'{each.name}' {why}", each.line)
+    finally:
+        loader.dispose()
+
+
+def _why_refused(parameter: Parameter, rewritten: Sequence[str]) -> str | None:
+    """Say why the parser of ROS 2 refuses a value (rcl_yaml_param_parser/src/parse.c)."""
+    value = parameter.value
+    if value is None:
+        return None if parameter.last in rewritten else "has no value"
+    if not isinstance(value, list):
+        return None
+    if any(isinstance(each, list) for each in value):
+        return "is a list of lists"
+    kinds = list(dict.fromkeys(kind_of(each) or "nothing" for each in value))
+    return f"mixes {' and '.join(kinds)} in one list" if len(kinds) > 1 else None
+
+
+def _repeated(root: Any) -> Any:  # noqa: ANN401
+    """Return a node that the file repeats by an alias, which ROS 2 does not read either."""
+    seen: set[int] = set()
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, yaml.CollectionNode):
+            if id(node) in seen:
+                return node
+            seen.add(id(node))
+            for part in node.value:
+                waiting.extend(part if isinstance(part, tuple) else [part])
+    return None
+
+
+def _nodes(
+    loader: Any,  # noqa: ANN401
+    node: Any,  # noqa: ANN401
+    names: tuple[str, ...],
+) -> Iterator[Parameter | Refusal]:
+    """Find the parameters of every node; `names` are the namespaces and the node above them."""
+    for key, value in _pairs(node):
+        place, line = ".".join((*names, key)), value.start_mark.line + 1
+        inside = isinstance(value, yaml.MappingNode)
+        if key == _PARAMETERS or (inside and _ALIKE.fullmatch(key)):
+            if key != _PARAMETERS:
+                yield Refusal(place, f"'{key}' is no '{_PARAMETERS}'", line - 1)
+            elif not (inside and names):
+                yield Refusal(place, f"'{key}' needs a node above and values below it", line)
+            yield from _values(loader, value, ".".join(names), ())
+        elif inside:
+            yield from _nodes(loader, value, (*names, key.strip("/")))
+        else:
+            yield Refusal(place, f"'{key}' stands outside '{_PARAMETERS}'", line)
+
+
+def _values(loader: Any, node: Any, owner: str, names: tuple[str, ...]) -> Iterator[Parameter]:  # noqa: ANN401
+    for key, value in _pairs(node):
+        name = (*names, key)
+        if isinstance(value, yaml.MappingNode):
+            yield from _values(loader, value, owner, name)
+        else:
+            plain = _as_number(loader.construct_object(value, deep=True))
+            yield Parameter(owner, ".".join(name), plain, value.start_mark.line + 1)
+
+
+def _as_number(value: object) -> object:
+    """Return the number that a text is for ROS 2 and not for YAML 1.1: `5e-2` without a point."""
+    if isinstance(value, list):
+        return [_as_number(each) for each in value]
+    return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value
+
+
+def _pairs(node: Any) -> list[tuple[str, Any]]:  # noqa: ANN401
+    """Return names and nodes of a mapping; nothing of what is no mapping."""
+    if not isinstance(node, yaml.MappingNode):
+        return []
+    return [(str(key.value), value) for key, value in node.value if key.id == "scalar"]

@@ -1,0 +1,217 @@
+"""Fills the text templates.
+
+The script that saves diagnostics, and the files of localization and navigation.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+
+from lab3_usd.errors import UsageError
+from lab3_usd.files import write_whole
+from lab3_usd.lab.evidence.reader import MANIFEST
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.ros import Command, GoalSpec, RosSpec
+
+FOLDER = Path(__file__).resolve().parent / "templates"
+
+
+def fill_template(template: str, **values: object) -> str:
+    """Return the template with its values; a value that is missing is an error."""
+    import jinja2  # noqa: PLC0415 - the other commands start without it
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(FOLDER, encoding="utf-8"),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+        autoescape=False,  # noqa: S701 - YAML, Python and shell, not HTML
+    )
+    return environment.get_template(template).render(**values)
+
+
+SCRIPT = "collect.sh"
+RESULTS = "results"
+GOAL_FILE = "goal.txt"
+GOAL_POSE_FILE = "goal_pose.txt"
+DAEMON_FILE = "daemon.txt"
+ROBOT_BEFORE_FILE = "goal_robot_before.txt"
+BAG = "recording"
+# The topics of goals are hidden ones; images are large, and their info says when they came.
+_RECORD = ("ros2", "bag", "record", "--all", "--include-hidden-topics")
+_IMAGE = "sensor_msgs/msg/Image"
+
+
+def collect_script(lab: Lab) -> str:
+    """Return the script for the commands of `ros.yaml`, each with its time limit."""
+    ros = lab.ros
+    frames = next((each for each in ros.commands if each.kind.name == "view_frames"), None)
+    return fill_template(
+        "collect.sh.j2",
+        script=SCRIPT,
+        lab=lab.title,
+        results=next(iter(lab.submission.folders.shown), RESULTS),
+        navigation=ros.navigation is not None,
+        manifest=MANIFEST,
+        setup=shlex.quote(ros.system.setup),
+        domain=ros.system.domain,
+        distribution=ros.system.distribution,
+        commands=[_line(command) for command in ros.commands],
+        goal=None if ros.goal is None else _goal(ros, ros.goal),
+        no_goal=shlex.quote(f"{SCRIPT}: {lab.title} has no navigation goal to wait for"),
+        goal_file=GOAL_FILE,
+        pose_file=GOAL_POSE_FILE,
+        daemon_file=DAEMON_FILE,
+        robot_before=ROBOT_BEFORE_FILE,
+        bag=BAG,
+        record_bag=shlex.join([*_RECORD, *_without_images(ros)]),
+        frames=None if frames is None else _frames(frames),
+    )
+
+
+def _without_images(ros: RosSpec) -> list[str]:
+    """Return the options of `ros2 bag record` that leave the lab's images out."""
+    images = [re.escape(each.name) for each in ros.topics.values() if each.type == _IMAGE]
+    return ["--exclude", "|".join(images)] if images else []
+
+
+def _goal(ros: RosSpec, goal: GoalSpec) -> dict[str, object]:
+    """Return how a navigation goal is watched."""
+    return {
+        "status": _echo(ros, goal.status),
+        "robot": _echo(ros, goal.robot),
+        "pose": _echo(ros, goal.pose),
+        "running": goal.running,
+    }
+
+
+def _frames(command: Command) -> dict[str, object]:
+    """Return how the TF tree is drawn."""
+    return {
+        "file": command.file,
+        "seconds": command.kind.seconds,
+        "command": _quoted(command.line),
+    }
+
+
+def _line(command: Command) -> str:
+    """Return the line of the script that runs one command."""
+    if command.kind.name == "view_frames":
+        return "record_frames"
+    return f"record {shlex.quote(command.file)} {command.kind.seconds} {_quoted(command.line)}"
+
+
+def _echo(ros: RosSpec, topic: str) -> str:
+    return _quoted(ros.kinds["topic_echo"].run.format(of=topic, to=""))
+
+
+def _quoted(line: str) -> str:
+    return shlex.join(shlex.split(line))
+
+
+LAUNCH_FILE = "lab3_launch.py"
+PARAMS_FILE = "nav2_params.yaml"
+RVIZ_FILE = "lab3_navigation.rviz"
+LIDAR_RVIZ_FILE = "lab3_lidar.rviz"
+_MOST_SCALE = 100.0  # pixels per metre: the lidar's surroundings fill the window
+_MAP_SCALE = 70.0
+
+
+def nav2_files(lab: Lab, ros: RosSpec) -> dict[str, str]:
+    """Return the files by name, for the distribution that `ros.yaml` names.
+
+    Nothing of it has run in ROS. Velocity commands are plain Twist messages, as Humble sends them.
+    """
+    values = _values(lab, ros)
+    navigation = {
+        **values,
+        "file": RVIZ_FILE,
+        "title": f"localization and navigation of {lab.title}",
+        "navigation": True,
+        "fixed_frame": values["map_frame"],
+        "scale": _MAP_SCALE,
+    }
+    lidar = {
+        **values,
+        "file": LIDAR_RVIZ_FILE,
+        "title": f"the lidar alone of {lab.title}",
+        "navigation": False,
+        "fixed_frame": values["lidar_frame"],
+        "scale": _MOST_SCALE,
+    }
+    return {
+        LAUNCH_FILE: fill_template("lab3_launch.py.j2", **values),
+        PARAMS_FILE: fill_template("nav2_params.yaml.j2", **values),
+        RVIZ_FILE: fill_template("lab3.rviz.j2", **navigation),
+        LIDAR_RVIZ_FILE: fill_template("lab3.rviz.j2", **lidar),
+    }
+
+
+def write_nav2(
+    folder: Path, files: Mapping[str, str], *, force: bool = False
+) -> tuple[list[Path], list[Path]]:
+    """Write the files into `folder`; return those written and those kept because they existed.
+
+    Raises:
+        UsageError: a file cannot be written.
+    """
+    written: list[Path] = []
+    kept: list[Path] = []
+    for name, text in files.items():
+        path = folder / name
+        if path.exists() and not force:
+            kept.append(path)
+            continue
+        write_whole(path, text.encode(), force=force)
+        written.append(path)
+    return written, kept
+
+
+def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
+    """Everything that the templates name: topics, frames, speeds, files."""
+    navigation, goal, facts = ros.navigation, ros.goal, lab.scene.map
+    localization = lab.frames.localization
+    if navigation is None or goal is None or facts is None or localization is None:
+        parts = {"navigation": navigation, "goal": goal, "map": facts, "localization": localization}
+        lacking = ", ".join(f"no {name}" for name, part in parts.items() if part is None)
+        message = f"{lab.title} has {lacking}, and so no files for Nav2"
+        raise UsageError(message)
+    map_frame, odom_frame = localization.edge
+    return {
+        "lab": lab.title,
+        "distribution": ros.system.distribution,
+        "folder": ros.system.folder,
+        "launch_file": LAUNCH_FILE,
+        "params_file": PARAMS_FILE,
+        "rviz_file": RVIZ_FILE,
+        "map_yaml": "/".join(filter(None, (lab.submission.folders.maps, facts.yaml))),
+        "map_frame": map_frame,
+        "odom_frame": odom_frame,
+        "base_frame": lab.scene.robot.base_frame,
+        "lidar_frame": _frame_of(lab, navigation.scan_topic) or localization.chain[-1],
+        "scan_topic": navigation.scan_topic,
+        "map_topic": navigation.map_topic,
+        "odom_topic": navigation.odom_topic,
+        "velocity_topic": navigation.velocity_topic,
+        "robot_topic": goal.robot,
+        "goal_topic": goal.pose,
+        "resolution": facts.resolution,
+        "robot_radius": navigation.robot_radius,
+        "linear_speed": navigation.linear_speed,
+        "angular_speed": navigation.angular_speed,
+        "linear_acceleration": navigation.linear_acceleration,
+        "angular_acceleration": navigation.angular_acceleration,
+        "lidar_size": navigation.lidar_size,
+        "laser": navigation.parameters.laser,
+        "planner_plugin": navigation.planner,
+        "behaviors": navigation.behaviors,
+        "topics": navigation.rviz,
+    }
+
+
+def _frame_of(lab: Lab, topic: str) -> str:
+    """Return the frame that the messages of a topic name, '' where the lab does not say."""
+    said = lab.topics.get(topic)
+    return "" if said is None else (said.fields or {}).get("header.frame_id", "")

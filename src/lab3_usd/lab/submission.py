@@ -1,0 +1,290 @@
+"""The files of a submission: those of a folder, stages by checkpoint, and deliverables."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Iterator, Mapping, Sequence
+from difflib import SequenceMatcher
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePosixPath
+
+from msgspec.structs import replace
+
+from lab3_usd.model.folder import Entry, Listing, StageFile
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.submission import (
+    Deliverable,
+    FolderNames,
+    StageFiles,
+    SubmissionSpec,
+    nearly_named,
+)
+
+MOST_ENTRIES = 5_000
+DEEPEST = 12
+_NOT_OURS = "__MACOSX"
+
+
+def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
+    """List what a folder holds and which file stands for what.
+
+    Hidden files are left out. Links are followed to files inside the folder only.
+    """
+    found: list[Entry] = []
+    folders = spec.folders
+    first = (folders.stages, folders.starter, folders.maps, *folders.shown)
+    for entry in entries_below(root, first):
+        if len(found) == MOST_ENTRIES:
+            break
+        found.append(entry)
+    entries = tuple(sorted(found, key=lambda entry: entry.path))
+    usable = [entry for entry in entries if not entry.why_not]
+    home = folder_named(root, spec.folders.stages)
+    return Listing(
+        entries=entries,
+        stage_folder=home,
+        stages=find_stages(usable, home, lab, spec.stages),
+        starter=_starter(usable, folder_named(root, spec.folders.starter), spec),
+        found=find_deliverables(root, usable, spec),
+        complete=len(found) < MOST_ENTRIES,
+    )
+
+
+def folder_named(root: Path, name: str) -> str:
+    """Return the name of the folder in `root` that is called `name`, in small letters or not.
+
+    Empty where there is none; a link to a folder is none.
+    """
+    names = sorted(each.name for each in _folders(root))
+    alike = [each for each in names if each.lower() == name.lower()]
+    return name if name in names else next(iter(alike), "")
+
+
+def _folders(root: Path) -> Iterator[os.DirEntry[str]]:
+    try:
+        with os.scandir(root) as scan:
+            yield from (each for each in scan if each.is_dir(follow_symlinks=False))
+    except OSError:
+        return
+
+
+def entries_below(root: Path, first: tuple[str, ...] = ()) -> Iterator[Entry]:
+    """Yield every file of a folder, those of the folders named `first` before others.
+
+    Each says why it may not be opened, where that is so.
+    """
+    return _entries(root, root.resolve(), (), first)
+
+
+def _entries(
+    root: Path, real_root: Path, below: tuple[str, ...], first: tuple[str, ...] = ()
+) -> Iterator[Entry]:
+    """Yield every file at or below a folder, those of the folders named `first` before others."""
+    folder = root.joinpath(*below)
+    try:
+        with os.scandir(folder) as scan:
+            inside = sorted(scan, key=lambda each: (each.name.lower() not in first, each.name))
+    except OSError as error:
+        yield Entry("/".join(below) or ".", f"the folder cannot be read ({error.strerror})")
+        return
+    for each in inside:
+        if each.name.startswith(".") or each.name == _NOT_OURS:
+            continue
+        names = (*below, each.name)
+        if each.is_dir(follow_symlinks=False):
+            if len(names) > DEEPEST:
+                yield Entry("/".join(names), "the folders are nested too deep")
+            else:
+                yield from _entries(root, real_root, names)
+            continue
+        yield Entry("/".join(names), _why_not(Path(each.path), real_root))
+
+
+def _why_not(path: Path, real_root: Path) -> str:
+    """Say why a file is not opened; '' for a plain file that can be read."""
+    try:
+        if path.is_symlink():
+            target = path.resolve(strict=True)
+            if not target.is_relative_to(real_root):
+                return "is a link that leads out of the submission"
+        mode = path.stat().st_mode
+    except (OSError, RuntimeError):
+        return "is a link that leads nowhere"
+    if stat.S_ISDIR(mode):
+        return "is a link to a folder"
+    if not stat.S_ISREG(mode):
+        return "is no file but a pipe, socket or device"
+    return "" if os.access(path, os.R_OK) else "cannot be read: permission denied"
+
+
+def _starter(usable: Sequence[Entry], folder: str, spec: SubmissionSpec) -> str | None:
+    """Return the starter: the one with the handout's name, else the only stage of its folder."""
+    if not folder:
+        return None
+    endings = (*spec.stages.endings, *spec.stages.openable)
+    stages = [
+        entry
+        for entry in usable
+        if entry.folder == folder and PurePosixPath(entry.name).suffix.lower() in endings
+    ]
+    named = [entry for entry in stages if PurePosixPath(entry.name).stem == spec.stages.starter]
+    chosen = named or (stages if len(stages) == 1 else [])
+    return chosen[0].path if chosen else None
+
+
+_MOST_GUESSED = 100
+_ALIKE = 0.82  # of 1; `Lab3_lidar` and `Lab3_03_lidar` are alike to 0.87
+
+
+def find_stages(
+    usable: Sequence[Entry], home: str, lab: Lab, files: StageFiles
+) -> dict[str, StageFile]:
+    """Return the file of each checkpoint: the one named right, else the one most likely meant.
+
+    A file in `home` goes before one elsewhere, and no file stands for two checkpoints.
+    """
+    stages = [entry for entry in usable if _ending(entry, files)]
+    ordered = sorted(stages, key=lambda entry: (entry.folder != home, entry.path))
+    found = {
+        number: stage
+        for number, checkpoint in lab.checkpoints.items()
+        if (stage := _right(ordered, number, checkpoint.file, home, files)) is not None
+    }
+    taken = {path for stage in found.values() for path in (stage.path, *stage.others)}
+    left = [entry for entry in ordered if entry.path not in taken]
+    names = {number: each.file for number, each in lab.checkpoints.items() if number not in found}
+    for entry, number in _guesses(left[:_MOST_GUESSED], names):
+        if number not in found and entry.path not in taken:
+            taken.add(entry.path)
+            slip = _ending(entry, files) in files.slips
+            found[number] = StageFile(number, entry.path, "slip" if slip else "misnamed")
+    rest = [entry for entry in left if entry.path not in taken]
+    order = list(lab.checkpoints)
+    seconds = _seconds(rest[:_MOST_GUESSED], {n: each.file for n, each in lab.checkpoints.items()})
+    return {
+        number: replace(stage, more=seconds.get(number, ()))
+        for number, stage in sorted(found.items(), key=lambda pair: order.index(pair[0]))
+    }
+
+
+def _seconds(rest: Sequence[Entry], names: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """Return the files that seem to be of a checkpoint whose stage is another file."""
+    likeliest: dict[str, str] = {}
+    for entry, number in _guesses(rest, names):
+        likeliest.setdefault(entry.path, number)
+    return {
+        number: tuple(sorted(path for path, said in likeliest.items() if said == number))
+        for number in names
+    }
+
+
+def _ending(entry: Entry, files: StageFiles) -> str:
+    """Return the ending of a stage, '' for other files; `.usda.txt` is one of a stage as well."""
+    known = (*files.endings, *files.openable, *files.slips)
+    endings = [each.lower() for each in PurePosixPath(entry.name).suffixes]
+    return next((each for each in reversed(endings) if each in known), "")
+
+
+def _stem(entry: Entry) -> str:
+    return PurePosixPath(entry.name).name.partition(".")[0]
+
+
+def _right(
+    ordered: Sequence[Entry], number: str, name: str, home: str, files: StageFiles
+) -> StageFile | None:
+    """Return the file with exactly the handout's name; of two endings the handout's own."""
+    forms = {f"{name}{ending}": rank for rank, ending in enumerate(files.endings)}
+    named = [entry for entry in ordered if entry.name in forms]
+    if not named:
+        return None
+    first, *more = [entry for entry in named if entry.folder == named[0].folder]
+    if more and forms[more[0].name] < forms[first.name]:
+        first, more = more[0], [first]
+    others = tuple(entry.path for entry in more)
+    return StageFile(number, first.path, "right" if first.folder == home else "misplaced", others)
+
+
+def _guesses(left: Sequence[Entry], names: Mapping[str, str]) -> Iterator[tuple[Entry, str]]:
+    """Yield files and the checkpoint that each may be meant for, the likeliest first."""
+    guesses = []
+    for rank, entry in enumerate(left):
+        stem = _stem(entry)
+        said = nearly_named(stem, names)
+        for number, name in names.items():
+            alike = SequenceMatcher(None, stem.lower(), name.lower(), autojunk=False).ratio()
+            is_said = said == number
+            if is_said or alike >= _ALIKE:
+                guesses.append((-(alike + is_said), rank, entry, number))
+    for _, _, entry, number in sorted(guesses, key=lambda guess: guess[:2]):
+        yield entry, number
+
+
+_ADDRESS = re.compile(r"https?://[^\s<>\"')\]]+", re.IGNORECASE)
+_MOST_BYTES = 1_000_000
+_PARAMETERS = re.compile(rb"ros_+parameters?[ \t]*:")  # with a slip too
+
+
+def find_deliverables(
+    root: Path, usable: Sequence[Entry], spec: SubmissionSpec
+) -> dict[str, tuple[str, ...]]:
+    """Return the paths of the files that count for each deliverable, by its name."""
+    return {
+        name: tuple(_files(root, usable, wanted, spec))
+        for name, wanted in spec.deliverables.items()
+    }
+
+
+def _files(
+    root: Path, usable: Sequence[Entry], wanted: Deliverable, spec: SubmissionSpec
+) -> Iterator[str]:
+    folders = spec.folders
+    for entry in usable:
+        top = entry.path.partition("/")[0].lower() if entry.folder else ""
+        if top in {folders.stages, folders.starter} or _is_stage(entry, spec):
+            continue
+        if wanted.folder and top not in folders.shown:
+            continue
+        if _counts(root, entry, wanted):
+            yield entry.path
+
+
+def _is_stage(entry: Entry, spec: SubmissionSpec) -> bool:
+    stages = spec.stages
+    return entry.name.lower().endswith((*stages.endings, *stages.openable, *stages.slips))
+
+
+def _counts(root: Path, entry: Entry, wanted: Deliverable) -> bool:
+    name = entry.name.lower()
+    if any(fnmatchcase(name, pattern) for pattern in wanted.never):
+        return False
+    if PurePosixPath(name).suffix in wanted.endings:
+        return True
+    if not any(fnmatchcase(name, pattern) for pattern in wanted.names):
+        return False
+    return not wanted.links or _has_link(_bytes(root / entry.path), wanted.links)
+
+
+def _has_link(data: bytes, places: Sequence[str]) -> bool:
+    text = data.decode("utf-8", errors="replace")
+    return any(place in address.lower() for address in _ADDRESS.findall(text) for place in places)
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(_MOST_BYTES)
+    except OSError:
+        return b""
+
+
+def find_parameter_files(root: Path, usable: Sequence[Entry], folders: FolderNames) -> list[str]:
+    """Return the YAML files that hold parameters of ROS 2 nodes, saved output left aside."""
+    found = []
+    for entry in usable:
+        top = entry.path.partition("/")[0].lower() if entry.folder else ""
+        is_yaml = entry.name.lower().endswith((".yaml", ".yml")) and top not in folders.shown
+        if is_yaml and _PARAMETERS.search(_bytes(root / entry.path)):
+            found.append(entry.path)
+    return found

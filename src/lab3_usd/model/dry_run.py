@@ -1,0 +1,309 @@
+"""What a dry run reads and shows, as plain data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, Literal, NamedTuple
+
+from msgspec import Struct
+
+from lab3_usd.model.transforms import Vector, length
+
+Quaternion = tuple[float, float, float, float]  # w, x, y, z
+Rows = tuple[Vector, Vector, Vector]
+_HALF_TURN = 1e-3  # w of a quaternion, below which another part is larger
+AXES: Rows = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class Affine(NamedTuple):
+    """Maps a point p to `rows` p + `origin`."""
+
+    rows: Rows = AXES
+    origin: Vector = (0.0, 0.0, 0.0)
+
+    def point(self, at: Vector) -> Vector:
+        """Return where a point goes."""
+        (a, b, c), (d, e, f), (g, h, i) = self.rows
+        x, y, z = at
+        u, v, w = self.origin
+        return (a * x + b * y + c * z + u, d * x + e * y + f * z + v, g * x + h * y + i * z + w)
+
+    def turn(self, direction: Vector) -> Vector:
+        """Return where a direction goes."""
+        return turned(self.rows, direction)
+
+    def then(self, inner: Affine) -> Affine:
+        """Return the place of something that stands at `inner` in this place's frame."""
+        (a, b, c), (d, e, f), (g, h, i) = self.rows
+        (p, q, r), (s, t, u), (v, w, x) = inner.rows
+        rows = (
+            (a * p + b * s + c * v, a * q + b * t + c * w, a * r + b * u + c * x),
+            (d * p + e * s + f * v, d * q + e * t + f * w, d * r + e * u + f * x),
+            (g * p + h * s + i * v, g * q + h * t + i * w, g * r + h * u + i * x),
+        )
+        return Affine(rows, self.point(inner.origin))
+
+    def inverse(self) -> Affine:
+        """Return the way back; a place without volume has none and gives zeros."""
+        (a, b, c), (d, e, f), (g, h, i) = self.rows
+        one, two, three = e * i - f * h, f * g - d * i, d * h - e * g
+        volume = a * one + b * two + c * three
+        k = 1.0 / volume if volume else 0.0
+        rows = (
+            (one * k, (c * h - b * i) * k, (b * f - c * e) * k),
+            (two * k, (a * i - c * g) * k, (c * d - a * f) * k),
+            (three * k, (b * g - a * h) * k, (a * e - b * d) * k),
+        )
+        x, y, z = turned(rows, self.origin)
+        return Affine(rows, (-x, -y, -z))
+
+    def rigid(self) -> Affine:
+        """Return the same place without scale."""
+        columns = [column(self.rows, each) for each in range(3)]
+        lengths = [length(each) or 1.0 for each in columns]
+        rows = tuple(tuple(n / k for n, k in zip(row, lengths, strict=True)) for row in self.rows)
+        return Affine(rows, self.origin)  # type: ignore[arg-type]
+
+    def quaternion(self) -> Quaternion:
+        """Return the rotation of a place without scale."""
+        (a, b, c), (d, e, f), (g, h, i) = self.rows
+        w = math.sqrt(max(0.0, 1.0 + a + e + i)) / 2.0
+        if w > _HALF_TURN:
+            k = 0.25 / w
+            return (w, (h - f) * k, (c - g) * k, (d - b) * k)
+        x = math.copysign(math.sqrt(max(0.0, 1.0 + a - e - i)) / 2.0, h - f)
+        y = math.copysign(math.sqrt(max(0.0, 1.0 - a + e - i)) / 2.0, c - g)
+        z = math.copysign(math.sqrt(max(0.0, 1.0 - a - e + i)) / 2.0, d - b)
+        if x and y and (x * y > 0) != (b + d > 0):
+            y = -y
+        if x and z and (x * z > 0) != (c + g > 0):
+            z = -z
+        if not x and y and z and (y * z > 0) != (f + h > 0):
+            z = -z
+        return (w, x, y, z)
+
+
+HERE = Affine()
+
+
+def turned(rows: Rows, direction: Vector) -> Vector:
+    """Return the matrix times a vector."""
+    x, y, z = direction
+    return tuple(a * x + b * y + c * z for a, b, c in rows)  # type: ignore[return-value]
+
+
+def column(rows: Rows, number: int) -> Vector:
+    """Return one column of a matrix."""
+    return (rows[0][number], rows[1][number], rows[2][number])
+
+
+def rotation(quaternion: Quaternion) -> Rows:
+    """Return the matrix of a quaternion of any length."""
+    w, x, y, z = quaternion
+    k = w * w + x * x + y * y + z * z
+    if not k:
+        return AXES
+    s = 2.0 / k
+    return (
+        (1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
+        (s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)),
+        (s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)),
+    )
+
+
+def about(axis: Vector, angle: float) -> Rows:
+    """Return the rotation by `angle` radians about an axis of length 1."""
+    half = angle / 2.0
+    s = math.sin(half)
+    return rotation((math.cos(half), axis[0] * s, axis[1] * s, axis[2] * s))
+
+
+def heading(place: Affine) -> float:
+    """Return the angle about Z by which a place looks away from +X."""
+    return math.atan2(place.rows[1][0], place.rows[0][0])
+
+
+class Input(Struct, frozen=True):
+    """An input of a node as it is saved: the type it is declared with, its value, its wires."""
+
+    type: str
+    value: Any = None
+    literal: Any = None  # what an extended port holds beside its value
+    sources: tuple[str, ...] = ()
+
+
+class Node(Struct, frozen=True):
+    """A node prim."""
+
+    path: str
+    type: str
+    version: int
+    inputs: dict[str, Input]
+    targets: dict[str, tuple[str, ...]]
+    namespace: str = ""
+
+
+class Graph(Struct, frozen=True):
+    """A graph prim and its nodes, in the order of the stage."""
+
+    path: str
+    evaluator: str
+    pipeline: str
+    mode: str
+    nodes: tuple[Node, ...]
+
+
+class Prim(Struct, frozen=True):
+    """Any other prim that is in the scene; `world` is where it is authored to stand."""
+
+    path: str
+    type: str
+    apis: frozenset[str]
+    world: Affine
+    values: dict[str, Any]
+    targets: dict[str, tuple[str, ...]]
+    seen: bool
+    loose: bool = False  # `!resetXformStack!`: it does not go with what is above it
+
+
+class Scene(Struct, frozen=True):
+    """A stage: its units, its graphs, and its prims by path in the order of the stage.
+
+    `missing` are the assets that cannot be found, by the prim that refers to them.
+    """
+
+    meters_per_unit: float
+    up: str
+    graphs: tuple[Graph, ...]
+    prims: dict[str, Prim]
+    missing: dict[str, str]
+
+    def below(self, path: str) -> Iterator[Prim]:
+        """Yield a prim and all below it."""
+        inside = f"{path}/"
+        for each in self.prims.values():
+            if each.path == path or each.path.startswith(inside):
+                yield each
+
+    def above(self, path: str) -> Iterator[Prim]:
+        """Yield a prim and all above it, nearest first."""
+        while path:
+            if path in self.prims:
+                yield self.prims[path]
+            path = path.rpartition("/")[0]
+
+
+Verdict = Literal["ok", "bad", "not-simulated"]
+
+
+class Topic(Struct, frozen=True):
+    """A topic: its rate in messages a second, and the frame that its messages are in.
+
+    A recording also has the rate of arrival, and the QoS that each publisher offered.
+    """
+
+    name: str
+    type: str
+    hz: float
+    frame: str
+    arrival_hz: float | None = None
+    qos: tuple[str, ...] = ()
+
+
+class Frame(Struct, frozen=True):
+    """A transform between two frames."""
+
+    parent: str
+    child: str
+    static: bool
+
+
+class Check(Struct, frozen=True):
+    """A verdict: what was looked at, what is wrong, the prim at fault, and the rule of such faults.
+
+    `cause` is what the prim at fault does or does not do, where that is known.
+    """
+
+    name: str
+    verdict: Verdict
+    message: str = ""
+    prim: str = ""
+    rule: str = ""
+    cause: str = ""
+
+    @property
+    def text(self) -> str:
+        """What is wrong, with its cause."""
+        return f"{self.message}; {self.cause}" if self.cause else self.message
+
+
+class Unknown(Struct, frozen=True):
+    """Something that a dry run does not do, or does by assumption."""
+
+    prim: str
+    reason: str
+
+
+class Difference(Struct, frozen=True):
+    """What a topic or frame does otherwise in a recording than in the dry run of its stage."""
+
+    name: str
+    message: str
+
+
+class Leg(Struct, frozen=True):
+    """A part of the drive: what was told, and what the robot did (metres, degrees)."""
+
+    name: str
+    seconds: float
+    told: tuple[float, float]
+    done: tuple[float, float]
+
+
+class Behaviour(Struct, frozen=True):
+    """What one stage does in a dry run.
+
+    `path` are (seconds, x, y, heading) in metres and radians; `legs` the drive of the first
+    session, `remarks` what else is to be said of the robot.
+    """
+
+    stage: str
+    checkpoint: str
+    seconds: float
+    verdict: Literal["ok", "bad", "unreadable"]
+    topics: tuple[Topic, ...] = ()
+    frames: tuple[Frame, ...] = ()
+    checks: tuple[Check, ...] = ()
+    path: tuple[tuple[float, float, float, float], ...] = ()
+    not_simulated: tuple[Unknown, ...] = ()
+    legs: tuple[Leg, ...] = ()
+    remarks: tuple[str, ...] = ()
+    recording: str = ""  # what was judged, where it is no dry run
+    differences: tuple[Difference, ...] | None = None  # from the dry run of its stage, if played
+
+
+Place = tuple[float, float, float]  # x, y, heading
+Segment = tuple[float, float, float, float]  # from x, y to x, y
+
+
+class Moment(Struct, frozen=True):
+    """A moment of the first session: the robot, what odometry says of it, and what the lidar sees.
+
+    `odometry` is from the start of the robot on, `points` are in the world; metres.
+    """
+
+    seconds: float
+    leg: str
+    robot: Place
+    odometry: Place | None = None
+    points: tuple[tuple[float, float], ...] = ()
+
+
+class Replay(Struct, frozen=True):
+    """What there is to draw of a run: the room, the robot in it, and how often nodes computed."""
+
+    walls: tuple[Segment, ...]
+    radius: float
+    moments: tuple[Moment, ...]
+    computed: dict[str, int]

@@ -1,1 +1,0 @@
-"""What a dry run reads and shows, as plain data."""

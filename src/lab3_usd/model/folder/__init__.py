@@ -1,1 +1,0 @@
-"""What the rules about a folder look at, as plain data."""

@@ -1,1 +1,0 @@
-"""Where the boxes and wires of a picture go."""

@@ -1,0 +1,1 @@
+"""A picture as plain data, where its boxes and wires go, and the file formats it is drawn in."""

@@ -1,0 +1,253 @@
+"""The canvas of a picture: where boxes stand, its title, legend and margins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from msgspec.structs import replace
+
+from lab3_usd.report.picture.layered import Placed
+from lab3_usd.report.picture.model import (
+    STATES,
+    Bezier,
+    Box,
+    Curve,
+    LegendEntry,
+    Picture,
+    Point,
+    text_width,
+)
+from lab3_usd.report.picture.routing import points, routed
+
+ASIDE = 64.0  # room for wires between boxes that stand side by side
+ABOVE = 26.0  # between boxes that stand above each other
+FACTORS = tuple(1 + step / 10 for step in range(16))
+MOST_BOXES = 60
+
+
+def at_editor_positions(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed | None:
+    """Return boxes and curves at the positions of the editor; None if that is not possible.
+
+    Boxes may be larger than in the editor. So all positions are stretched if boxes would be too
+    close; their order does not change. None if a position is unknown or a wire has no route
+    around the boxes.
+    """
+    if len(boxes) > MOST_BOXES or any(box.at is None for box in boxes):
+        return None
+    placed = _apart(boxes)
+    if placed is None:
+        return None
+    paths = routed(placed, curves)
+    if paths is None:
+        return None
+    drawn = tuple(replace(curve, path=path) for curve, path in zip(curves, paths, strict=True))
+    return placed, drawn
+
+
+def _apart(boxes: Sequence[Box]) -> tuple[Box, ...] | None:
+    for across, down in sorted(_stretches(), key=lambda pair: (pair[0] * pair[1], pair)):
+        placed = tuple(_at(box, across, down) for box in boxes)
+        if not any(_too_close(one, other) for one, other in _pairs(placed)):
+            return placed
+    return None
+
+
+def _stretches() -> Iterator[tuple[float, float]]:
+    return ((across, down) for across in FACTORS for down in FACTORS)
+
+
+def _at(box: Box, across: float, down: float) -> Box:
+    left, top = box.at or (0.0, 0.0)
+    return replace(box, x=float(round(left * across)), y=float(round(top * down)))
+
+
+def _pairs(boxes: Sequence[Box]) -> Iterator[tuple[Box, Box]]:
+    for place, one in enumerate(boxes):
+        for other in boxes[place + 1 :]:
+            yield one, other
+
+
+def _too_close(one: Box, other: Box) -> bool:
+    return (
+        one.x < other.x + other.w + ASIDE
+        and other.x < one.x + one.w + ASIDE
+        and one.y < other.y + other.h + ABOVE
+        and other.y < one.y + one.h + ABOVE
+    )
+
+
+MISSING_POSITIONS_ASIDE = 80.0
+
+
+def position_missing(
+    boxes: Sequence[Box],
+    curves: Sequence[Curve],
+    spec_positions: Mapping[str, Point],
+    present: frozenset[str],
+) -> tuple[Box, ...]:
+    """Return the boxes, those without a position beside those that have one.
+
+    `spec_positions` are the positions in the spec, `present` the keys of nodes in the file. A
+    missing node keeps its distance to its neighbours in the spec. The box of a dangling source is
+    left of the wire's target. Where most nodes of the file have no position (a script made them),
+    no box gets one.
+    """
+    places = {box.key: box for box in boxes if box.key in present and box.at is not None}
+    if 2 * len(places) < len(present):
+        return tuple(replace(box, at=None) for box in boxes)
+    for box in boxes:
+        if box.key not in places and places:
+            wanted = _wanted_position(box, curves, places, spec_positions)
+            places[box.key] = _below_others(replace(box, at=wanted), list(places.values()))
+    return tuple(places.get(box.key, box) for box in boxes)
+
+
+def _wanted_position(
+    box: Box,
+    curves: Sequence[Curve],
+    places: Mapping[str, Box],
+    spec_positions: Mapping[str, Point],
+) -> Point:
+    if box.key in spec_positions:
+        near = [key for key in _neighbours(box, curves) if key in places and key in spec_positions]
+        near = near or [key for key in places if key in spec_positions]
+        moves = [_move(spec_positions[key], places[key]) for key in near]
+        if moves:
+            return (
+                spec_positions[box.key][0] + sum(move[0] for move in moves) / len(moves),
+                spec_positions[box.key][1] + sum(move[1] for move in moves) / len(moves),
+            )
+    near = [key for key in _neighbours(box, curves) if key in places] or list(places)
+    left, top = places[near[0]].at or (0.0, 0.0)
+    return (left - box.w - MISSING_POSITIONS_ASIDE, top)
+
+
+def _neighbours(box: Box, curves: Sequence[Curve]) -> Iterator[str]:
+    for curve in curves:
+        if curve.source.key == box.key:
+            yield curve.target.key
+        elif curve.target.key == box.key:
+            yield curve.source.key
+
+
+def _move(spec_positions: Point, place: Box) -> Point:
+    left, top = place.at or spec_positions
+    return (left - spec_positions[0], top - spec_positions[1])
+
+
+def _below_others(box: Box, others: Sequence[Box]) -> Box:
+    """Return the box moved down until it meets no other."""
+    left, top = box.at or (0.0, 0.0)
+    for other in sorted(others, key=lambda one: (one.at or (0.0, 0.0))[1]):
+        x, y = other.at or (0.0, 0.0)
+        beside = left < x + other.w + ABOVE and x < left + box.w + ABOVE
+        if beside and top < y + other.h + ABOVE and y < top + box.h + ABOVE:
+            top = y + other.h + ABOVE
+    return replace(box, at=(left, top))
+
+
+MARGIN = 32.0
+TITLE_SIZE = 18.0
+TITLE_LINE = 40.0  # baseline of the title
+SUBTITLE_LINE = 60.0
+REMARK_LINE = 18.0
+HEAD = 84.0  # above the drawing, without remarks
+FOOT = 30.0  # from the drawing to the line above the legend
+ENTRY_TEXT = 30.0  # width of a sign before its text
+ENTRY_SIZE = 12.0
+LEGEND_LINE = 24.0
+ENTRY_SPACE = 26.0
+SMALLEST = 620.0
+
+GRAPH_LEGEND = (LegendEntry("data", "data wire"), LegendEntry("execution", "execution wire"))
+TF_LEGEND = (
+    LegendEntry("data", "published by the stage"),
+    LegendEntry("execution", "published elsewhere"),
+)
+UNKNOWN_ENTRY = LegendEntry("absent", "unknown: asset not found")
+FAMILY_ENTRIES = {
+    "event": LegendEntry("event", "event"),
+    "ros": LegendEntry("ros", "ROS 2"),
+    "action": LegendEntry("action", "runs when triggered"),
+    "data": LegendEntry("family-data", "gives data"),
+}
+STATE_ENTRIES = {
+    "wrong": LegendEntry("wrong", "wrong"),
+    "missing": LegendEntry("missing", "missing"),
+    "extra": LegendEntry("extra", "extra: not asked for"),
+}
+DIFF_ENTRIES = {
+    "wrong": LegendEntry("wrong", "changed"),
+    "missing": LegendEntry("missing", "removed"),
+    "extra": LegendEntry("extra", "added"),
+}
+
+
+def on_canvas(picture: Picture) -> Picture:
+    """Return the picture moved to its position on the canvas, with legend and size."""
+    low, high = _extent(picture.boxes, picture.curves)
+    head = HEAD + REMARK_LINE * len(picture.remarks)
+    width = max(high[0] - low[0] + 2 * MARGIN, _text_width(picture), SMALLEST)
+    # A drawing narrower than its title is centred.
+    across = (width - (high[0] - low[0])) / 2 - low[0]
+    down = head - low[1]
+    bottom = head + high[1] - low[1] + FOOT
+    legend = tuple(_in_lines(_legend_entries(picture), width, bottom + LEGEND_LINE))
+    last = legend[-1].y if legend else bottom
+    return replace(
+        picture,
+        boxes=tuple(replace(box, x=box.x + across, y=box.y + down) for box in picture.boxes),
+        curves=tuple(_moved(curve, across, down) for curve in picture.curves),
+        legend=legend,
+        width=width,
+        height=last + LEGEND_LINE,
+    )
+
+
+def _extent(boxes: Iterable[Box], curves: Iterable[Curve]) -> tuple[Point, Point]:
+    corners = [(box.x, box.y) for box in boxes]
+    corners += [(box.x + box.w, box.y + box.h) for box in boxes]
+    corners += [point for curve in curves for point in points(curve.path)]
+    corners = corners or [(0.0, 0.0)]
+    xs, ys = [point[0] for point in corners], [point[1] for point in corners]
+    return (min(xs), min(ys)), (max(xs), max(ys))
+
+
+def _text_width(picture: Picture) -> float:
+    lines = [text_width(picture.title, TITLE_SIZE, bold=True), text_width(picture.subtitle, 12.0)]
+    lines += [ENTRY_TEXT + text_width(remark.text, 12.0, bold=True) for remark in picture.remarks]
+    return max(lines) + 2 * MARGIN
+
+
+def _moved(curve: Curve, across: float, down: float) -> Curve:
+    return replace(curve, path=tuple(_shifted(piece, across, down) for piece in curve.path))
+
+
+def _shifted(piece: Bezier, across: float, down: float) -> Bezier:
+    start, first, second, end = ((x + across, y + down) for x, y in piece)
+    return (start, first, second, end)
+
+
+def _legend_entries(picture: Picture) -> Iterator[LegendEntry]:
+    if picture.kind == "frames":
+        yield from TF_LEGEND
+        if any(box.family == UNKNOWN_ENTRY.kind for box in picture.boxes):
+            yield UNKNOWN_ENTRY
+    else:
+        yield from GRAPH_LEGEND
+        families = {box.family for box in picture.boxes}
+        yield from (entry for family, entry in FAMILY_ENTRIES.items() if family in families)
+    if picture.judged:
+        entries = DIFF_ENTRIES if picture.kind == "diff" else STATE_ENTRIES
+        yield from (entries[state] for state in STATES if state != "ok")
+
+
+def _in_lines(legend: Iterable[LegendEntry], width: float, top: float) -> Iterator[LegendEntry]:
+    """Place the signs in lines from left to right."""
+    left, line = MARGIN, top
+    for entry in legend:
+        takes = ENTRY_TEXT + text_width(entry.text, ENTRY_SIZE)
+        if left > MARGIN and left + takes > width - MARGIN:
+            left, line = MARGIN, line + LEGEND_LINE
+        yield replace(entry, x=left, y=line)
+        left += takes + ENTRY_SPACE

@@ -1,0 +1,92 @@
+"""Pictures in the language of Graphviz, for other layout programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.report.picture.model import Box, Curve, Picture, Row, State
+from lab3_usd.report.safe_text import dot_string, printable
+
+COLOURS: dict[State, str] = {
+    "ok": "#4a5663",
+    "wrong": "#b3101d",
+    "missing": "#b3101d",
+    "extra": "#7d5200",
+}
+
+
+def dot(picture: Picture) -> str:
+    """Return the picture as a directed graph: nodes as records, a cell per port.
+
+    Dashed edges carry execution; missing parts are dotted and red.
+    """
+    names = {box.key: f"n{place}" for place, box in enumerate(picture.boxes)}
+    lines = [
+        f"digraph {dot_string(picture.title)} {{",
+        f"  graph [rankdir=LR, label={dot_string(f'{picture.title}: {picture.subtitle}')}];",
+        '  node [shape=record, fontname="sans-serif", fontsize=11];',
+        '  edge [fontname="sans-serif", fontsize=10];',
+        *(_node(box, names[box.key]) for box in picture.boxes),
+        *(_edge(curve, picture, names) for curve in picture.curves),
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _node(box: Box, name: str) -> str:
+    style = ', style="dashed"' if box.state == "missing" else ""
+    colour = COLOURS[box.state]
+    return f'  {name} [label="{_record(box)}", color="{colour}", fontcolor="{colour}"{style}];'
+
+
+def _record(box: Box) -> str:
+    """Return the cells of a record: the title above, inputs left, outputs right, settings below.
+
+    From left to right, a record stacks its cells, and braces turn that by a quarter.
+    """
+    places = {row.port: place for place, row in enumerate(box.rows)}
+    title = "\\n".join(celled(part) for part in (box.title, box.subtitle) if part)
+    columns = ["|".join(_cell(row, places) for row in rows) for rows in (box.inputs, box.outputs)]
+    sides = "|".join(f"{{{column}}}" for column in columns if column)
+    settings = [_cell(row, places) for row in box.settings]
+    return "|".join([title, *([f"{{{sides}}}"] if sides else []), *settings])
+
+
+def _cell(row: Row, places: dict[str, int]) -> str:
+    value = f" = {', '.join(row.value)}" if row.value else ""
+    should = f" (should be {', '.join(row.expected)})" if row.expected else ""
+    return f"<p{places[row.port]}> {celled(row.label + value + should)}"
+
+
+def _edge(curve: Curve, picture: Picture, names: dict[str, str]) -> str:
+    boxes = {box.key: box for box in picture.boxes}
+    ends = [
+        names[end.key] + _place(boxes[end.key], end.port) for end in (curve.source, curve.target)
+    ]
+    looks = [f'color="{COLOURS[curve.state]}"', *_looks(curve)]
+    return f"  {ends[0]} -> {ends[1]} [{', '.join(looks)}];"
+
+
+def _place(box: Box, port: str) -> str:
+    for place, row in enumerate(box.rows):
+        if row.port == port:
+            return f":p{place}"
+    return ""
+
+
+def _looks(curve: Curve) -> Iterator[str]:
+    if curve.state == "missing":
+        yield "style=dotted"
+    elif curve.dashed:
+        yield "style=dashed"
+    if curve.state != "ok":
+        yield "penwidth=2"
+        yield f'label="{curve.state}"'
+
+
+def celled(text: str) -> str:
+    """Return a text for the cell of a record, in which the signs of records are escaped."""
+    flat = printable(text).replace("\\", "\\\\")
+    for sign in '"{}|<>':
+        flat = flat.replace(sign, f"\\{sign}")
+    return flat

@@ -1,0 +1,431 @@
+"""A layered layout.
+
+Boxes in columns, few crossings, straight wires, wires only where no box stands.
+
+A wire that skips columns gets a lane of its own through each of them, so it cannot cross a box;
+a wire that runs backward passes below all boxes.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right, insort
+from collections.abc import Iterator, Mapping, Sequence
+from graphlib import TopologicalSorter
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.report.picture.model import Bezier, Box, Curve, End, Point, port_point
+from lab3_usd.report.picture.routing import around, through
+
+Edge = tuple[str, str]
+
+
+def backward(keys: Sequence[str], edges: Sequence[Edge]) -> frozenset[int]:
+    """Return the places in `edges` of those that close a cycle, seen from the first keys."""
+    outgoing: dict[str, list[int]] = {key: [] for key in keys}
+    for place, (source, _) in enumerate(edges):
+        outgoing[source].append(place)
+    found: set[int] = set()
+    done: set[str] = set()
+    for key in keys:
+        if key not in done:
+            _walk(key, outgoing, edges, (done, found))
+    return frozenset(found)
+
+
+def _walk(
+    start: str,
+    outgoing: dict[str, list[int]],
+    edges: Sequence[Edge],
+    result: tuple[set[str], set[int]],
+) -> None:
+    # An own stack instead of recursion: a damaged file may hold a chain of thousands of nodes.
+    done, found = result
+    open_keys = {start}
+    stack: list[tuple[str, Iterator[int]]] = [(start, iter(outgoing[start]))]
+    while stack:
+        key, places = stack[-1]
+        place = next(places, None)
+        if place is None:
+            stack.pop()
+            open_keys.discard(key)
+            done.add(key)
+            continue
+        target = edges[place][1]
+        if target in open_keys:
+            found.add(place)
+        elif target not in done:
+            open_keys.add(target)
+            stack.append((target, iter(outgoing[target])))
+
+
+def ranks(keys: Sequence[str], edges: Sequence[Edge]) -> dict[str, int]:
+    """Return the column of each key, from 0; `edges` form no cycle and always lead rightward.
+
+    A box that feeds others stands right before the first of them, one that feeds none as far
+    left as it can: that keeps wires short.
+    """
+    following: dict[str, list[str]] = {key: [] for key in keys}
+    sorter: TopologicalSorter[str] = TopologicalSorter(dict.fromkeys(keys, ()))
+    for source, target in edges:
+        sorter.add(target, source)
+        following[source].append(target)
+    rank = {key: column for column, group in enumerate(_generations(sorter)) for key in group}
+    for key in reversed(rank):
+        if following[key]:
+            rank[key] = min(rank[other] for other in following[key]) - 1
+    first = min(rank.values(), default=0)
+    return {key: rank[key] - first for key in keys}
+
+
+def _generations(sorter: TopologicalSorter[str]) -> Iterator[tuple[str, ...]]:
+    """Yield the keys that nothing feeds, then those that only these feed, and so on."""
+    sorter.prepare()
+    while sorter.is_active():
+        ready = sorter.get_ready()
+        yield ready
+        sorter.done(*ready)
+
+
+SWEEPS = 16
+MANY = 1000  # more slots are ordered in less time
+SlotKey = tuple[str, ...]
+Columns = tuple[tuple["Slot", ...], ...]
+
+
+class Slot(Struct, frozen=True):
+    """A box in a column, or the lane of a wire that passes the column."""
+
+    key: SlotKey
+    rank: int
+    height: float
+    lane: bool = False
+
+
+class Link(Struct, frozen=True):
+    """A piece of wire from one column to the next; heights are from the top of each slot."""
+
+    left: SlotKey
+    left_height: float
+    right: SlotKey
+    right_height: float
+
+
+def ordered(slots: Sequence[Slot], links: Sequence[Link]) -> Columns:
+    """Return the columns from left to right, each from top to bottom."""
+    count = max((slot.rank for slot in slots), default=-1) + 1
+    columns: Columns = tuple(
+        tuple(slot for slot in slots if slot.rank == rank) for rank in range(count)
+    )
+    best, fewest = columns, crossings(columns, links)
+    for sweep in range(SWEEPS if len(slots) <= MANY else 2):
+        columns = _swept(columns, links, rightward=sweep % 2 == 0)
+        now = crossings(columns, links)
+        if now < fewest:
+            best, fewest = columns, now
+    return best
+
+
+def crossings(columns: Columns, links: Sequence[Link]) -> int:
+    """Count the crossings of links between neighbouring columns."""
+    heights = _heights(columns)
+    rank = {slot.key: slot.rank for column in columns for slot in column}
+    ends: dict[int, list[tuple[float, float]]] = {}
+    for link in links:
+        start = heights[link.left] + link.left_height
+        end = heights[link.right] + link.right_height
+        ends.setdefault(rank[link.left], []).append((start, end))
+    return sum(_inversions(sorted(pairs)) for pairs in ends.values())
+
+
+def _inversions(pairs: Sequence[tuple[float, float]]) -> int:
+    seen: list[float] = []
+    count = 0
+    for _, end in pairs:
+        count += len(seen) - bisect_right(seen, end)
+        insort(seen, end)
+    return count
+
+
+def _heights(columns: Columns) -> dict[SlotKey, float]:
+    """Return where each slot would stand if every column were packed tight around one line."""
+    heights: dict[SlotKey, float] = {}
+    for column in columns:
+        heights.update(_packed(column))
+    return heights
+
+
+def _packed(column: Sequence[Slot]) -> dict[SlotKey, float]:
+    heights = {}
+    top = -sum(slot.height for slot in column) / 2
+    for slot in column:
+        heights[slot.key] = top
+        top += slot.height
+    return heights
+
+
+def _swept(columns: Columns, links: Sequence[Link], *, rightward: bool) -> Columns:
+    result = list(columns)
+    order = range(1, len(columns)) if rightward else range(len(columns) - 2, -1, -1)
+    pulls = _pulls(links, rightward=rightward)
+    heights = _heights(columns)
+    for rank in order:
+        wishes = {slot.key: _wish(slot, pulls, heights) for slot in result[rank]}
+        result[rank] = tuple(sorted(result[rank], key=lambda slot: wishes[slot.key]))
+        heights.update(_packed(result[rank]))
+    return tuple(result)
+
+
+Pulls = Mapping[SlotKey, Sequence[tuple[SlotKey, float, float]]]
+
+
+def _pulls(links: Sequence[Link], *, rightward: bool) -> Pulls:
+    pulls: dict[SlotKey, list[tuple[SlotKey, float, float]]] = {}
+    for link in links:
+        if rightward:
+            pull = (link.left, link.left_height, link.right_height)
+            pulls.setdefault(link.right, []).append(pull)
+        else:
+            pull = (link.right, link.right_height, link.left_height)
+            pulls.setdefault(link.left, []).append(pull)
+    return pulls
+
+
+def _wish(slot: Slot, pulls: Pulls, heights: Mapping[SlotKey, float]) -> float:
+    """Return where the middle of the slot would have to be for its wires to run straight."""
+    here = heights[slot.key] + slot.height / 2
+    wishes = [
+        heights[other] + there - own + slot.height / 2
+        for other, there, own in pulls.get(slot.key, ())
+    ]
+    return sum(wishes) / len(wishes) if wishes else here
+
+
+STACKING_SWEEPS = 12
+STRAIGHT = 4.0  # how much more it matters that a passing wire runs straight
+WEAK = 0.001
+
+Wish = tuple[float, float]  # a height and how much it matters
+Pull = tuple[SlotKey, float, float]
+StackingPulls = Mapping[SlotKey, Sequence[Pull]]
+
+
+def stacked(columns: Columns, links: Sequence[Link], gap: float) -> dict[SlotKey, float]:
+    """Return the top of each slot; neighbours of a column stand at least `gap` apart.
+
+    Lanes need no gap between each other.
+    """
+    tops: dict[SlotKey, float] = {}
+    for column in columns:
+        top = 0.0
+        for slot in column:
+            tops[slot.key] = top
+            top += slot.height + gap
+    pulls = _stacking_pulls(columns, links)
+    for sweep in range(STACKING_SWEEPS):
+        order = columns if sweep % 2 == 0 else tuple(reversed(columns))
+        for column in order:
+            wishes = {slot.key: _wishes(slot.key, pulls, tops) for slot in column}
+            tops.update(_settled(column, wishes, gap))
+    lowest = min(tops.values(), default=0.0)
+    return {key: float(round(top - lowest)) for key, top in tops.items()}
+
+
+def _stacking_pulls(columns: Columns, links: Sequence[Link]) -> StackingPulls:
+    """Return, per slot, what it is wired to: that slot, how much lower it stands, the weight."""
+    lanes = {slot.key for column in columns for slot in column if slot.lane}
+    pulls: dict[SlotKey, list[Pull]] = {}
+    for link in links:
+        weight = 1.0 + STRAIGHT * ((link.left in lanes) + (link.right in lanes))
+        lower = link.left_height - link.right_height
+        pulls.setdefault(link.right, []).append((link.left, lower, weight))
+        pulls.setdefault(link.left, []).append((link.right, -lower, weight))
+    return pulls
+
+
+def _wishes(key: SlotKey, pulls: StackingPulls, tops: Mapping[SlotKey, float]) -> list[Wish]:
+    wishes = [(tops[other] + lower, weight) for other, lower, weight in pulls.get(key, ())]
+    return [*wishes, (tops[key], WEAK)]  # a slot that nothing pulls stays where it is
+
+
+def _settled(
+    column: Sequence[Slot], wishes: Mapping[SlotKey, Sequence[Wish]], gap: float
+) -> dict[SlotKey, float]:
+    """Return the tops that come nearest to the wishes (least squares) without an overlap.
+
+    Slots that would overlap are joined to a block that moves as one.
+    """
+    offsets = _offsets(column, gap)
+    blocks: list[tuple[float, float, int]] = []  # weighted sum, weight, number of slots
+    for slot, offset in zip(column, offsets, strict=True):
+        asked = wishes[slot.key]
+        weight = sum(weight for _, weight in asked)
+        blocks.append((sum((height - offset) * pull for height, pull in asked), weight, 1))
+        while len(blocks) > 1 and blocks[-1][0] * blocks[-2][1] < blocks[-2][0] * blocks[-1][1]:
+            below, above = blocks.pop(), blocks.pop()
+            blocks.append((above[0] + below[0], above[1] + below[1], above[2] + below[2]))
+    heights = [total / weight for total, weight, count in blocks for _ in range(count)]
+    return {
+        slot.key: height + offset
+        for slot, height, offset in zip(column, heights, offsets, strict=True)
+    }
+
+
+def _offsets(column: Sequence[Slot], gap: float) -> list[float]:
+    offsets = []
+    top = 0.0
+    for number, slot in enumerate(column):
+        offsets.append(top)
+        following = column[number + 1] if number + 1 < len(column) else None
+        both = slot.lane and following is not None and following.lane
+        top += slot.height + (0.0 if both else gap)
+    return offsets
+
+
+GAP = 26.0  # between two boxes of a column
+LANE = 12.0  # the height that a passing wire takes up in a column
+BETWEEN = 70.0  # between two columns, and a little more for every wire there
+PER_WIRE = 4.0
+MOST_BETWEEN = 156.0
+BELOW = 34.0  # from the lowest box to the first wire that runs backward
+BULGE = 26.0
+
+Placed = tuple[tuple[Box, ...], tuple[Curve, ...]]
+
+
+class Grid(Struct, frozen=True):
+    """The columns: left edge and width of each, and the top of each slot."""
+
+    lefts: tuple[float, ...]
+    widths: tuple[float, ...]
+    tops: Mapping[SlotKey, float]
+    rank: Mapping[str, int]
+
+
+def layered(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed:
+    """Return the boxes at their places and the curves with their paths; the highest is at 0."""
+    keys = [box.key for box in boxes]
+    edges = [(curve.source.key, curve.target.key) for curve in curves]
+    against = backward(keys, edges)
+    forward = [edge for place, edge in enumerate(edges) if place not in against]
+    rank = ranks(keys, forward)
+    onward = [curve for place, curve in enumerate(curves) if place not in against]
+    lasts = _last_ranks(onward, rank)
+    slots = [Slot((box.key,), rank[box.key], box.h) for box in boxes]
+    slots += [
+        Slot(_lane(end, column), column, LANE, lane=True)
+        for end, last in lasts.items()
+        for column in range(rank[end.key] + 1, last)
+    ]
+    by_key = {box.key: box for box in boxes}
+    links = list(_links(onward, lasts, by_key, rank))
+    columns = ordered(slots, links)
+    grid = _grid(columns, links, by_key, rank)
+    placed = {box.key: _placed(box, grid) for box in boxes}
+    back = [curves[place] for place in sorted(against)]
+    lanes = _return_lanes(back, placed, grid)
+    drawn = tuple(
+        replace(curve, path=_back(curve, placed, lanes[curve.source]))
+        if place in against
+        else replace(curve, path=_along(curve, placed, grid))
+        for place, curve in enumerate(curves)
+    )
+    return tuple(placed.values()), drawn
+
+
+def _last_ranks(curves: Sequence[Curve], rank: Mapping[str, int]) -> dict[End, int]:
+    """Return, per output, the column of the farthest box that it feeds."""
+    lasts: dict[End, int] = {}
+    for curve in curves:
+        column = rank[curve.target.key]
+        lasts[curve.source] = max(column, lasts.get(curve.source, column))
+    return lasts
+
+
+def _lane(end: End, column: int) -> SlotKey:
+    return (end.key, end.port, str(column))
+
+
+def _links(
+    curves: Sequence[Curve],
+    lasts: Mapping[End, int],
+    boxes: Mapping[str, Box],
+    rank: Mapping[str, int],
+) -> Iterator[Link]:
+    """Yield the pieces of wire between neighbouring columns; lanes of one output are shared."""
+    for end, last in lasts.items():
+        for column in range(rank[end.key] + 1, last):
+            yield Link(*_left(end, column - 1, boxes, rank), _lane(end, column), LANE / 2)
+    for curve in curves:
+        column = rank[curve.target.key]
+        arrival = port_point(
+            replace(boxes[curve.target.key], y=0.0), curve.target.port, leaving=False
+        )
+        yield Link(*_left(curve.source, column - 1, boxes, rank), (curve.target.key,), arrival[1])
+
+
+def _left(
+    end: End, column: int, boxes: Mapping[str, Box], rank: Mapping[str, int]
+) -> tuple[SlotKey, float]:
+    if column == rank[end.key]:
+        departure = port_point(replace(boxes[end.key], y=0.0), end.port, leaving=True)
+        return (end.key,), departure[1]
+    return _lane(end, column), LANE / 2
+
+
+def _grid(
+    columns: Columns, links: Sequence[Link], boxes: Mapping[str, Box], rank: Mapping[str, int]
+) -> Grid:
+    crowd = [0] * len(columns)
+    home = {slot.key: slot.rank for column in columns for slot in column}
+    for link in links:
+        crowd[home[link.left]] += 1
+    widths = tuple(
+        max((boxes[slot.key[0]].w for slot in column if not slot.lane), default=0.0)
+        for column in columns
+    )
+    lefts = []
+    left = 0.0
+    for width, wires in zip(widths, crowd, strict=True):
+        lefts.append(left)
+        left += width + min(BETWEEN + PER_WIRE * wires, MOST_BETWEEN)
+    return Grid(tuple(lefts), widths, stacked(columns, links, GAP), rank)
+
+
+def _placed(box: Box, grid: Grid) -> Box:
+    column = grid.rank[box.key]
+    return replace(box, x=grid.lefts[column], y=grid.tops[(box.key,)], w=grid.widths[column])
+
+
+def _along(curve: Curve, boxes: Mapping[str, Box], grid: Grid) -> tuple[Bezier, ...]:
+    """Return the way rightward: from column to column, and along its lane through each."""
+    start, end = _ends(curve, boxes)
+    way: list[Point] = [start]
+    for column in range(grid.rank[curve.source.key] + 1, grid.rank[curve.target.key]):
+        height = grid.tops[_lane(curve.source, column)] + LANE / 2
+        left = grid.lefts[column]
+        way += [(left, height), (left + grid.widths[column], height)]
+    return through([*way, end])
+
+
+def _return_lanes(
+    curves: Sequence[Curve], boxes: Mapping[str, Box], grid: Grid
+) -> dict[End, float]:
+    """Return the height below everything at which each output's wires run backward."""
+    lowest = max((box.y + box.h for box in boxes.values()), default=0.0)
+    lowest = max([lowest, *grid.tops.values()])
+    outputs = list({curve.source: None for curve in curves})
+    return {end: lowest + BELOW + LANE * number for number, end in enumerate(outputs)}
+
+
+def _back(curve: Curve, boxes: Mapping[str, Box], lane: float) -> tuple[Bezier, ...]:
+    start, end = _ends(curve, boxes)
+    return around(start, end, lane, BULGE)
+
+
+def _ends(curve: Curve, boxes: Mapping[str, Box]) -> tuple[Point, Point]:
+    return (
+        port_point(boxes[curve.source.key], curve.source.port, leaving=True),
+        port_point(boxes[curve.target.key], curve.target.port, leaving=False),
+    )

@@ -1,0 +1,194 @@
+"""Routes of wires between boxes, and their Bezier curves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import pairwise
+
+from lab3_usd.report.picture.model import Bezier, Box, Curve, End, Point, port_point
+
+STEPS = 24  # points looked at on each Bezier curve
+
+
+def between(start: Point, end: Point) -> Bezier:
+    """Return the curve that leaves `start` and enters `end` horizontally, and never turns back."""
+    half = (end[0] - start[0]) / 2
+    return (start, (start[0] + half, start[1]), (end[0] - half, end[1]), end)
+
+
+def through(points: Sequence[Point]) -> tuple[Bezier, ...]:
+    """Return the curves from each point to the next, without those of no length."""
+    return tuple(between(start, end) for start, end in pairwise(points) if start != end)
+
+
+def around(start: Point, end: Point, lane: float, bulge: float) -> tuple[Bezier, ...]:
+    """Return the way back from `start` to an `end` on its left, along the height `lane`.
+
+    It keeps within `bulge` right of `start` and left of `end`.
+    """
+    reach = bulge / 0.75  # a cubic curve goes three quarters of the way to its control points
+    right = (start[0], lane)
+    left = (end[0], lane)
+    return (
+        (start, (start[0] + reach, start[1]), (right[0] + reach, lane), right),
+        (right, _part(right, left, 1 / 3), _part(right, left, 2 / 3), left),
+        (left, (left[0] - reach, lane), (end[0] - reach, end[1]), end),
+    )
+
+
+def points(path: Sequence[Bezier], steps: int = STEPS) -> Iterator[Point]:
+    """Yield points along a path, ends included."""
+    weights = _all_weights(steps)
+    for (x0, y0), (x1, y1), (x2, y2), (x3, y3) in path:
+        for a, b, c, d in weights:
+            yield a * x0 + b * x1 + c * x2 + d * x3, a * y0 + b * y1 + c * y2 + d * y3
+
+
+def point_at(curve: Bezier, t: float) -> Point:
+    """Return the point of one curve at `t` from 0 to 1."""
+    return _weighed(curve, _weights(t))
+
+
+@cache
+def _all_weights(steps: int) -> list[tuple[float, float, float, float]]:
+    return [_weights(step / steps) for step in range(steps + 1)]
+
+
+def _weights(t: float) -> tuple[float, float, float, float]:
+    return (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3
+
+
+def _weighed(curve: Bezier, weights: tuple[float, float, float, float]) -> Point:
+    a, b, c, d = weights
+    start, leaving, arriving, end = curve
+    return (
+        a * start[0] + b * leaving[0] + c * arriving[0] + d * end[0],
+        a * start[1] + b * leaving[1] + c * arriving[1] + d * end[1],
+    )
+
+
+def on_longest(path: Sequence[Bezier], t: float) -> Point:
+    """Return a place for a mark: at `t` from 0 to 1 on the widest piece of the path."""
+    longest = max(path, key=lambda curve: abs(curve[3][0] - curve[0][0]))
+    return point_at(longest, t)
+
+
+def _part(start: Point, end: Point, share: float) -> Point:
+    return (start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share)
+
+
+CLEAR = 6.0  # how far a wire stays away from other boxes
+LANE_CLEAR = 9.0  # how far lanes of different outputs stay apart
+OUTSIDE = 14.0  # from a box to the lane that passes above or below it
+ROUTING_STEPS = (0.0, 11.0, 22.0)  # lanes beside each other
+TURNS = (28.0, 44.0, 60.0, 80.0, 100.0)  # lengths of the bend between a port and a lane
+STEEP = 0.3  # the length that suits a bend, as a share of its height
+BULGE = 26.0
+NEAREST = 36.0  # a wire this short bends sharply and takes the way around
+
+Path = tuple[Bezier, ...]
+
+
+@dataclass(slots=True)
+class Lanes:
+    """Lanes in use: height, left and right end, and the output whose wire runs there."""
+
+    used: list[tuple[float, float, float, End]] = field(default_factory=list)
+
+    def free(self, height: float, left: float, right: float, source: End) -> bool:
+        """Whether no wire of another output runs here."""
+        return not any(
+            abs(height - other) < LANE_CLEAR and left < end and start < right
+            for other, start, end, owner in self.used
+            if owner != source
+        )
+
+
+def routed(boxes: Sequence[Box], curves: Sequence[Curve]) -> tuple[Path, ...] | None:
+    """Return a path for each curve that crosses no box; None where one has no such path."""
+    by_key = {box.key: box for box in boxes}
+    lanes = Lanes()
+    paths = []
+    for curve in curves:
+        path = _route(curve, by_key, lanes)
+        if path is None:
+            return None
+        paths.append(path)
+    return tuple(paths)
+
+
+def crosses(path: Path, curve: Curve, boxes: Mapping[str, Box]) -> bool:
+    """Whether a path comes too near to a box, its own two ends excepted."""
+    own = {curve.source.key, curve.target.key}
+    for piece in path:
+        near = _near(piece, boxes)
+        walls = [_walls(box, -1.0 if box.key in own else CLEAR) for box in near]
+        if walls and any(
+            left < x < right and top < y < bottom
+            for x, y in points((piece,))
+            for left, right, top, bottom in walls
+        ):
+            return True
+    return False
+
+
+def _near(piece: Bezier, boxes: Mapping[str, Box]) -> list[Box]:
+    """Return the boxes that a curve may touch: those near the box around its control points."""
+    xs, ys = [point[0] for point in piece], [point[1] for point in piece]
+    left, right, top, bottom = min(xs), max(xs), min(ys), max(ys)
+    return [
+        box
+        for box in boxes.values()
+        if left < box.x + box.w + CLEAR
+        and box.x - CLEAR < right
+        and top < box.y + box.h + CLEAR
+        and box.y - CLEAR < bottom
+    ]
+
+
+def _walls(box: Box, margin: float) -> tuple[float, float, float, float]:
+    """Return left, right, top and bottom of a box with room around it."""
+    return (
+        box.x - margin,
+        box.x + box.w + margin,
+        box.y - margin,
+        box.y + box.h + margin,
+    )
+
+
+def _route(curve: Curve, boxes: Mapping[str, Box], lanes: Lanes) -> Path | None:
+    start = port_point(boxes[curve.source.key], curve.source.port, leaving=True)
+    end = port_point(boxes[curve.target.key], curve.target.port, leaving=False)
+    if end[0] - start[0] >= NEAREST:
+        direct = through([start, end])
+        if not crosses(direct, curve, boxes):
+            return direct
+    for height in _heights(start, end, boxes):
+        for path, left, right in _along(start, end, height):
+            if lanes.free(height, left, right, curve.source) and not crosses(path, curve, boxes):
+                lanes.used.append((height, left, right, curve.source))
+                return path
+    return None
+
+
+def _heights(start: Point, end: Point, boxes: Mapping[str, Box]) -> list[float]:
+    """Return the heights of lanes above and below every box, those with the least detour first."""
+    heights = {start[1], end[1]}
+    for box in boxes.values():
+        for step in ROUTING_STEPS:
+            heights |= {box.y - OUTSIDE - step, box.y + box.h + OUTSIDE + step}
+    return sorted(heights, key=lambda y: (abs(y - start[1]) + abs(y - end[1]), y))
+
+
+def _along(start: Point, end: Point, height: float) -> Iterator[tuple[Path, float, float]]:
+    """Yield paths along one height, each with the ends of its lane."""
+    rise = max(abs(height - start[1]), abs(height - end[1]))
+    suits = max(44.0, min(STEEP * rise, 100.0))
+    for turn in sorted(TURNS, key=lambda turn: (abs(turn - suits), turn)):
+        left, right = start[0] + turn, end[0] - turn
+        if left < right:
+            yield through([start, (left, height), (right, height), end]), left, right
+    if height not in {start[1], end[1]}:
+        yield around(start, end, height, BULGE), min(start[0], end[0]), max(start[0], end[0])

@@ -1,0 +1,435 @@
+"""Pictures as SVG: a file of its own, or a piece of an HTML page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from html import escape
+from typing import Literal
+
+from msgspec import Struct
+
+from lab3_usd.report.picture.canvas import (
+    ENTRY_TEXT,
+    LEGEND_LINE,
+    MARGIN,
+    REMARK_LINE,
+    SUBTITLE_LINE,
+    TITLE_LINE,
+)
+from lab3_usd.report.picture.model import (
+    EXPECTED,
+    HEADER,
+    LINE,
+    PAD,
+    ROW,
+    STATES,
+    Bezier,
+    Box,
+    Curve,
+    LegendEntry,
+    Picture,
+    Row,
+    State,
+    port_id,
+    row_height,
+)
+from lab3_usd.report.picture.routing import on_longest
+from lab3_usd.report.safe_text import visible
+
+Theme = Literal["auto", "light", "dark"]
+THEMES: tuple[Theme, ...] = ("auto", "light", "dark")
+FONT = "Inter,'Segoe UI',Roboto,'Helvetica Neue',Arial,'DejaVu Sans',sans-serif"
+HEADERS = {
+    "event": "#2b6b4b",
+    "ros": "#27598f",
+    "action": "#5a4894",
+    "data": "#4a5663",
+    "frame": "#27598f",
+    "absent": "#55595f",
+}
+ON_HEADER = "#ffffff"
+BELOW_TITLE = "#dfe5ec"
+PALETTES: Mapping[str, Mapping[str, str]] = {
+    "light": {
+        "canvas": "#f3f5f8",
+        "body": "#ffffff",
+        "border": "#aab4c0",
+        "line": "#d5dbe3",
+        "text": "#1c2128",
+        "muted": "#555f6b",
+        "value": "#0a4f9e",
+        "data": "#3b78b8",
+        "execution": "#5b6570",
+        "fault": "#b3101d",
+        "fault_tint": "#fbe3e4",
+        "extra": "#7d5200",
+        "extra_tint": "#fbefd5",
+        "lit": "#ffe27a",
+    },
+    "dark": {
+        "canvas": "#1b1e23",
+        "body": "#2b2f36",
+        "border": "#565e6a",
+        "line": "#414852",
+        "text": "#e9edf2",
+        "muted": "#aeb7c2",
+        "value": "#8ec9ff",
+        "data": "#6fa8dc",
+        "execution": "#c3cad3",
+        "fault": "#ff8a84",
+        "fault_tint": "#452a2d",
+        "extra": "#e8b64a",
+        "extra_tint": "#40361f",
+        "lit": "#6b5a12",
+    },
+}
+SCOPE = ".lab3"  # the class of the element of a picture
+RULES = """\
+{s} text{{font-family:{font};font-size:12px;fill:{text}}}
+{s} .canvas{{fill:{canvas}}}
+{s} .h1{{font-size:18px;font-weight:700}}
+{s} .h2{{fill:{muted}}}
+{s} .rule{{stroke:{line};stroke-width:1;fill:none}}
+{s} .b{{fill:{body};stroke:{border};stroke-width:1}}
+{s} .t{{font-size:13px;font-weight:700;fill:{on_header}}}
+{s} .u{{font-size:11px;fill:{below_title}}}
+{s} .v{{font-size:11px;fill:{value};text-anchor:end}}
+{s} .e{{text-anchor:end}}
+{s} .m{{font-size:11px;fill:{muted}}}
+{s} .p{{fill:{body};stroke:{data};stroke-width:1.5}}
+{s} .p.f{{fill:{data}}}
+{s} .px{{stroke:{execution};stroke-linejoin:round}}
+{s} .px.f{{fill:{execution}}}
+{s} .w{{fill:none;stroke:{data};stroke-width:2}}
+{s} .x{{stroke:{execution};stroke-dasharray:7 4}}
+{s} .hit{{fill:none}}
+{s} .wrong .hit,{s} .missing .hit{{fill:{fault_tint}}}
+{s} .extra .hit{{fill:{extra_tint}}}
+{s} .r:target .hit,{s} .lit .hit{{fill:{lit}}}
+{s} .wrong .p,{s} .missing .p,{s} .ghost .p{{stroke:{fault}}}
+{s} .wrong .p.f,{s} .missing .p.f,{s} .ghost .p.f{{fill:{fault}}}
+{s} .extra .p{{stroke:{extra}}}
+{s} .extra .p.f{{fill:{extra}}}
+{s} .r.wrong text,{s} .r.missing text{{fill:{fault};font-weight:700}}
+{s} .r.extra text{{fill:{extra};font-weight:700}}
+{s} .r text.s{{font-weight:400;fill:{text}}}
+{s} .b.wrong{{stroke:{fault};stroke-width:2.5}}
+{s} .b.extra{{stroke:{extra};stroke-width:2.5}}
+{s} .b.missing{{fill:none;stroke:{fault};stroke-width:2;stroke-dasharray:6 4}}
+{s} .n.ghost text,{s} .h3{{fill:{fault}}}
+{s} .h3.extra{{fill:{extra}}}
+{s} .w.wrong{{stroke:{fault};stroke-width:3}}
+{s} .w.missing{{stroke:{fault};stroke-dasharray:1 6;stroke-linecap:round;stroke-width:2.5}}
+{s} .w.x.missing{{stroke-dasharray:7 8;stroke-linecap:butt}}
+{s} .w.extra{{stroke:{extra};stroke-width:3}}
+{s} .k{{fill:{canvas};stroke:{fault};stroke-width:1.5}}
+{s} .k.extra{{stroke:{extra}}}
+{s} .g{{fill:none;stroke:{fault};stroke-width:2;stroke-linecap:round}}
+{s} .g.extra{{stroke:{extra}}}
+"""
+
+
+def stylesheet(theme: Theme = "auto") -> str:
+    """Return the rules for pictures; `auto` follows the reader's system, the others do not."""
+    if theme != "auto":
+        return _rules(theme)
+    dark = _rules("dark")
+    return f"{_rules('light')}@media (prefers-color-scheme:dark){{\n{dark}}}\n"
+
+
+def _rules(theme: str) -> str:
+    rules = RULES.format(
+        s=SCOPE, font=FONT, on_header=ON_HEADER, below_title=BELOW_TITLE, **PALETTES[theme]
+    )
+    return rules + "".join(_headers())
+
+
+def _headers() -> Iterator[str]:
+    for family, colour in HEADERS.items():
+        yield f"{SCOPE} .f-{family}{{fill:{colour}}}\n"
+
+
+# From the middle of a mark to where its stroke starts, and the stroke.
+STROKES: Mapping[State, tuple[float, float, str]] = {
+    "wrong": (-3, -3, "l6 6m0-6-6 6"),
+    "missing": (-4, 0, "h8"),
+    "extra": (-4, 0, "h8m-4-4v8"),
+}
+MARK = 8
+
+
+class ElementIds(Struct, frozen=True):
+    """The ids of elements: the prefix of all, and where each one links to.
+
+    With `links` only the ids it names are written; without, every port and node has its id.
+    """
+
+    prefix: str = ""
+    links: Mapping[str, str] | None = None
+
+    def id(self, prim: str, prop: str | None = None) -> str:
+        """Return the id attribute of a node or port, with the space before it; '' without one."""
+        name = port_id(prim, prop)
+        if self.links is not None and name not in self.links:
+            return ""
+        return f' id="{markup(self.prefix + name)}"'
+
+    def linked(self, content: str, prim: str, prop: str | None = None) -> str:
+        """Return the part as a link where there is one for its id."""
+        target = None if self.links is None else self.links.get(port_id(prim, prop))
+        return content if target is None else f'<a href="{markup(target)}">{content}</a>'
+
+
+def markup(text: str) -> str:
+    """Return any string as text or attribute value: what does not print, and markup, is escaped."""
+    return escape(visible(text))
+
+
+def note(text: str) -> str:
+    """Return the tooltip of a part; it may have several lines."""
+    return f"<title>{chr(10).join(map(markup, text.splitlines()))}</title>" if text else ""
+
+
+def number(value: float) -> str:
+    """Write a coordinate with at most one decimal."""
+    return f"{value:.1f}".removesuffix(".0")
+
+
+def text(content: str, x: float, y: float, kind: str = "") -> str:
+    """Return one line of text, its baseline at `y`."""
+    look = f' class="{kind}"' if kind else ""
+    return f'<text x="{number(x)}" y="{number(y)}"{look}>{markup(content)}</text>'
+
+
+def rect(x: float, y: float, size: tuple[float, float], kind: str, corner: float = 0) -> str:
+    """Return a rectangle, `size` being width and height."""
+    round_off = f' rx="{number(corner)}"' if corner else ""
+    return (
+        f'<rect class="{kind}" x="{number(x)}" y="{number(y)}"'
+        f' width="{number(size[0])}" height="{number(size[1])}"{round_off}/>'
+    )
+
+
+def port(x: float, y: float, *, execution: bool, wired: bool) -> str:
+    """Return a port: a disc for data, an arrowhead for execution, hollow without a wire."""
+    full = " f" if wired else ""
+    if execution:
+        return f'<path class="p px{full}" d="M{number(x - 4)} {number(y - 5)}l9 5-9 5z"/>'
+    return f'<circle class="p{full}" cx="{number(x)}" cy="{number(y)}" r="4.5"/>'
+
+
+def mark(x: float, y: float, state: State) -> str:
+    """Return the round mark of a fault: a cross, a minus or a plus."""
+    kind = " extra" if state == "extra" else ""
+    left, top, stroke = STROKES[state]
+    return (
+        f'<circle class="k{kind}" cx="{number(x)}" cy="{number(y)}" r="{MARK}"/>'
+        f'<path class="g{kind}" d="M{number(x + left)} {number(y + top)}{stroke}"/>'
+    )
+
+
+CORNER = 8.0
+BASELINE = 4.0  # from the middle of a line of 12 px to its baseline
+
+
+def box_svg(box: Box, ids: ElementIds) -> str:
+    """Return the group of one box."""
+    ghost = " ghost" if box.state == "missing" else ""
+    header = "".join(_header(box))
+    head = ids.linked(f"<g{ids.id(box.key)}>{note(box.note)}{header}</g>", box.key)
+    rows = "".join(_row(box, row, ids) for row in box.rows)
+    more = text(box.more, box.x + PAD, box.y + box.h - 14, "m") if box.more else ""
+    state = "" if box.state == "ok" else f" {box.state}"
+    frame = rect(box.x, box.y, (box.w, box.h), f"b{state}", CORNER)
+    return f'<g class="n{ghost}">{frame}{head}{_separator(box)}{rows}{more}</g>'
+
+
+def _header(box: Box) -> Iterator[str]:
+    if box.state != "missing":
+        yield f'<path class="f-{box.family}" d="{_header_path(box)}"/>'
+    yield text(box.title, box.x + PAD, box.y + (19 if box.subtitle else 27), "t")
+    if box.subtitle:
+        yield text(box.subtitle, box.x + PAD, box.y + 35, "u")
+    if box.state != "ok":
+        yield mark(box.x + box.w - 16, box.y + 16, box.state)
+
+
+def _header_path(box: Box) -> str:
+    """Return the header inside the border; its lower corners are round where nothing is below."""
+    # Half a pixel inside, so that the border stays whole.
+    left, top = number(box.x + 0.5), number(box.y + CORNER)
+    width, radius = box.w - 1, CORNER - 0.5
+    upper = f"M{left} {top}a{radius:g} {radius:g} 0 0 1 {radius:g}-{radius:g}"
+    upper += f"h{number(width - 2 * radius)}a{radius:g} {radius:g} 0 0 1 {radius:g} {radius:g}"
+    if box.h > HEADER:
+        return f"{upper}v{number(HEADER - CORNER)}H{left}z"
+    lower = f"v{number(HEADER - 2 * CORNER)}a{radius:g} {radius:g} 0 0 1-{radius:g} {radius:g}"
+    lower += f"h-{number(width - 2 * radius)}a{radius:g} {radius:g} 0 0 1-{radius:g}-{radius:g}z"
+    return upper + lower
+
+
+def _separator(box: Box) -> str:
+    if not box.settings or not (box.inputs or box.outputs):
+        return ""
+    y = box.y + box.settings[0].y - ROW / 2 - 4
+    right = number(box.w - 2 * PAD)
+    return f'<path class="rule" d="M{number(box.x + PAD)} {number(y)}h{right}"/>'
+
+
+def _row(box: Box, row: Row, ids: ElementIds) -> str:
+    content = "".join((*_texts(box, row), *_ports(box, row)))
+    place = ids.id(box.key, row.port)
+    if not place and row.state == "ok":
+        # Nobody asks for this row by its id: a page of many pictures stays small.
+        return f"<g>{note(row.note)}{content}</g>" if row.note else content
+    state = "" if row.state == "ok" else f" {row.state}"
+    group = f'<g class="r{state}"{place}>{note(row.note)}{_behind(box, row)}{content}</g>'
+    return ids.linked(group, box.key, row.port)
+
+
+def _behind(box: Box, row: Row) -> str:
+    """Return the area that lights up; rows of ports share a line, each has its half."""
+    width = box.w - 2
+    left = box.x + 1
+    if row not in box.settings and box.inputs and box.outputs:
+        width /= 2
+        left += width if row in box.outputs else 0.0
+    height = row_height(row)
+    return rect(left, box.y + row.y - ROW / 2, (width, height), "hit")
+
+
+def _texts(box: Box, row: Row) -> Iterator[str]:
+    y = box.y + row.y + BASELINE
+    right = box.x + box.w - PAD
+    if row.side == "out" and not row.value:
+        yield text(row.label, right, y, "e")
+    else:
+        yield text(row.label, box.x + PAD, y)
+    look = "v m" if row.muted and row.state == "ok" else "v"
+    for line in row.value:
+        yield text(line, right, y, look)
+        y += LINE
+    for line in row.expected:
+        yield text(EXPECTED + line, right, y, "v s")
+        y += LINE
+
+
+def _ports(box: Box, row: Row) -> Iterator[str]:
+    y = box.y + row.y
+    if row.side in {"in", "both"}:
+        yield port(box.x, y, execution=row.execution, wired=row.wired)
+    if row.side in {"out", "both"}:
+        yield port(box.x + box.w, y, execution=row.execution, wired=row.wired)
+
+
+FAMILIES = {
+    "event": "event",
+    "ros": "ros",
+    "action": "action",
+    "family-data": "data",
+    "absent": "absent",
+}
+
+
+def svg(picture: Picture, ids_prefix: str = "", links: Mapping[str, str] | None = None) -> str:
+    """Return the picture as an element for an HTML page, which has to hold `stylesheet()` once.
+
+    Every node and port is a group with the id `ids_prefix` + `port_id(prim, property)`; the
+    prefix keeps several pictures of one page apart. With `links`, from `port_id` to an address,
+    only those have ids, and each is a link. The row that the page's address names is lit, and so
+    is one that a script gives the class `lit`.
+    """
+    return _element(picture, ElementIds(ids_prefix, links), style="")
+
+
+def svg_file(picture: Picture, theme: Theme = "auto") -> str:
+    """Return the picture as a whole SVG file; the theme `auto` follows the reader's system."""
+    style = f"<style>\n{stylesheet(theme)}</style>"
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{_element(picture, ElementIds(), style)}\n'
+
+
+def _element(picture: Picture, ids: ElementIds, style: str) -> str:
+    # Faulty wires lie on top, boxes above all wires, marks of wires above everything.
+    curves = sorted(picture.curves, key=lambda curve: curve.state != "ok")
+    parts = [
+        _opening(picture),
+        style,
+        rect(0, 0, (picture.width, picture.height), "canvas"),
+        f"<g{ids.id(picture.path)}>{''.join(_head(picture))}</g>",
+        *(_wire(curve) for curve in curves),
+        *(box_svg(box, ids) for box in picture.boxes),
+        *_marks(picture),
+        *_legend(picture),
+        "</svg>",
+    ]
+    return "\n".join(part for part in parts if part)
+
+
+def _opening(picture: Picture) -> str:
+    width, height = number(picture.width), number(picture.height)
+    spoken = markup(f"{picture.title}: {picture.subtitle.replace('  ·  ', ', ')}")
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="lab3" role="img" aria-label="{spoken}"'
+        f' width="{width}" height="{height}" viewBox="0 0 {width} {height}">'
+    )
+
+
+def _head(picture: Picture) -> Iterator[str]:
+    yield text(picture.title, MARGIN, TITLE_LINE, "h1")
+    yield text(picture.subtitle, MARGIN, SUBTITLE_LINE, "h2")
+    for number_of_line, remark in enumerate(picture.remarks, start=1):
+        y = SUBTITLE_LINE + 4 + REMARK_LINE * number_of_line
+        if remark.state != "ok":
+            yield mark(MARGIN + 8, y - 4, remark.state)
+        kind = " extra" if remark.state == "extra" else ""
+        yield text(
+            remark.text, MARGIN + ENTRY_TEXT, y, "h2" if remark.state == "ok" else f"h3{kind}"
+        )
+
+
+def _marks(picture: Picture) -> Iterator[str]:
+    """Yield a mark for each faulty wire, except those of nodes that are missing as a whole."""
+    missing = {box.key for box in picture.boxes if box.state == "missing"}
+    for curve in picture.curves:
+        if curve.state != "ok" and not {curve.source.key, curve.target.key} & missing:
+            # A missing wire often runs beside the wrong one: their marks stand apart.
+            place = on_longest(curve.path, 0.35 if curve.state == "missing" else 0.6)
+            yield mark(*place, curve.state)
+
+
+def _wire(curve: Curve) -> str:
+    state = "" if curve.state == "ok" else f" {curve.state}"
+    dashes = " x" if curve.dashed else ""
+    path = f'<path class="w{dashes}{state}" d="{path_data(curve.path)}"'
+    return f"{path}>{note(curve.note)}</path>" if curve.note else f"{path}/>"
+
+
+def path_data(path: tuple[Bezier, ...]) -> str:
+    """Return the curves of a path, which follow each other, as SVG path data."""
+    start = path[0][0]
+    data = [f"M{number(start[0])} {number(start[1])}"]
+    data += [_piece(curve) for curve in path]
+    return "".join(data)
+
+
+def _piece(curve: Bezier) -> str:
+    if len({point[1] for point in curve}) == 1:
+        return f"H{number(curve[3][0])}"
+    return "C" + " ".join(f"{number(x)} {number(y)}" for x, y in curve[1:])
+
+
+def _legend(picture: Picture) -> Iterator[str]:
+    y = picture.legend[0].y - LEGEND_LINE
+    yield f'<path class="rule" d="M{number(MARGIN)} {number(y)}H{number(picture.width - MARGIN)}"/>'
+    for entry in picture.legend:
+        yield _legend_symbol(entry)
+        yield text(entry.text, entry.x + ENTRY_TEXT, entry.y + 4, "h2")
+
+
+def _legend_symbol(entry: LegendEntry) -> str:
+    if entry.kind in {"data", "execution"}:
+        dashes = " x" if entry.kind == "execution" else ""
+        return f'<path class="w{dashes}" d="M{number(entry.x)} {number(entry.y)}h22"/>'
+    if entry.kind in FAMILIES:
+        return rect(entry.x + 4, entry.y - 7, (14, 14), f"f-{FAMILIES[entry.kind]}", 3)
+    return mark(entry.x + 11, entry.y, next(state for state in STATES if state == entry.kind))

@@ -1,1 +1,0 @@
-"""The file formats of a picture: one module each, SVG in four."""

@@ -1,1 +1,0 @@
-"""The parts of the report for people on a terminal."""

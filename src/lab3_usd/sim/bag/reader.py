@@ -1,0 +1,425 @@
+"""Reads a recording once: its messages in time, and what of them is judged."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+from msgspec import Struct, field
+from rosbags.serde import SerdeError
+
+from lab3_usd.errors import RecordingError
+from lab3_usd.model.dry_run import Affine, Frame, Place, heading, rotation
+from lab3_usd.sim.bag.files import Offered, Raw
+from lab3_usd.sim.bag.writer import STORE
+from lab3_usd.sim.execution.record import Message, Odometry, Recording, Scan, Transform, View
+from lab3_usd.sim.judge.evidence import Interface
+
+NEAR = 0.5  # seconds from the clock within which a stamp is of that clock
+_NANOSECONDS = 1e9
+
+
+class Timeline(Struct):
+    """The time of a recording: that of its clock, without jumps back; else that of arrival."""
+
+    clocked: bool
+    now: float = 0.0
+    arrived: float = 0.0  # seconds since the first message
+    clock: float | None = None
+    ticks: int = 0
+    first: int | None = None
+
+    def arrive(self, nanoseconds: int) -> None:
+        """Note when the next message arrives."""
+        if self.first is None:
+            self.first = nanoseconds
+        self.arrived = max(self.arrived, (nanoseconds - self.first) / _NANOSECONDS)
+        if not self.clocked:
+            self.now = self.arrived
+
+    def tick(self, clock: float) -> None:
+        """Note what the clock says."""
+        if self.clock is not None:
+            self.now = round(self.now + max(0.0, clock - self.clock), 6)
+        self.clock = clock
+        self.ticks += 1
+
+    def place(self, stamp: float | None) -> float:
+        """Return when a message was made: by its stamp if that is of the clock, else now."""
+        if stamp is None or self.clock is None or abs(stamp - self.clock) > NEAR:
+            return self.now
+        return max(0.0, round(self.now + stamp - self.clock, 6))
+
+    @property
+    def speed(self) -> float:
+        """Seconds of the simulation in one second."""
+        return self.now / self.arrived if self.arrived else 0.0
+
+
+LARGEST = 4_000_000  # bytes of a message that is read as a whole
+LARGEST_LIST = 200_000  # of one that is a list of records: a thousand transforms
+LONGEST = 200  # characters of the name of a frame
+_HEADER = "std_msgs/msg/Header"
+
+
+class Header(NamedTuple):
+    """When a message was made, and in which frame."""
+
+    stamp: float
+    frame: str
+
+
+class Decoded(NamedTuple):
+    """A message: its header, and what it says."""
+
+    header: Header | None
+    data: Any
+
+
+class Goal(NamedTuple):
+    """A goal of navigation, and its status."""
+
+    id: bytes
+    status: int
+
+
+def has_header(kind: str) -> bool:
+    """Whether messages of a type begin with a header."""
+    known: Any = STORE.fielddefs.get(kind)
+    return bool(known and known[1]) and bool(known[1][0][1][1] == _HEADER)
+
+
+def header(data: bytes) -> Header | None:
+    """Read the header at the start of a message, None where it is not whole."""
+    order = ">" if data[1:2] == b"\0" else "<"
+    try:
+        seconds, fraction, length = struct.unpack_from(f"{order}iII", data, 4)
+    except struct.error:
+        return None
+    if not 0 < length <= len(data) - 16:
+        return None
+    name = data[16 : 16 + min(length, LONGEST)]
+    frame = name.rstrip(b"\0").decode("utf-8", "replace")
+    return Header(seconds + fraction / _NANOSECONDS, frame)
+
+
+def decode(kind: str, data: bytes) -> Decoded | None:
+    """Read a message of a type that is judged, None where it is none."""
+    read = _READERS.get(kind)
+    if kind == IMAGE:
+        return _image(data)
+    if read is None or len(data) > (LARGEST_LIST if kind in _LISTS else LARGEST):
+        return None
+    try:
+        message: Any = STORE.deserialize_cdr(data, kind)
+    except (SerdeError, IndexError, OverflowError, MemoryError):
+        return None
+    return read(message)
+
+
+_LISTS = {"tf2_msgs/msg/TFMessage", "action_msgs/msg/GoalStatusArray"}
+IMAGE = "sensor_msgs/msg/Image"
+
+
+def _image(data: bytes) -> Decoded | None:
+    """Read header and size of an image, and leave its pixels."""
+    first = header(data)
+    if first is None:
+        return None
+    order = ">" if data[1:2] == b"\0" else "<"
+    (length,) = struct.unpack_from(f"{order}I", data, 12)
+    try:
+        tall, wide = struct.unpack_from(f"{order}II", data, 4 + (12 + length + 3) // 4 * 4)
+    except struct.error:
+        return None
+    return Decoded(first, View(wide, tall))
+
+
+def _seconds(stamp: Any) -> float:  # noqa: ANN401 - the library's record
+    return float(stamp.sec + stamp.nanosec / _NANOSECONDS)
+
+
+def _head(said: Any) -> Header:  # noqa: ANN401
+    return Header(_seconds(said.stamp), said.frame_id[:LONGEST])
+
+
+def _clock(message: Any) -> Decoded:  # noqa: ANN401
+    return Decoded(None, _seconds(message.clock))
+
+
+def _xyz(vector: Any) -> tuple[float, float, float]:  # noqa: ANN401
+    return (vector.x, vector.y, vector.z)
+
+
+def _wxyz(turn: Any) -> tuple[float, float, float, float]:  # noqa: ANN401
+    return (turn.w, turn.x, turn.y, turn.z)
+
+
+def _twist(message: Any) -> Decoded | None:  # noqa: ANN401
+    told = (message.linear.x, message.linear.y, message.angular.z)
+    return Decoded(None, told) if _finite(told) else None
+
+
+def _odometry(message: Any) -> Decoded | None:  # noqa: ANN401
+    pose, twist = message.pose.pose, message.twist.twist
+    said = (_xyz(pose.position), _wxyz(pose.orientation), _xyz(twist.linear), _xyz(twist.angular))
+    if not all(map(_finite, said)):
+        return None
+    return Decoded(_head(message.header), Odometry(message.child_frame_id[:LONGEST], *said))
+
+
+def _transforms(message: Any) -> Decoded | None:  # noqa: ANN401
+    found = []
+    for each in message.transforms:
+        place = (_xyz(each.transform.translation), _wxyz(each.transform.rotation))
+        if not all(map(_finite, place)):
+            return None
+        names = (each.header.frame_id[:LONGEST], each.child_frame_id[:LONGEST])
+        found.append(Transform(*names, *place))
+    # It has a header for each transform, and so no frame of its own.
+    first = Header(_head(message.transforms[0].header).stamp, "") if found else None
+    return Decoded(first, tuple(found))
+
+
+def _scan(message: Any) -> Decoded | None:  # noqa: ANN401
+    """Read a scan; of its rays only whether one comes back, as there is no room to compare with."""
+    near, far = message.range_min, message.range_max
+    ranges = message.ranges
+    returned = ranges[(ranges >= near) & (ranges <= far)]
+    seen = (float(returned.min()) if len(returned) else -1.0,)
+    angles = (message.angle_min, message.angle_increment, near, far)
+    return Decoded(_head(message.header), Scan(*angles, seen)) if _finite(angles) else None
+
+
+def _info(message: Any) -> Decoded:  # noqa: ANN401
+    view = View(message.width, message.height, tuple(map(float, message.k)))
+    return Decoded(_head(message.header), view)
+
+
+def _goals(message: Any) -> Decoded:  # noqa: ANN401
+    listed = message.status_list
+    return Decoded(None, tuple(Goal(bytes(e.goal_info.goal_id.uuid), e.status) for e in listed))
+
+
+def _finite(numbers: tuple[float, ...]) -> bool:
+    return all(map(math.isfinite, numbers))
+
+
+_READERS = {
+    "rosgraph_msgs/msg/Clock": _clock,
+    "geometry_msgs/msg/Twist": _twist,
+    "nav_msgs/msg/Odometry": _odometry,
+    "tf2_msgs/msg/TFMessage": _transforms,
+    "sensor_msgs/msg/LaserScan": _scan,
+    "sensor_msgs/msg/CameraInfo": _info,
+    "action_msgs/msg/GoalStatusArray": _goals,
+}
+
+
+DETAIL = 300.0  # seconds of the simulation that are judged message by message
+MOST_KEPT = 60_000  # messages of these
+MOST_TRANSFORMS = 250_000  # in these
+MOST_NAMES = 2000  # frames, goals
+FEW = 5  # frames of one topic that are named
+
+
+class Tally(Struct):
+    """What is known of a topic however long it is: `at` in seconds of the simulation."""
+
+    count: int = 0
+    unreadable: int = 0
+    stuck: int = 0  # messages whose stamp is not after the one before
+    first: tuple[float, float] = (0.0, 0.0)  # at, arrival
+    last: tuple[float, float] = (0.0, 0.0)
+    stamp: float | None = None
+    frames: dict[str, None] = field(default_factory=dict)
+    offered: tuple[Offered, ...] = ()
+
+    def rates(self) -> tuple[float, float]:
+        """Return messages a second by the simulation and by arrival."""
+        spans = (last - first for first, last in zip(self.first, self.last, strict=True))
+        by_stamp, by_arrival = ((self.count - 1) / span if span > 0 else 0.0 for span in spans)
+        return by_stamp, by_arrival
+
+
+class Link(Struct):
+    """Transforms between two frames over time."""
+
+    count: int = 0
+    last: float = 0.0
+    gap: float = 0.0  # the longest
+
+
+class Topics(Struct, frozen=True):
+    """Which topics are read: those of the interface, static transforms, and the goal's status."""
+
+    wanted: Interface
+    static: frozenset[str]
+    goal: str
+
+    def judged(self) -> frozenset[str]:
+        """Return the topics whose messages are read as a whole."""
+        wanted = self.wanted
+        return frozenset({*wanted.types, wanted.commands, *self.lasting()} - {""})
+
+    def lasting(self) -> frozenset[str]:
+        """Return those of them that are read to the end."""
+        wanted = self.wanted
+        return frozenset({wanted.clock, wanted.transforms, self.goal, *self.static} - {""})
+
+
+class Gathered(Struct):
+    """What a recording comes to."""
+
+    timeline: Timeline
+    recording: Recording = field(default_factory=Recording)
+    tallies: dict[tuple[str, str], Tally] = field(default_factory=dict)
+    commands: list[tuple[float, tuple[float, float, float]]] = field(default_factory=list)
+    places: list[tuple[float, Place]] = field(default_factory=list)
+    links: dict[tuple[str, str], Link] = field(default_factory=dict)
+    frames: dict[Frame, None] = field(default_factory=dict)
+    goals: dict[bytes, int] = field(default_factory=dict)
+    listed: int = 0  # transforms and goals that were read
+    transforms: int = 0  # that are kept
+    until: float | None = None  # when more came than is judged message by message
+
+    @property
+    def seconds(self) -> float:
+        """How long it was judged message by message."""
+        return min(DETAIL, self.timeline.now) if self.until is None else self.until
+
+    def of_topic(self, name: str) -> list[Tally]:
+        """Return what came on a topic, by type."""
+        return [each for (topic, _), each in self.tallies.items() if topic == name]
+
+
+def gather(
+    messages: Iterable[Raw],
+    offered: Mapping[tuple[str, str], tuple[Offered, ...]],
+    topics: Topics,
+    most_listed: int,
+) -> Gathered:
+    """Go through the messages in the order in which they arrived.
+
+    Raises:
+        RecordingError: they list more transforms and goals than are read.
+    """
+    timeline = Timeline(any(topic == topics.wanted.clock for topic, _ in offered))
+    found = Gathered(timeline)
+    for key, each in offered.items():
+        found.tallies[key] = Tally(offered=each)
+    judged, lasting = topics.judged(), topics.lasting()
+    for raw in messages:
+        _take(found, raw, topics, whole=raw.topic in (judged if found.until is None else lasting))
+        if found.listed > most_listed:
+            message = f"has more than {most_listed} transforms and goals"
+            raise RecordingError(message)
+    found.recording.messages.sort(key=lambda each: each.at)
+    return found
+
+
+def _take(found: Gathered, raw: Raw, topics: Topics, *, whole: bool) -> None:
+    timeline = found.timeline
+    timeline.arrive(raw.arrival)
+    tally = found.tallies.setdefault((raw.topic, raw.type), Tally())
+    read = _read(raw, whole=whole)
+    if read is None:
+        tally.unreadable += 1
+        read = Decoded(None, None)
+    wanted = topics.wanted
+    if raw.topic == wanted.clock and isinstance(read.data, float):
+        timeline.tick(read.data)
+        stamp: float | None = read.data
+        at = timeline.now
+    else:
+        stamp = read.header.stamp if read.header is not None else None
+        at = timeline.place(stamp)
+    _count(tally, read, stamp, (at, timeline.arrived))
+    if whole:
+        frame = read.header.frame if read.header is not None else ""
+        message = Message(raw.type, stamp or 0.0, frame, read.data, topic=raw.topic, at=at)
+        _keep(found, message, topics)
+
+
+def _read(raw: Raw, *, whole: bool) -> Decoded | None:
+    if whole:
+        return decode(raw.type, raw.data)
+    return Decoded(header(raw.data) if has_header(raw.type) else None, None)
+
+
+def _count(tally: Tally, read: Decoded, stamp: float | None, moment: tuple[float, float]) -> None:
+    tally.first = moment if not tally.count else tally.first
+    tally.last = max(tally.last, moment)
+    tally.count += 1
+    if stamp is not None:
+        tally.stuck += tally.stamp is not None and stamp <= tally.stamp
+        tally.stamp = stamp
+    if read.header is not None and len(tally.frames) < FEW:
+        tally.frames[read.header.frame] = None
+    if isinstance(read.data, Odometry) and len(tally.frames) < FEW:
+        tally.frames[read.data.child] = None
+
+
+def _keep(found: Gathered, message: Message, topics: Topics) -> None:
+    wanted, data = topics.wanted, message.data
+    if message.topic == topics.goal and isinstance(data, tuple):
+        found.listed += len(data)
+        _gathered_goals(found, data)
+        return
+    if _is_enough(found, message):
+        found.until = min(found.until or DETAIL, found.timeline.now)
+    if message.topic in {wanted.transforms, *topics.static} and isinstance(data, tuple):
+        found.listed += len(data)
+        static = message.topic in topics.static
+        inner = _links(found, message.transforms, message.at, wanted.root, static=static)
+        if static or not inner:
+            return
+        message.data = inner
+        found.transforms += len(inner)
+    if found.until is None:
+        _keep_whole(found, message, wanted)
+
+
+def _is_enough(found: Gathered, message: Message) -> bool:
+    kept = len(found.recording.messages)
+    return message.at > DETAIL or kept >= MOST_KEPT or found.transforms > MOST_TRANSFORMS
+
+
+def _keep_whole(found: Gathered, message: Message, wanted: Interface) -> None:
+    data = message.data
+    if message.topic == wanted.commands:
+        if isinstance(data, tuple):
+            found.commands.append((message.at, data))
+        return
+    found.recording.messages.append(message)
+    if isinstance(data, Odometry):
+        turned = heading(Affine(rotation(data.orientation)))
+        x, y, _ = data.position
+        found.places.append((message.at, (x, y, turned)))
+
+
+def _gathered_goals(found: Gathered, goals: tuple[Goal, ...]) -> None:
+    for each in goals[:MOST_NAMES]:
+        if each.id in found.goals or len(found.goals) < MOST_NAMES:
+            found.goals[each.id] = each.status
+
+
+def _links(
+    found: Gathered, transforms: tuple[Transform, ...], at: float, root: str, *, static: bool
+) -> tuple[Transform, ...]:
+    """Note who is whose parent, and return what is below the root."""
+    for each in transforms:
+        key = (each.parent, each.child)
+        link = found.links.get(key)
+        if link is None:
+            if len(found.links) >= MOST_NAMES:
+                continue
+            link = found.links[key] = Link(last=at)
+            found.frames[Frame(*key, static)] = None
+            if static:
+                found.recording.static = (*found.recording.static, (each, ""))
+        link.gap = max(link.gap, 0.0 if static else at - link.last)
+        link.count, link.last = link.count + 1, at
+    return tuple(each for each in transforms if each.child != root)

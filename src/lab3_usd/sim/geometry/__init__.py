@@ -1,1 +1,0 @@
-"""Shapes as triangles, and what a plane cuts out of them."""

@@ -1,0 +1,208 @@
+"""What there is to judge.
+
+A recording, the drive, what is asked for over ROS, and where TF has a frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from msgspec import Struct
+
+from lab3_usd.model.dry_run import HERE, Affine, Segment, rotation
+from lab3_usd.model.transforms import length, minus
+from lab3_usd.sim.execution.record import (
+    RATE,
+    Leg,
+    Message,
+    Pose,
+    Recording,
+    Scan,
+    Session,
+    Transform,
+)
+
+SIZE = (0.6, 1.5)  # how much of a command a robot that follows it may do
+SOON = 6  # frames in which a robot may come to rest
+
+
+class Tolerance(Struct, frozen=True):
+    """How far from the ideal is still right: seconds, and (metres, radians)."""
+
+    lag: float  # between a stamp and the clock
+    still: tuple[float, float]
+    slip: tuple[float, float]
+
+
+EXACT = Tolerance(0.1, (2e-3, math.radians(0.3)), (0.02, math.radians(3.0)))
+PHYSICAL = Tolerance(0.5, (0.02, math.radians(2.0)), (0.1, math.radians(10.0)))
+
+
+class Interface(Struct, frozen=True):
+    """What is asked for over ROS: topics, frames, rates and limits; '' is not asked for.
+
+    `limits` are metres and radians a second, `looks` is where the camera looks from the base,
+    `upward` what is up in its image.
+    """
+
+    types: dict[str, str]  # message type by topic
+    domain: int
+    commands: str
+    clock: str
+    odometry: str
+    transforms: str
+    scan: str
+    image: str
+    info: str
+    root: str
+    base: str
+    scan_rate: float
+    image_rate: float
+    limits: tuple[float, float]
+    looks: tuple[float, float, float]
+    upward: tuple[float, float, float]
+    profile: dict[str, Any] = {}  # of a lidar whose own cannot be read
+    static: frozenset[str] = frozenset()  # topics of transforms that are kept
+
+
+class Cause(NamedTuple):
+    """The node behind a fault, what it does or does not do, and the rule of such faults."""
+
+    prim: str
+    reason: str
+    rule: str
+
+
+class Causes(Protocol):
+    """Who knows why something does not come."""
+
+    def of_silence(self, topic: str, message: str) -> Cause | None:
+        """Return why no message of this type comes on a topic."""
+
+    def of_motion(self) -> Cause | None:
+        """Return why commands do not move the robot as they should."""
+
+
+class Fault(NamedTuple):
+    """What is wrong, the rule that it falls under, and the prim at fault if one is known.
+
+    What the run does not know for sure is no fault: `sure` is false then.
+    """
+
+    message: str
+    rule: str
+    prim: str = ""
+    cause: str = ""
+    sure: bool = True
+
+
+class Stretch(NamedTuple):
+    """A leg, the pose before it, and the poses in it."""
+
+    leg: Leg
+    before: Pose
+    poses: Sequence[Pose]
+
+
+class Evidence(Struct):
+    """What there is to judge; `walls` gives the scan that is to be expected at a place."""
+
+    recording: Recording
+    drive: Sequence[Session]
+    wanted: Interface
+    start: Affine = HERE
+    walls: Callable[[Affine, Scan], tuple[float, ...]] | None = None
+    causes: Causes | None = None
+    room: tuple[Segment, ...] = ()  # what stands still, cut at the height of the lidar
+    radius: float = 0.0  # of the robot
+    tolerance: Tolerance = EXACT
+
+    def stretches(self, *names: str) -> Iterator[Stretch]:
+        """Yield the legs of the first session that have one of these names."""
+        poses = [each for each in self.recording.path if not each.session]
+        first = 0
+        for leg in self.drive[0].legs:
+            count = round(leg.seconds * RATE)
+            if leg.name in names and poses[first : first + count]:
+                yield Stretch(leg, poses[max(0, first - 1)], poses[first : first + count])
+            first += count
+
+    def pose(self, message: Message) -> Pose:
+        """Return where the robot was when a message was sent."""
+        poses = [each for each in self.recording.path if each.session == message.session]
+        return poses[min(len(poses), max(1, round(message.at * RATE))) - 1]
+
+    def motion_fault(self, message: str, rule: str) -> Fault:
+        """Return a fault of how the robot moves, with its cause."""
+        cause = self.causes.of_motion() if self.causes is not None else None
+        if cause is None:
+            return Fault(message, rule)
+        return Fault(message, cause.rule or rule, cause.prim, cause.reason)
+
+    def when(self, sessions: Sequence[int]) -> str:
+        """Say in which sessions, if not in all from the first on."""
+        if 0 in sessions:
+            return ""
+        outside = self.drive[sessions[0]].environment
+        return f" with ROS_DOMAIN_ID={outside}" if outside else " after Stop and Play"
+
+    def stands(self) -> bool:
+        """Whether the robot never goes anywhere."""
+        first = self.recording.path[0]
+        poses = [each for each in self.recording.path if not each.session]
+        ways = [displacement(first, each) for each in poses[::SOON]]
+        near, turned = self.tolerance.still
+        return all(math.hypot(x, y) < near and abs(turn) < turned for x, y, turn in ways)
+
+
+def displacement(before: Pose, after: Pose) -> tuple[float, float, float]:
+    """Return how far it went ahead and to the left, and how far it turned."""
+    dx, dy = after.x - before.x, after.y - before.y
+    c, s = math.cos(before.heading), math.sin(before.heading)
+    return c * dx + s * dy, c * dy - s * dx, angle(after.heading - before.heading)
+
+
+def angle(radians: float) -> float:
+    """Return an angle between minus and plus half a turn."""
+    return math.remainder(radians, 2 * math.pi)
+
+
+def is_about(done: float, told: float) -> bool:
+    """Whether what was done is about what was told."""
+    return SIZE[0] <= done / told <= SIZE[1]
+
+
+PLACE = (0.02, math.radians(2.0))  # of a sensor, between TF and where it is
+
+
+def _frames_at(evidence: Evidence, message: Message) -> dict[str, tuple[str, Transform]]:
+    found: dict[str, tuple[str, Transform]] = {}
+    for each in evidence.recording.topic(evidence.wanted.transforms, message.session):
+        if each.at > message.at and found:
+            break
+        for transform in each.transforms:
+            found[transform.child] = (transform.parent, transform)
+    held = {each.child: (each.parent, each) for each, _ in evidence.recording.static}
+    return {**held, **found}
+
+
+def in_root(evidence: Evidence, message: Message) -> Affine | None:
+    """Return where TF has the frame of a message, or None where it does not have it."""
+    frames = _frames_at(evidence, message)
+    frame, place = message.frame, HERE
+    for _ in range(len(frames)):
+        if frame not in frames:
+            break
+        frame, each = frames[frame]
+        place = Affine(rotation(each.rotation), each.translation).then(place)
+    return place if frame == evidence.wanted.root else None
+
+
+def agree(one: Affine, other: Affine) -> bool:
+    """Whether two places are the same, as far as a sensor may be off."""
+    if length(minus(one.origin, other.origin)) > PLACE[0]:
+        return False
+    w = one.inverse().then(other).rigid().quaternion()[0]
+    return 2 * math.acos(min(1.0, abs(w))) <= PLACE[1]

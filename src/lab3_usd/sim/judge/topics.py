@@ -1,0 +1,240 @@
+"""The topics, frames and rates that the lab asks for, their stamps, and one TF tree."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+from lab3_usd.sim.execution.record import RATE, Message
+from lab3_usd.sim.judge.evidence import Evidence, Fault, Interface
+from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.ros import FROM_THE_FIRST, TopicSpec
+from lab3_usd.spec.scene import SensorSpec
+
+# The parts that topics play, by the type of their messages.
+_PARTS = {
+    "clock": "rosgraph_msgs/msg/Clock",
+    "odometry": "nav_msgs/msg/Odometry",
+    "transforms": "tf2_msgs/msg/TFMessage",
+    "scan": "sensor_msgs/msg/LaserScan",
+    "image": "sensor_msgs/msg/Image",
+    "info": "sensor_msgs/msg/CameraInfo",
+}
+_COMMANDS = "geometry_msgs/msg/Twist"
+_MAP = "nav_msgs/msg/OccupancyGrid"
+_KEPT = "transient_local"
+_RATE = "omni:sensor:tickRate"
+_LIMITS = ("maxLinearSpeed", "maxAngularSpeed")
+_PARENT, _CHILD = "header.frame_id", "child_frame_id"
+
+
+def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
+    """Return what somebody at the other end of ROS is to see of a stage of this checkpoint."""
+    reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
+    asked = [each for each in lab.topics.values() if _of_stage(each, reached)]
+    names = {part: _named(asked, kind) for part, kind in _PARTS.items()}
+    odometry = [each for each in lab.topics.values() if each.type == _PARTS["odometry"]]
+    frames = odometry[0].fields or {} if odometry else {}
+    lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
+    view = camera.looks if camera else None
+    return Interface(
+        types={each.name: each.type for each in asked if not each.subscribed},
+        domain=lab.ros.system.domain,
+        commands=_named(asked, _COMMANDS),
+        **names,
+        root=frames.get(_PARENT, ""),
+        base=frames.get(_CHILD, ""),
+        scan_rate=_rate(lidar),
+        image_rate=_rate(camera),
+        limits=_limits(lab),
+        looks=view.along if view else (0.0, 0.0, 0.0),
+        upward=view.up if view else (0.0, 0.0, 0.0),
+        profile={name: said.value for name, said in lidar.attributes.items()} if lidar else {},
+        static=static_topics(lab),
+    )
+
+
+def reached_topics(lab: Lab, checkpoint: str) -> tuple[TopicSpec, ...]:
+    """Return all topics of the running system from the first checkpoint to one of them."""
+    reached = (FROM_THE_FIRST, *lab.until(checkpoint))
+    return tuple(each for each in lab.topics.values() if each.since in reached)
+
+
+def static_topics(lab: Lab) -> frozenset[str]:
+    """Return the topics of transforms that are kept for those who come late."""
+    kept = (each for each in lab.topics.values() if each.durability == _KEPT)
+    return frozenset(each.name for each in kept if each.type == _PARTS["transforms"])
+
+
+def map_topic(lab: Lab, checkpoint: str) -> tuple[str, str]:
+    """Return the topic of the map and its frame; empty where no map is asked for."""
+    for each in reached_topics(lab, checkpoint):
+        if each.type == _MAP:
+            return each.name, (each.fields or {}).get(_PARENT, "")
+    return "", ""
+
+
+def _of_stage(topic: TopicSpec, reached: tuple[str, ...]) -> bool:
+    return (
+        topic.since in reached and (topic.subscribed or topic.source is None) and not topic.optional
+    )
+
+
+def _named(topics: list[TopicSpec], kind: str) -> str:
+    return next((each.name for each in topics if each.type == kind), "")
+
+
+def _rate(sensor: SensorSpec | None) -> float:
+    """Return the rate that is asked of a sensor, 0 where none is."""
+    asked = None if sensor is None else sensor.attributes.get(_RATE)
+    return 0.0 if asked is None else float(asked.value)
+
+
+def _limits(lab: Lab) -> tuple[float, float]:
+    """Return the speeds to which commands are cut down."""
+    settings: dict[str, Any] = {
+        setting.port.rpartition(":")[2]: setting.value
+        for graph in lab.graphs.values()
+        for node in graph.nodes.values()
+        for setting in node.settings
+    }
+    ahead, turning = (float(settings.get(each, 0.0)) for each in _LIMITS)
+    return (ahead, turning)
+
+
+def topics(evidence: Evidence) -> Iterator[Fault]:
+    """Each topic is there, of its type, from one node, in each session, on the lab's domain."""
+    wanted, recording = evidence.wanted, evidence.recording
+    sessions = range(len(evidence.drive))
+    for topic, kind in wanted.types.items():
+        silent = [each for each in sessions if not recording.topic(topic, each)]
+        if silent:
+            yield _silence(evidence, topic, kind, silent)
+        messages = recording.topic(topic)
+        odd = next((each for each in messages if each.type != kind), None)
+        if odd is not None:
+            yield Fault(f"{topic} is {odd.type}, not {kind}", "Q02", odd.node)
+        senders = list(dict.fromkeys(each.node for each in messages))
+        if topic != wanted.transforms and len(senders) > 1:
+            yield Fault(f"{len(senders)} nodes publish {topic}", "Q01", senders[1])
+
+
+def _silence(evidence: Evidence, topic: str, kind: str, sessions: Sequence[int]) -> Fault:
+    said = f"nothing on {topic}{evidence.when(sessions)}"
+    cause = evidence.causes.of_silence(topic, kind) if evidence.causes is not None else None
+    return (
+        Fault(said, "N01") if cause is None else Fault(said, cause.rule, cause.prim, cause.reason)
+    )
+
+
+def clock(evidence: Evidence) -> Iterator[Fault]:
+    """The clock runs at the speed of the simulation, and never back."""
+    messages = evidence.recording.topic(evidence.wanted.clock)
+    for one, other in pairwise(messages):
+        if other.stamp < one.stamp:
+            back = one.stamp - other.stamp
+            said = f"{evidence.wanted.clock} jumps back by {back:.2f} s"
+            yield Fault(said, "P02", other.node)
+            return
+    first = [each for each in messages if not each.session]
+    if first:
+        ran, passed = first[-1].stamp - first[0].stamp, first[-1].at - first[0].at
+        if abs(ran - passed) > evidence.tolerance.lag:
+            said = f"{evidence.wanted.clock} runs {ran:.1f} s in {passed:.1f} s"
+            yield Fault(said, "W01", first[0].node)
+
+
+def stamps(evidence: Evidence) -> Iterator[Fault]:
+    """All stamps are of the clock; those of the sensors may start anew after Stop."""
+    wanted = evidence.wanted
+    for topic in wanted.types:
+        late = topic in {wanted.odometry, wanted.transforms}
+        for session in range(len(evidence.drive) if late else 1):
+            fault = next(_late(evidence, topic, session), None)
+            if fault is not None:
+                yield fault
+                break
+
+
+def _late(evidence: Evidence, topic: str, session: int) -> Iterator[Fault]:
+    clocks = {
+        round(each.at * RATE): each.stamp
+        for each in evidence.recording.topic(evidence.wanted.clock, session)
+    }
+    for message in evidence.recording.topic(topic, session):
+        now = clocks.get(round(message.at * RATE))
+        if (
+            now is not None
+            and not message.static
+            and abs(now - message.stamp) > evidence.tolerance.lag
+        ):
+            when = evidence.when([session])
+            said = f"{topic} is stamped {message.stamp:.1f} s at {now:.1f} s{when}"
+            yield Fault(said, "W01", message.node)
+
+
+STALE = 0.5  # seconds without a new transform
+
+
+def tree(evidence: Evidence) -> Iterator[Fault]:
+    """One parent and one publisher for each frame, one root, and every frame that is named."""
+    for session in range(len(evidence.drive)):
+        faults = list(_tree_faults(evidence, session))
+        if faults:
+            yield faults[0]
+            return
+
+
+def _tree_faults(evidence: Evidence, session: int) -> Iterator[Fault]:
+    messages = evidence.recording.topic(evidence.wanted.transforms, session)
+    parents = _parents(evidence, messages)
+    for child, several in parents.items():
+        own = next((node for parent, node in several if parent == child), None)
+        if own is not None:
+            yield Fault(f"{child} is its own parent", "T09", own)
+        if len(several) > 1:
+            rule = "T03" if len({parent for parent, _ in several}) > 1 else "T04"
+            yield Fault(f"{child} has {len(several)} parents or publishers", rule, [*several][1][1])
+        if messages and min(several.values()) < messages[-1].at - STALE:
+            yield Fault(f"the transform of {child} ends", "Q03", next(iter(several))[1])
+    if parents:
+        up = {child: next(iter(several))[0] for child, several in parents.items()}
+        yield from _loose_frames(evidence, up, session)
+
+
+def _parents(
+    evidence: Evidence, messages: Sequence[Message]
+) -> dict[str, dict[tuple[str, str], float]]:
+    """Return for each frame its parents, who says so, and when it was said last."""
+    parents: dict[str, dict[tuple[str, str], float]] = {}
+    for message in messages:
+        for each in message.transforms:
+            parents.setdefault(each.child, {})[each.parent, message.node] = message.at
+    for each, node in evidence.recording.static:
+        parents.setdefault(each.child, {})[each.parent, node] = math.inf
+    return parents
+
+
+def _loose_frames(evidence: Evidence, up: dict[str, str], session: int) -> Iterator[Fault]:
+    named = _named_frames(evidence, session)
+    for frame in (*up, *sorted(named)):
+        top, steps = frame, 0
+        while top in up and steps <= len(up):
+            top, steps = up[top], steps + 1
+        if top != evidence.wanted.root:
+            rule = "T06" if frame in up else "T11"
+            said = f"{frame} does not hang below {evidence.wanted.root}"
+            yield Fault(said, rule, named.get(frame, ""))
+            return
+
+
+def _named_frames(evidence: Evidence, session: int) -> dict[str, str]:
+    """Return the frames that are spoken of, with a node that does so."""
+    found = {evidence.wanted.base: ""}
+    for topic in evidence.wanted.types:
+        for message in evidence.recording.topic(topic, session):
+            if message.frame:
+                found.setdefault(message.frame, message.node)
+    return found

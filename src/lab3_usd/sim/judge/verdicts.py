@@ -1,0 +1,169 @@
+"""Runs every check of a behaviour, and names the node behind each fault."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+from msgspec import Struct
+
+from lab3_usd.model.dry_run import Check, Verdict
+from lab3_usd.model.physics import FAR
+from lab3_usd.sim.execution.program import Program
+from lab3_usd.sim.execution.record import Message
+from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.judge.evidence import Cause, Evidence, Fault
+from lab3_usd.sim.judge.motion import again, follows, limits, moving_frames, odometry, rest
+from lab3_usd.sim.judge.sensors import camera, mounted, scan
+from lab3_usd.sim.judge.topics import clock, stamps, topics, tree
+from lab3_usd.sim.robot.machine import Joint, Machine
+
+_RADIUS = "wheelRadius"
+_TYPE = "type"  # the input of a helper that says what it publishes
+SUBSCRIBER = "subscriber"
+
+
+class RunCauses(Struct, frozen=True):
+    """What a run knows of its nodes and its robot."""
+
+    program: Program
+    sent: Sequence[Message]
+    robot: Machine | None
+    commands: str
+
+    def of_silence(self, topic: str, message: str) -> Cause | None:
+        """Return why no message of this type comes on a topic."""
+        for node in self.program.nodes.values():
+            if _message(node) == message and SUBSCRIBER not in node.type.role:
+                return self._elsewhere(node, topic) or self._broken(node)
+        return None
+
+    def remarks(self) -> Iterator[str]:
+        """Say what the sizes of the robot do to its commands."""
+        robot = self.robot
+        radii = {round(each.radius, 4) for each in robot.wheels} if robot is not None else set()
+        nodes = [each for each in self.program.nodes.values() if each.type.step_limits]
+        told = {each.values.get(_RADIUS) or 0.0 for each in nodes if _RADIUS not in each.wires}
+        if len(radii) == len(told) == 1 and radii != told and all(told):
+            wheel, number = radii.pop(), told.pop()
+            said = f"the wheels measure {wheel:g} m and the controller is told {number:g} m"
+            yield f"{said}: the robot goes {wheel / number:.2f} times as far as it is told"
+
+    def _elsewhere(self, node: Running, topic: str) -> Cause | None:
+        own = [each for each in self.sent if each.node == node.path]
+        other = next((each for each in own if each.topic != topic), None)
+        if other is not None:
+            rule = "P06" if other.topic.endswith(topic) else "P01"
+            return Cause(node.path, f"it publishes {other.topic}", rule)
+        away = next((each for each in own if each.away is not None), None)
+        if away is not None:
+            return Cause(node.path, f"it publishes in domain {away.away}", "P02")
+        return None
+
+    def _broken(self, node: Running, seen: frozenset[str] = frozenset()) -> Cause | None:
+        """Return what is broken: first of what feeds or drives a node, then of the node."""
+        seen |= {node.path}
+        for each in self._before(node):
+            if each.path not in seen:
+                cause = self._broken(each, seen)
+                if cause is not None:
+                    return cause
+        if node.failure is not None:
+            return Cause(node.path, node.failure.reason, node.failure.rule)
+        if not node.count and not node.pulled:
+            idle = self.program.idle.get(node.path.rpartition("/")[0])
+            return Cause(node.path, idle or "nothing drives it", "G03" if idle else "W01")
+        return None
+
+    def _before(self, node: Running) -> Iterator[Running]:
+        for each in self.program.nodes.values():
+            if any(node is follower for some in each.follows.values() for follower in some):
+                yield each
+        for source, _ in node.wires.values():
+            yield source
+
+    def of_motion(self) -> Cause | None:
+        """Return why commands do not move the robot as they should."""
+        return self._of_robot() or self._of_commands()
+
+    def _of_robot(self) -> Cause | None:
+        robot = self.robot
+        if robot is None:
+            return Cause("", "the stage has no robot with joints that turn", "S07")
+        if robot.held:
+            return Cause(robot.base, "a joint ties the robot to the world", "S21")
+        if not robot.pulled:
+            return Cause(robot.base, "gravity does not hold the robot on the ground", "S15")
+        if not robot.grounded:
+            return Cause(robot.base, "no ground is below the robot", "S13")
+        if not robot.wheels:
+            return Cause(robot.base, "no wheel of the robot touches the ground", "S19")
+        found = (_of_joint(each, robot.base) for each in robot.joints.values())
+        return next(filter(None, found), None)
+
+    def _of_commands(self) -> Cause | None:
+        nodes = self.program.nodes.values()
+        controllers = [each for each in nodes if each.type.drives is not None]
+        if not controllers:
+            return Cause("", "no node commands the joints", "N01")
+        for each in controllers:
+            cause = self._broken(each)
+            if cause is not None:
+                return cause
+        chain = [each for node in controllers for each in self._before(node)]
+        speeds = next((each for each in chain if each.type.step_limits), controllers[0])
+        return Cause(speeds.path, "", "")
+
+
+def _of_joint(joint: Joint, site: str) -> Cause | None:
+    if joint.locked:
+        return Cause(site, f"{joint.name} is held by another joint", "S23")
+    if joint.stiffness > 0 or joint.damping <= 0:
+        return Cause(site, f"{joint.name} has no velocity drive", "S10")
+    if joint.reach < math.radians(FAR):
+        return Cause(site, f"{joint.name} cannot turn freely", "S07")
+    return None
+
+
+def _message(node: Running) -> str:
+    """Return the type of the messages that a node would send or hear."""
+    kind = node.values.get(_TYPE) if _TYPE in node.values else ""
+    return node.type.message.get(str(kind or ""), node.type.message.get("", ""))
+
+
+CHECKS: dict[str, Callable[[Evidence], Iterator[Fault]]] = {
+    "topics": topics,
+    "rest": rest,
+    "follows": follows,
+    "limits": limits,
+    "odometry": odometry,
+    "clock": clock,
+    "stamps": stamps,
+    "tree": tree,
+    "moving frames": moving_frames,
+    "mounted": mounted,
+    "scan": scan,
+    "camera": camera,
+    "again": again,
+}
+SENSED = ("topics", "scan")  # what the assumed profile of a lidar bears on
+
+
+def judge(evidence: Evidence) -> list[Check]:
+    """Return a verdict for each thing that is looked at.
+
+    Where something is not simulated, nothing is a fault: it could be what is missing.
+    """
+    return [verdict(name, list(look(evidence)), evidence) for name, look in CHECKS.items()]
+
+
+def verdict(name: str, faults: list[Fault], evidence: Evidence) -> Check:
+    """Return the verdict of what was found to be wrong."""
+    if not faults:
+        return Check(name, "ok")
+    unknown = evidence.recording.not_simulated or (name in SENSED and evidence.recording.assumed)
+    known = not unknown and any(each.sure for each in faults)
+    told = next((each for each in faults if each.prim), faults[0])
+    said = "; ".join(each.message for each in faults)
+    outcome: Verdict = "bad" if known else "not-simulated"
+    return Check(name, outcome, said, told.prim, told.rule, told.cause)

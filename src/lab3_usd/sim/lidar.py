@@ -1,0 +1,138 @@
+"""What a turning beam sees of the visible shapes."""
+
+from __future__ import annotations
+
+import math
+from functools import cache, lru_cache
+
+from msgspec import Struct, field
+
+from lab3_usd.model.dry_run import Affine, Scene, Segment
+from lab3_usd.sim.geometry import Triangle, cut, joined, placed
+from lab3_usd.sim.robot.machines import Machines
+
+_MOST_KEPT = 128  # sweeps: a lidar that stands, or comes there again, sees the same
+NOTHING = -1.0  # what Isaac Sim writes for a ray without return
+EDGE_ON = 1e-12
+
+
+class Beam(Struct, frozen=True):
+    """A scan: directions from `start` on, `step` apart, and the ranges within which it sees."""
+
+    start: float
+    step: float
+    count: int
+    near: float
+    far: float
+
+
+@cache
+def directions(start: float, step: float, count: int) -> tuple[list[float], list[float]]:
+    """Return cosines and sines of the directions of a beam."""
+    angles = [start + each * step for each in range(count)]
+    return [math.cos(each) for each in angles], [math.sin(each) for each in angles]
+
+
+@lru_cache(maxsize=_MOST_KEPT)
+def sweep(beam: Beam, segments: tuple[Segment, ...]) -> tuple[float, ...]:
+    """Return the distance along each direction to the nearest segment in range."""
+    ranges = [math.inf] * beam.count
+    near, count = beam.near, beam.count
+    around = round(2 * math.pi / beam.step)
+    cosines, sines = directions(beam.start, beam.step, beam.count)
+    for segment in segments:
+        rays, area, dx, dy = _touched(beam, segment)
+        for k in rays:
+            ray = k % around
+            if ray < count:
+                across = dy * cosines[ray] - dx * sines[ray]
+                if across > 0 and near <= area / across < ranges[ray]:
+                    ranges[ray] = area / across
+    return tuple(each if each <= beam.far else NOTHING for each in ranges)
+
+
+def _touched(beam: Beam, segment: Segment) -> tuple[range, float, float, float]:
+    """Return the numbers of the rays that meet a segment, and the segment seen from its right."""
+    ax, ay, bx, by = segment
+    area = ax * by - ay * bx
+    if abs(area) < EDGE_ON:
+        return range(0), 0.0, 0.0, 0.0
+    if area < 0:
+        ax, ay, bx, by, area = bx, by, ax, ay, -area
+    one, other = math.atan2(ay, ax), math.atan2(by, bx)
+    other += 2 * math.pi if other < one else 0.0
+    first = math.ceil((one - beam.start) / beam.step - 1e-9)
+    last = math.floor((other - beam.start) / beam.step + 1e-9)
+    return range(first, last + 1), area, bx - ax, by - ay
+
+
+LEVEL = 1e-6  # radians by which a beam may lean and its cut still be kept
+
+
+class Surroundings(Struct):
+    """The visible shapes of a stage; what moves with a body is kept apart."""
+
+    still: list[Triangle]
+    moving: dict[str, list[Triangle]]  # by body, in its frame
+    cuts: dict[float, list[Segment]] = field(default_factory=dict)
+    own: dict[str, list[Segment]] = field(default_factory=dict)  # by sensor
+
+    @classmethod
+    def of(cls, scene: Scene, machines: Machines) -> Surroundings:
+        """Sort the visible shapes of a scene."""
+        found = cls([], {})
+        for prim in scene.prims.values():
+            if prim.seen and prim.type != "Camera":
+                body = machines.body_of(prim.path)
+                if body:
+                    back = machines.bodies[body].world.rigid().inverse()
+                    found.moving.setdefault(body, []).extend(placed(prim, back.then(prim.world)))
+                else:
+                    found.still.extend(placed(prim, prim.world))
+        return found
+
+    def around(self, at: Affine) -> list[Segment]:
+        """Return what the plane through `at` cuts out of what stands still, in that frame."""
+        back = at.inverse()
+        (_, _, lean), (_, _, tilt), (_, _, up) = at.rows
+        if abs(lean) + abs(tilt) > LEVEL or up < 0:
+            inside = [(back.point(a), back.point(b), back.point(c)) for a, b, c in self.still]
+            return cut(inside, 0.0)
+        level = self.level(at.origin[2])
+        (c, s, _), (d, e, _), _ = back.rows
+        x, y, _ = back.origin
+        return [
+            (c * p + s * q + x, d * p + e * q + y, c * u + s * v + x, d * u + e * v + y)
+            for p, q, u, v in level
+        ]
+
+    def level(self, height: float) -> list[Segment]:
+        """Return what a level plane cuts out of what stands still."""
+        height = round(height, 6)
+        if height not in self.cuts:
+            self.cuts[height] = joined(cut(self.still, height))
+        return self.cuts[height]
+
+    def beside(self, sensor: str, machines: Machines) -> list[Segment]:
+        """Return what the plane of a sensor cuts out of bodies that do not carry it."""
+        own = machines.member.get(machines.body_of(sensor))
+        back = machines.inverse(sensor)
+        found: list[Triangle] = []
+        for body, surface in self.moving.items():
+            if machines.member[body] is not own:
+                place = back.then(machines.place(body))
+                found += [(place.point(a), place.point(b), place.point(c)) for a, b, c in surface]
+        return joined(cut(found, 0.0)) if found else []
+
+    def carried(self, sensor: str, machines: Machines) -> list[Segment]:
+        """Return what the plane of a sensor cuts out of the machine that carries it."""
+        if sensor not in self.own:
+            machine = machines.member.get(machines.body_of(sensor))
+            back = machines.inverse(sensor)
+            found: list[Triangle] = []
+            for each in machine.rest if machine is not None else ():
+                place = back.then(machines.place(each))
+                for a, b, c in self.moving.get(each, ()):
+                    found.append((place.point(a), place.point(b), place.point(c)))
+            self.own[sensor] = joined(cut(found, 0.0))
+        return self.own[sensor]

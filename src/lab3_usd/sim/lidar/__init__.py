@@ -1,1 +1,0 @@
-"""What a turning beam sees of the visible shapes."""

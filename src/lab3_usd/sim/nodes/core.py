@@ -1,0 +1,138 @@
+"""Events, gates, time, contexts, numbers, vectors and arrays. CN is core nodes, RN ROS 2 nodes."""
+
+from __future__ import annotations
+
+from lab3_usd.model.dry_run import Affine, Quaternion
+from lab3_usd.sim.execution.running import CONSTANT, FRAME, NO_VECTOR, STEP, Running, computes
+from lab3_usd.sim.execution.world import World, domain_number
+from lab3_usd.spec.catalog import INPUT
+
+NO_TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+def xyzw(place: Affine) -> Quaternion:
+    """Return the rotation of a place in OGN's order."""
+    w, x, y, z = place.quaternion()
+    return (x, y, z, w)
+
+
+def wxyz(node: Running, name: str, world: World) -> Quaternion:
+    """Return the rotation that reaches an input, w first; a file's literal has w first already."""
+    value = node.items(name, world)
+    saved = node.node.inputs.get(INPUT + name)
+    if len(value) != len(NO_TURN):
+        value = NO_TURN
+    elif name not in node.wires and saved is not None and saved.value == value:
+        return (value[0], value[1], value[2], value[3])
+    x, y, z, w = value
+    return (w, x, y, z)
+
+
+@computes("OnPlaybackTick", "OnTick", on=FRAME)
+def on_tick(node: Running, world: World) -> bool:
+    """Kit's playback tick: once an update while the timeline plays."""
+    node.outputs.update(deltaSeconds=world.dt, time=world.since_play, frame=float(world.frame))
+    node.enabled.append("tick")
+    return True
+
+
+@computes("OnPhysicsStep", on=STEP)
+def on_physics_step(node: Running, world: World) -> bool:
+    """CN/nodes/OgnOnPhysicsStep.cpp:72-149."""
+    node.outputs.update(deltaSimulationTime=world.dt)
+    node.enabled.append("step")
+    return True
+
+
+@computes("IsaacSimulationGate")
+def simulation_gate(node: Running, world: World) -> bool:
+    """CN/nodes/OgnIsaacSimulationGate.cpp:46-66: every so many signals; it counts on over Stop."""
+    step = int(node.number("step", world))
+    if step <= 0:
+        return node.fails("its step is 0", "P01")
+    if node.count % step == 0:
+        node.enabled.append("execOut")
+    return True
+
+
+@computes("IsaacReadSimulationTime")
+def read_simulation_time(node: Running, world: World) -> bool:
+    """CN/nodes/OgnIsaacReadSimulationTime.cpp:52-74."""
+    reset = node.flag("resetOnStop", world)
+    node.outputs["simulationTime"] = world.since_play if reset else world.simulated
+    return True
+
+
+@computes("IsaacReadSystemTime")
+def read_system_time(node: Running, world: World) -> bool:
+    """CN/nodes/OgnIsaacReadSystemTime.cpp."""
+    node.outputs["systemTime"] = world.wall
+    return True
+
+
+@computes("ROS2Context")
+def context(node: Running, world: World) -> bool:
+    """RN/nodes/OgnROS2Context.cpp:41-120."""
+    if "handle" not in node.memory:
+        domain = int(node.number("domain_id", world))
+        if node.flag("useDomainIDEnvVar", world):
+            from_outside = domain_number(world.network.environment)
+            domain = domain if from_outside is None else from_outside
+        handle = len(world.network.contexts) + 1
+        world.network.contexts[handle] = domain
+        node.memory["handle"] = handle
+    node.outputs["context"] = node.memory["handle"]
+    return True
+
+
+MOST = 1000  # elements of an array that is made
+
+
+@computes("OgnIsaacScaleToFromStageUnit")
+def scale(node: Running, world: World) -> bool:
+    """CN/python/nodes/OgnIsaacScaleToFromStageUnit.py:37-51."""
+    unit = world.scene.meters_per_unit
+    factors = {"Convert to stage units": 1.0 / unit, "Convert to meters": unit}
+    factor = factors.get(node.text("conversion", world))
+    value = node.get("value", world)
+    if factor is None:
+        return node.fails("its conversion is none", "P01")
+    if isinstance(value, tuple):
+        node.outputs["result"] = tuple(x * factor for x in value)
+    elif isinstance(value, (int, float)):
+        node.outputs["result"] = value * factor
+    else:
+        return node.fails("no number reaches it", "W01")
+    return True
+
+
+@computes("BreakVector3")
+def break_vector(node: Running, world: World) -> bool:
+    """Kit's Break 3-Vector: one output for each component."""
+    value = node.get("tuple", world)
+    if not isinstance(value, tuple) or len(value) != len(NO_VECTOR):
+        return node.fails("no vector reaches it", "W01")
+    node.outputs["x"], node.outputs["y"], node.outputs["z"] = value
+    return True
+
+
+@computes(CONSTANT)
+def constant(_: Running, __: World) -> bool:
+    """Kit's constants: the value is an input, from which wires leave."""
+    return True
+
+
+@computes("ConstructArray")
+def construct_array(node: Running, world: World) -> bool:
+    """Kit's Make Array: as many elements as its size says, of the type of its array."""
+    kind = node.text("arrayType", world) or "auto"
+    size = min(int(node.number("arraySize", world)), MOST)
+    values = [node.get(f"input{each}", world) for each in range(size)]
+    texts = [isinstance(each, str) for each in values if each is not None]
+    is_token = all(texts) if kind == "auto" else kind == "token[]"
+    if not is_token and (kind != "auto" or any(texts)):
+        node.outputs["array"] = ()
+        return node.fails(f"its elements are no {kind}", "P01")
+    empty = "" if is_token else 0.0
+    node.outputs["array"] = tuple(empty if each is None else each for each in values)
+    return True

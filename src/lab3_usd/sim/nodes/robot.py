@@ -1,0 +1,240 @@
+"""Commands to wheels and joints, clock and odometry.
+
+CN is core nodes, RN ROS 2 nodes, WR wheeled robots.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lab3_usd.model.dry_run import Affine
+from lab3_usd.model.transforms import Vector, cross, dot, length
+from lab3_usd.sim.execution.record import Message, Odometry
+from lab3_usd.sim.execution.running import Running, computes
+from lab3_usd.sim.execution.world import World, open_endpoint, opened_endpoint, send
+from lab3_usd.sim.nodes.core import wxyz, xyzw
+from lab3_usd.sim.robot.machine import Joint, Machine
+
+_LIMITS = ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration")
+_NO_LIMIT = float("inf")
+
+
+@computes("ROS2SubscribeTwist")
+def subscribe_twist(node: Running, world: World) -> bool:
+    """RN/nodes/OgnROS2SubscribeTwist.cpp:56-163: outputs hold the last message."""
+    network = world.network
+    endpoint = node.memory.get("endpoint")
+    if endpoint is None:
+        node.memory["endpoint"] = open_endpoint(node, world)
+        node.memory["heard"] = network.command[0]
+        return node.memory["endpoint"] is not None
+    if endpoint.topic != network.commands.topic:
+        return node.fails(f"it listens to {endpoint.topic}, not {network.commands.topic}", "P01")
+    if endpoint.domain != network.commands.domain:
+        return node.fails(f"it listens in domain {endpoint.domain}", "P02")
+    number, twist = network.command
+    if twist is None or number == node.memory["heard"]:
+        return False
+    node.memory["heard"] = number
+    node.outputs["linearVelocity"], node.outputs["angularVelocity"] = twist
+    node.enabled.append("execOut")
+    return True
+
+
+@computes("DifferentialController")
+def differential_controller(node: Running, world: World) -> bool:
+    """WR/nodes/OgnDifferentialController.cpp:36-140."""
+    known = node.memory
+    if not known and not _read_parameters(node, world):
+        return False
+    dt = node.number("dt", world)
+    if dt <= 0 and any(known[each] for each in _LIMITS):
+        return node.fails("an acceleration limit is set and no time step reaches it", "P11")
+    v = _within(known["maxLinearSpeed"], node.number("linearVelocity", world))
+    w = _within(known["maxAngularSpeed"], node.number("angularVelocity", world))
+    v = _linear_ramp(known, v, dt)
+    turn = known["maxAngularAcceleration"]
+    if turn:
+        w = max(known["w"] - turn * dt, min(w, known["w"] + turn * dt))
+    known["v"], known["w"] = v, w
+    r, distance = known["wheelRadius"], known["wheelDistance"]
+    wheels = ((2 * v - w * distance) / (2 * r), (2 * v + w * distance) / (2 * r))
+    node.outputs["velocityCommand"] = tuple(_within(known["maxWheelSpeed"], x) for x in wheels)
+    return True
+
+
+def _read_parameters(node: Running, world: World) -> bool:
+    sizes = {each: node.number(each, world) for each in ("wheelRadius", "wheelDistance")}
+    for each, size in sizes.items():
+        if size <= 0:
+            return node.fails(f"its {each} is {size:g}", "P02")
+    node.memory.update(sizes, v=0.0, w=0.0)
+    for each in _LIMITS:
+        node.memory[each] = abs(node.number(each, world))
+    for each in ("maxLinearSpeed", "maxAngularSpeed", "maxWheelSpeed"):
+        node.memory[each] = abs(node.number(each, world)) or _NO_LIMIT
+    return True
+
+
+def _within(limit: float, value: float) -> float:
+    return max(-limit, min(limit, value))
+
+
+def _linear_ramp(known: dict[str, Any], v: float, dt: float) -> float:
+    before, up, down = known["v"], known["maxAcceleration"], known["maxDeceleration"]
+    if not up or not down:
+        return v
+    step = (up if abs(v) > abs(before) and v * before >= 0 else down) * dt
+    return float(max(before - step, min(v, before + step)))
+
+
+@computes("IsaacArticulationController")
+def articulation_controller(node: Running, world: World) -> bool:
+    """CN/python/nodes/OgnIsaacArticulationController.py:41-300."""
+    known = node.memory
+    if "machine" not in known:
+        targets = node.targets("targetPrim")
+        path = node.text("robotPath", world) or (targets[0] if targets else "")
+        known["machine"] = world.machines.articulation(path)
+        known["names"], known["joints"] = None, None
+        if known["machine"] is None:
+            known.clear()  # it is looked for again at the next tick
+            where = f"at or below {path}" if path else "without a target"
+            return node.fails(f"there is no articulation with joints {where}", "R02")
+    joints = _joints(node, world, known["machine"])
+    return joints is not None and _command(node, world, joints)
+
+
+def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None:
+    known = node.memory
+    names = node.items("jointNames", world)
+    if names and names != known["names"]:
+        known["names"] = names
+        found = [machine.articulated.get(str(each)) for each in names]
+        known["joints"] = None if None in found else found
+        if known["joints"] is None:
+            _say_unknown(node, machine, str(names[found.index(None)]))
+    every = list(machine.articulated.values())
+    indices = node.items("jointIndices", world)
+    if any(indices) and not known["names"]:
+        known["joints"] = [every[int(each)] for each in indices if int(each) < len(every)]
+    joints: list[Joint] | None = known["joints"]
+    return every if joints is None and not known["names"] else joints
+
+
+def _say_unknown(node: Running, machine: Machine, name: str) -> None:
+    if name in machine.joints:
+        node.fails(f"'{name}' is excluded from the articulation", "S07")
+    else:
+        node.fails(f"the robot has no joint '{name}' that turns", "P01")
+
+
+def _command(node: Running, world: World, joints: list[Joint]) -> bool:
+    position, velocity, effort = (
+        node.items(f"{each}Command", world) for each in ("position", "velocity", "effort")
+    )
+    for each in (position, velocity, effort):
+        if each and len(each) != len(joints):
+            return node.fails(f"{len(each)} commands come for {len(joints)} joints", "P01")
+        if not all(isinstance(value, (int, float)) for value in each):
+            return node.fails("its commands are no numbers", "W02")
+    for joint, value in zip(joints, position, strict=False):
+        joint.target_position = float(value)
+    for joint, value in zip(joints, velocity, strict=False):
+        joint.target_velocity = float(value)
+    return True
+
+
+@computes("ROS2PublishClock")
+def publish_clock(node: Running, world: World) -> bool:
+    """RN/nodes/OgnROS2PublishClock.cpp:40-110."""
+    endpoint, ready = opened_endpoint(node, world)
+    if endpoint is None or not ready:
+        return endpoint is not None
+    stamp = node.number("timeStamp", world)
+    send(node, world, endpoint, Message("rosgraph_msgs/msg/Clock", stamp, data=stamp))
+    return True
+
+
+@computes("IsaacComputeOdometry")
+def compute_odometry(node: Running, world: World) -> bool:
+    """CN/nodes/OgnIsaacComputeOdometry.cpp:77-360: the way since Play, seen from its start."""
+    path: str | None = node.memory.get("path") or _chassis(node, world)
+    if path is None:
+        return node.fails("its chassis is no body and no articulation", "R02")
+    now = world.machines.place(path)
+    if "path" not in node.memory:
+        node.memory.update(path=path, start=now.inverse())
+    start: Affine = node.memory["start"]
+    velocity, turning = world.machines.velocity(path)
+    there = start.then(now)
+    unit = world.scene.meters_per_unit
+    back = now.inverse()
+    node.outputs.update(
+        position=tuple(x * unit for x in there.origin),
+        orientation=xyzw(there),
+        linearVelocity=back.turn(velocity),
+        globalLinearVelocity=velocity,
+        angularVelocity=turning,
+    )
+    node.enabled.append("execOut")
+    return True
+
+
+def _chassis(node: Running, world: World) -> str | None:
+    """Return the body that is watched, or None where there is none."""
+    targets = node.targets("chassisPrim")
+    prim = world.scene.prims.get(targets[0]) if targets else None
+    body, root = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI"
+    if prim is not None and not prim.apis & {body, root} and "IsaacRobotAPI" in prim.apis:
+        links = prim.targets.get("isaac:physics:robotLinks", ())
+        prim = world.scene.prims.get(links[0]) if links else None
+    if prim is None or not prim.apis & {body, root}:
+        return None
+    if body in prim.apis:
+        return str(prim.path)
+    machine = world.machines.articulation(prim.path)
+    return machine.base if machine is not None else None
+
+
+@computes("ROS2PublishOdometry")
+def publish_odometry(node: Running, world: World) -> bool:
+    """RN/nodes/OgnROS2PublishOdometry.cpp:69-145."""
+    endpoint, ready = opened_endpoint(node, world)
+    if endpoint is None:
+        return False
+    if not ready:
+        for each in ("odomFrameId", "chassisFrameId"):
+            node.memory[each] = node.text(each, world)
+        x, y, _ = node.vector("robotFront", world)
+        size = length((x, y, 0.0)) or 1.0
+        node.memory["front"] = (x / size, y / size, 0.0)
+        return True
+    linear, angular = _velocities(node, world)
+    data = Odometry(
+        node.memory["chassisFrameId"],
+        node.vector("position", world),
+        wxyz(node, "orientation", world),
+        linear,
+        angular,
+    )
+    stamp = node.number("timeStamp", world)
+    frame = node.memory["odomFrameId"]
+    send(node, world, endpoint, Message("nav_msgs/msg/Odometry", stamp, frame, data))
+    return True
+
+
+def _velocities(node: Running, world: World) -> tuple[Vector, Vector]:
+    linear = node.vector("linearVelocity", world)
+    angular = node.vector("angularVelocity", world)
+    if node.flag("publishRawVelocities", world):
+        return linear, angular
+    front: Vector = node.memory["front"]
+    up = (0.0, 0.0, 1.0) if world.scene.up == "Z" else (0.0, 1.0, 0.0)
+    unit = world.scene.meters_per_unit
+    along = (
+        dot(front, linear) * unit,
+        dot(cross(up, front), linear) * unit,
+        dot(up, linear) * unit,
+    )
+    return along, (0.0, 0.0, dot(up, angular))

@@ -1,0 +1,206 @@
+"""Render products, camera and lidar helpers. CN is core nodes, RN ROS 2 nodes.
+
+A helper attaches a writer to a product; from then on the writer publishes by itself, at the rate
+of the sensor, until Stop.
+"""
+
+from __future__ import annotations
+
+import math
+
+from msgspec.structs import replace
+
+from lab3_usd.model.dry_run import Prim
+from lab3_usd.sim.execution.running import Running, computes
+from lab3_usd.sim.execution.world import Product, World, Writer, open_endpoint
+from lab3_usd.sim.lidar import Beam
+
+
+@computes("OgnIsaacRunOneSimulationFrame")
+def run_one_frame(node: Running, world: World) -> bool:
+    """CN/nodes/OgnIsaacRunOneSimulationFrame.cpp:35-45."""
+    del world
+    if not node.memory.get("done"):
+        node.memory["done"] = True
+        node.enabled.append("step")
+    return True
+
+
+@computes("IsaacCreateRenderProduct")
+def create_render_product(node: Running, world: World) -> bool:
+    """CN/python/nodes/OgnIsaacCreateRenderProduct.py:77-160."""
+    targets = node.targets("cameraPrim")
+    if not node.flag("enabled", world):
+        return node.fails("it is switched off", "P01")
+    if not targets or targets[0] not in world.scene.prims:
+        return node.fails("its camera prim is not there", "R02" if targets else "R01")
+    width, height = (int(node.number(each, world)) for each in ("width", "height"))
+    if width <= 0 or height <= 0:
+        return node.fails("its picture has no size", "P01")
+    product = Product(targets[0], width, height)
+    name = next((name for name, each in world.products.items() if each == product), "")
+    name = name or node.memory.get("path") or f"/Render/Product{len(world.products)}"
+    world.products[name] = product
+    node.memory["path"] = name
+    node.outputs["renderProductPath"] = name
+    node.enabled.append("execOut")
+    return True
+
+
+def product_of(node: Running, world: World) -> Product | None:
+    """Return the product of a helper that is on and not yet at work."""
+    if not node.flag("enabled", world):
+        world.detach(node)
+        node.memory.clear()
+        node.fails("it is switched off", "P01")
+        return None
+    if node.memory.get("attached"):
+        return None
+    product = world.products.get(node.text("renderProductPath", world))
+    if product is None:
+        node.fails("no render product reaches it", "W01")
+    return product
+
+
+def attach(node: Running, world: World, product: Product, kind: str, rate: float) -> Writer | None:
+    """Make a writer publish a product from now on, or return None where it cannot."""
+    endpoint = open_endpoint(node, world, start=product.sensor)
+    node.memory["attached"] = True
+    if endpoint is None:
+        return None
+    clock = "system" if node.flag("useSystemTime", world) else "monotonic"
+    if clock == "monotonic" and node.flag("resetSimulationTimeOnStop", world):
+        clock = "since play"
+    writer = Writer(
+        node,
+        endpoint,
+        product,
+        rate,
+        int(node.number("frameSkipCount", world)),
+        node.text("frameId", world),
+        clock,
+        kind,
+    )
+    world.writers.append(writer)
+    return writer
+
+
+IMAGES = {
+    "rgb": "sensor_msgs/msg/Image",
+    "depth": "sensor_msgs/msg/Image",
+    "rgb_h264": "sensor_msgs/msg/CompressedImage",
+    "depth_pcl": "sensor_msgs/msg/PointCloud2",
+}
+SEMANTIC = (
+    "instance_segmentation", "semantic_segmentation",
+    "bbox_2d_tight", "bbox_2d_loose", "bbox_3d",
+)  # fmt: skip
+
+
+@computes("ROS2CameraHelper")
+def camera_helper(node: Running, world: World) -> bool:
+    """RN/python/nodes/OgnROS2CameraHelper.py:200-340."""
+    product = product_of(node, world)
+    if product is None:
+        return bool(node.memory)
+    kind = node.text("type", world)
+    if kind not in IMAGES:
+        if kind in SEMANTIC:
+            world.not_simulated[node.path] = f"camera type {kind}"
+        return node.fails(f"it publishes no {kind or 'type'}", "P01")
+    writer = attach(node, world, product, kind, _camera_rate(world, product))
+    return writer is not None
+
+
+def _camera_rate(world: World, product: Product) -> float:
+    prim = world.scene.prims[product.sensor]
+    return float(prim.values.get(RATE) or 0.0) if "OmniSensorAPI" in prim.apis else 0.0
+
+
+@computes("ROS2CameraInfoHelper")
+def camera_info_helper(node: Running, world: World) -> bool:
+    """RN/python/nodes/OgnROS2CameraInfoHelper.py:283-460: the lens is read once."""
+    product = product_of(node, world)
+    if product is None:
+        return bool(node.memory)
+    prim = world.scene.prims[product.sensor]
+    if prim.type != "Camera":
+        return node.fails(f"{prim.path} is no camera", "C03")
+    writer = attach(node, world, product, "info", _camera_rate(world, product))
+    if writer is None:
+        return False
+    wide, tall = product.width, product.height
+    focal = float(prim.values["focalLength"])
+    aperture = float(prim.values["horizontalAperture"])
+    fx = wide * focal / aperture if aperture else 0.0
+    writer.matrix = (fx, 0.0, wide / 2, 0.0, fx, tall / 2, 0.0, 0.0, 1.0)
+    return True
+
+
+CORE = "omni:sensor:Core:"
+RATE = "omni:sensor:tickRate"
+LIDAR_API = "OmniSensorGenericLidarCoreAPI"
+LIDAR_RATE = 10.0  # of the schema (test_lidar.py:68, 107)
+MOST = 100_000  # rays of a turn that are played
+KINDS = ("laser_scan", "point_cloud")
+
+
+@computes("ROS2RtxLidarHelper")
+def lidar_helper(node: Running, world: World) -> bool:
+    """RN/python/nodes/OgnROS2RtxLidarHelper.py:93-360."""
+    product = product_of(node, world)
+    if product is None:
+        return bool(node.memory)
+    prim = _with_profile(world.scene.prims[product.sensor], world)
+    if prim.type != "OmniLidar":
+        return node.fails(f"{prim.path} is no lidar", "L03")
+    if LIDAR_API not in prim.apis:
+        return node.fails(f"{prim.path} has no lidar schema", "L06")
+    return _publish(node, world, prim, product)
+
+
+def _publish(node: Running, world: World, prim: Prim, product: Product) -> bool:
+    kind, beam = node.text("type", world), _beam(prim)
+    if kind not in KINDS:
+        return node.fails(f"it publishes no {kind or 'type'}", "P01")
+    if kind == KINDS[0] and beam is None:
+        return node.fails(f"{prim.path} has no rate, no emitter, or too many rays", "L09")
+    rate = prim.values.get(RATE)
+    rate = LIDAR_RATE if rate is None else float(rate)
+    writer = attach(node, world, product, f"lidar {kind}", rate)
+    if writer is None:
+        return False
+    turns = float(prim.values.get(f"{CORE}scanRateBaseHz") or 0)
+    writer.beam = beam
+    if rate > 0 and not prim.values.get(f"{CORE}accumulateOutputs"):
+        writer.covered = min(1.0, turns / rate)
+    return True
+
+
+def _with_profile(prim: Prim, world: World) -> Prim:
+    """Return a lidar; one whose asset cannot be found gets the profile that is to be assumed."""
+    missing = world.scene.missing.get(prim.path)
+    if missing is None or prim.type != "OmniLidar":
+        return prim
+    world.assumed[prim.path] = f"{missing} cannot be found; a plain 2D profile is assumed"
+    return replace(prim, values={**world.profile, **prim.values}, apis=prim.apis | {LIDAR_API})
+
+
+def _beam(prim: Prim) -> Beam | None:
+    """Read the scan (:93-148); without an emitter or a range nothing comes back."""
+
+    def number(name: str) -> float:
+        value = prim.values.get(f"{CORE}{name}")
+        return float(value) if isinstance(value, (int, float)) else 0.0
+
+    turns, firings = number("scanRateBaseHz"), int(number("patternFiringRateHz"))
+    if turns <= 0 or firings <= 0:
+        return None
+    emitters = prim.values.get(f"{CORE}numberOfEmitters", 1)
+    angles = prim.values.get(f"{CORE}emitterState:s001:azimuthDeg", (0.0,))
+    if not emitters or not angles:
+        return None
+    if firings / turns > MOST:
+        return None
+    step = 2 * math.pi * turns / firings
+    return Beam(-math.pi, step, int(firings / turns), number("nearRangeM"), number("farRangeM"))

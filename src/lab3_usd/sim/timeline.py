@@ -1,0 +1,246 @@
+"""Plays a stage: frame by frame, physics first, then graphs, then the pictures of the sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
+from lab3_usd.sim.execution.program import Program, compile_graphs
+from lab3_usd.sim.execution.record import (
+    RATE,
+    Leg,
+    Message,
+    Pose,
+    Recording,
+    Scan,
+    Session,
+    Transform,
+    View,
+    command_frames,
+)
+from lab3_usd.sim.execution.running import FRAME, STEP
+from lab3_usd.sim.execution.world import Endpoint, Twist, World, Writer, send, world_of
+from lab3_usd.sim.judge.evidence import Evidence, Interface
+from lab3_usd.sim.judge.verdicts import RunCauses
+from lab3_usd.sim.lidar import Beam, sweep
+from lab3_usd.sim.nodes.sensors import IMAGES
+from lab3_usd.sim.nodes.transforms import OPTICAL
+from lab3_usd.sim.robot.machine import Machine
+from lab3_usd.spec.catalog import Catalog
+
+
+def render(world: World) -> None:
+    """Let each writer publish if its sensor has a new picture."""
+    for writer in world.writers:
+        if writer.rate > 0:
+            if world.since_play + 1e-9 < writer.due:
+                continue
+            writer.due = (writer.due if writer.rendered else world.since_play) + 1.0 / writer.rate
+            writer.due = max(writer.due, world.since_play)
+        writer.rendered += 1
+        if (writer.rendered - 1) % (writer.skip + 1) == 0:
+            stamp = {"system": world.wall, "monotonic": world.simulated}.get(
+                writer.clock, world.since_play
+            )
+            message = _picture(writer, world, stamp)
+            if message is not None:
+                send(writer.node, world, writer.endpoint, message)
+
+
+def _picture(writer: Writer, world: World, stamp: float) -> Message | None:
+    product = writer.product
+    if writer.kind == "info":
+        view = View(product.width, product.height, writer.matrix)
+        return Message("sensor_msgs/msg/CameraInfo", stamp, writer.frame_id, view)
+    if writer.kind == "lidar point_cloud":
+        return Message("sensor_msgs/msg/PointCloud2", stamp, writer.frame_id)
+    if writer.beam is None:
+        if world.scene.prims[product.sensor].type != "Camera":
+            return None
+        place = world.machines.place(product.sensor).then(OPTICAL)
+        view = View(product.width, product.height, place=_metres(place, world))
+        return Message(IMAGES[writer.kind], stamp, writer.frame_id, view)
+    return Message(
+        "sensor_msgs/msg/LaserScan", stamp, writer.frame_id, _scan(writer, writer.beam, world)
+    )
+
+
+def _metres(place: Affine, world: World) -> Affine:
+    x, y, z = place.origin
+    unit = world.scene.meters_per_unit
+    return Affine(place.rows, (x * unit, y * unit, z * unit))
+
+
+def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
+    at = world.machines.place(writer.product.sensor)
+    unit = world.scene.meters_per_unit
+    beam = Beam(
+        seen_by.start,
+        seen_by.step,
+        seen_by.count,
+        seen_by.near / unit,
+        seen_by.far / unit,
+    )
+    known, sensor = world.surroundings, writer.product.sensor
+    own = [*known.carried(sensor, world.machines), *known.beside(sensor, world.machines)]
+    seen = sweep(beam, (*known.around(at), *own))
+    ranges = [each if each < 0 else each * unit for each in seen]
+    if writer.covered < 1.0:
+        first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count
+        shown = {(first + k) % beam.count for k in range(int(writer.covered * beam.count))}
+        ranges = [each if k in shown else -1.0 for k, each in enumerate(ranges)]
+    return Scan(
+        seen_by.start, seen_by.step, seen_by.near, seen_by.far, tuple(ranges), _metres(at, world)
+    )
+
+
+EYES = 0.15  # metres above the robot at which a room without a lidar is drawn
+
+
+class Player:
+    """A stage, and the graphs that run in it."""
+
+    def __init__(self, world: World, catalog: Catalog) -> None:
+        self.world = world
+        self.program: Program = compile_graphs(world.scene, catalog)
+        self.robot = driven(world)
+        self.recording = Recording()
+        self.commands = 0
+
+    def play(self, session: Session) -> None:
+        """Play a session and stop."""
+        world = self.world
+        world.network.environment = session.environment
+        told = dict(command_frames(session))
+        frame = 0
+        for leg in session.legs:
+            for _ in range(round(leg.seconds * RATE)):
+                self._command(told.get(frame))
+                self.step()
+                frame += 1
+                self.recording.path.append(self._pose(leg))
+        self.recording.seconds += world.since_play
+        self.program.reset()
+        world.stop()
+
+    def _command(self, leg: Leg | None) -> None:
+        if leg is not None and leg.command is not None:
+            ahead, left, turn = leg.command
+            self.hear(((ahead, left, 0.0), (0.0, 0.0, turn)))
+
+    def hear(self, twist: Twist) -> None:
+        """Let a command come, in metres and radians a second."""
+        self.commands += 1
+        self.world.network.command = (self.commands, twist)
+
+    def step(self) -> None:
+        """Play one frame."""
+        world = self.world
+        world.frame += 1
+        world.since_play += world.dt
+        world.simulated += world.dt
+        self.program.run(STEP, world)
+        world.machines.step(world.dt)
+        self.program.run(FRAME, world)
+        render(world)
+
+    def _pose(self, leg: Leg) -> Pose:
+        world, robot = self.world, self.robot
+        if robot is None:
+            return Pose(world.session, world.since_play, leg.name, 0.0, 0.0, 0.0)
+        place = robot.pose()
+        x, y, z = in_metres(place, world.scene.meters_per_unit).origin
+        turned = heading(place)
+        return Pose(
+            world.session, world.since_play, leg.name, x, y, turned, z, blocked=robot.blocked
+        )
+
+
+def driven(world: World) -> Machine | None:
+    """Return the machine with the most joints: what is driven."""
+    machines = [each for each in world.machines.machines if each.joints]
+    return max(machines, key=lambda each: len(each.joints), default=None)
+
+
+def player_of(scene: Scene, catalog: Catalog, wanted: Interface) -> Player:
+    """Return a scene ready to play, told where it is asked to listen for commands."""
+    world = world_of(scene, wanted.profile)
+    world.network.commands = Endpoint(wanted.domain, wanted.commands)
+    player = Player(world, catalog)
+    world.not_simulated.update(player.program.not_simulated)
+    return player
+
+
+def record(
+    scene: Scene,
+    catalog: Catalog,
+    drive: Sequence[Session],
+    wanted: Interface,
+) -> Evidence:
+    """Play the sessions, and return what was sent, where the robot went, and what it stood in."""
+    player = player_of(scene, catalog, wanted)
+    world = player.world
+    robot, unit = player.robot, scene.meters_per_unit
+    start = in_metres(robot.pose(), unit) if robot is not None else HERE
+    for session in drive:
+        player.play(session)
+    recording = player.recording
+    recording.messages = world.network.sent
+    recording.static = tuple(_kept(recording.messages, wanted.static))
+    recording.assumed = world.assumed
+    recording.not_simulated = unknown_in(world)
+    recording.fired = {path: node.count for path, node in player.program.nodes.items()}
+    level = Affine(about(AXES[2], heading(start)), start.origin)
+
+    def walls(at: Affine, scan: Scan) -> tuple[float, ...]:
+        """Return what a lidar would see there."""
+        beam = Beam(
+            scan.angle_min,
+            scan.angle_increment,
+            len(scan.ranges),
+            scan.range_min / unit,
+            scan.range_max / unit,
+        )
+        seen = sweep(beam, tuple(world.surroundings.around(in_metres(at, 1.0 / unit))))
+        return tuple(each if each < 0 else each * unit for each in seen)
+
+    causes = RunCauses(player.program, recording.messages, robot, wanted.commands)
+    recording.remarks = list(causes.remarks())
+    radius = robot.radius * unit if robot is not None else 0.0
+    return Evidence(recording, drive, wanted, level, walls, causes, _room(player, start), radius)
+
+
+def _kept(messages: Iterable[Message], topics: frozenset[str]) -> Iterator[tuple[Transform, str]]:
+    """Yield the transforms that tf2 takes from the topics of static ones: those that are kept."""
+    for message in messages:
+        if message.topic in topics and message.static and message.away is None:
+            for each in message.transforms:
+                yield each, message.node
+
+
+def _room(player: Player, start: Affine) -> tuple[Segment, ...]:
+    """Return what stands still, cut at the height of the lidar, or a little above the ground."""
+    world, unit = player.world, player.world.scene.meters_per_unit
+    scans = (each.data for each in player.recording.messages if isinstance(each.data, Scan))
+    place = next((each.place for each in scans), None)
+    height = start.origin[2] + EYES if place is None else place.origin[2]
+    cut = world.surroundings.level(height / unit)
+    return tuple((a * unit, b * unit, c * unit, d * unit) for a, b, c, d in cut)
+
+
+def unknown_in(world: World) -> dict[str, str]:
+    """Return what is not simulated, by prim.
+
+    So is what stands on assets that cannot be found, but for lidars, which are assumed.
+    """
+    return world.not_simulated | {
+        prim: f"{asset} cannot be found"
+        for prim, asset in world.scene.missing.items()
+        if prim not in world.assumed
+    }
+
+
+def in_metres(place: Affine, unit: float) -> Affine:
+    """Return a place with its origin in another unit."""
+    x, y, z = place.origin
+    return Affine(place.rows, (x * unit, y * unit, z * unit))

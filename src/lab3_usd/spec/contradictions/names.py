@@ -1,0 +1,379 @@
+"""Topics and frames of a lab that its graphs, `ros.yaml` and texts spell differently."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
+from typing import Literal
+
+from msgspec import Struct
+
+from lab3_usd.spec.catalog import INPUT, Value
+from lab3_usd.spec.graph import (
+    GraphSpec,
+    NodeSpec,
+    frame_ports,
+    product_input,
+    resolved_topic,
+    topic_switch,
+)
+from lab3_usd.spec.lab import CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
+from lab3_usd.spec.ros import FROM_THE_FIRST, NavigationSpec, TopicSpec
+
+
+class LabFault(Struct, frozen=True):
+    """One thing that is wrong in the description of a lab.
+
+    `key` leads to the value in `file`, `other` is the place that it contradicts. With an error the
+    lab is refused; a warning says what is left out.
+    """
+
+    file: str
+    key: str
+    message: str
+    other: str = ""
+    severity: Literal["error", "warning"] = "error"
+
+    def __str__(self) -> str:
+        """Write the fault in one line."""
+        other = f" ({self.other})" if self.other else ""
+        return f"{self.file}: {self.key}: {self.message}{other}"
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that was likely meant, None where none is like it."""
+    return next(iter(get_close_matches(name, tuple(known), 1)), None)
+
+
+_KIND = f"{INPUT}type"
+
+
+class GraphTopic(Struct, frozen=True):
+    """A topic of one node; `type` is its message type, None where the spec does not say."""
+
+    name: str
+    type: str | None
+    is_subscribed: bool
+    graph: str
+    place: str
+
+
+class GraphFrame(Struct, frozen=True):
+    """A transform that one node gives, or a frame that it only names (`parent` is None then)."""
+
+    parent: str | None
+    child: str
+    file: str
+    key: str
+
+    @property
+    def place(self) -> str:
+        """File and key."""
+        return f"{self.file}: {self.key}"
+
+
+def file_of(graph: GraphSpec) -> str:
+    """Name the file of a graph."""
+    return f"{graph.name}.yaml"
+
+
+def value_of(node: NodeSpec, port: str) -> Value | None:
+    """Return what an input has by the spec: the value set there, else the default."""
+    said = next((each.value for each in node.settings if each.port == port), None)
+    if said is not None:
+        return said
+    found = node.type.port(port)
+    return None if found is None else found.default
+
+
+def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
+    """Yield the topics that the graphs publish and subscribe."""
+    for graph, node, port in _topic_ports(lab):
+        topic = _topic(lab, node, port)
+        if topic:
+            message = node.type.message
+            yield GraphTopic(
+                name=topic,
+                type=message.get("") or message.get(str(value_of(node, _KIND))),
+                is_subscribed=node.type.role == "subscriber",
+                graph=graph.name,
+                place=f"{file_of(graph)}: {node.role}: {_short(port)}",
+            )
+
+
+def _topic_ports(lab: Lab) -> Iterator[tuple[GraphSpec, NodeSpec, str]]:
+    """Yield the inputs that name topics in use: the second of a pair is where it gets an image."""
+    for graph in lab.graphs.values():
+        for node in graph.nodes.values():
+            wired = {wire.target.port for wire in graph.wires_into(node.role)}
+            for port in node.type.topics if node.type.role else ():
+                product = product_input(port)
+                is_first = port == node.type.topics[0]
+                if is_first or product not in node.type.ports or product in wired:
+                    yield graph, node, port
+
+
+def _topic(lab: Lab, node: NodeSpec, port: str) -> str:
+    """Return the name of a topic, '' where it is switched off or has none."""
+    switch = topic_switch(port)
+    if switch in node.type.ports and value_of(node, switch) is not True:
+        return ""
+    namespace = value_of(node, f"{INPUT}{lab.policy.namespace}") or ""
+    return resolved_topic(str(value_of(node, port) or ""), str(namespace))
+
+
+def _short(port: str) -> str:
+    return port.partition(":")[2]
+
+
+def graph_frames(lab: Lab) -> Iterator[GraphFrame]:
+    """Yield the transforms that the graphs publish."""
+    for graph in lab.graphs.values():
+        for node in graph.nodes.values():
+            tf = node.type.tf
+            if tf is None:
+                continue
+            if tf.names:
+                parent, child = (str(value_of(node, port) or "") for port in tf.names)
+                key = f"{node.role}: {_short(tf.names[1])}"
+                yield GraphFrame(parent, child, file_of(graph), key)
+            if tf.prims:
+                yield from _frames_of_prims(lab, graph, node, tf.prims)
+
+
+def _frames_of_prims(
+    lab: Lab, graph: GraphSpec, node: NodeSpec, ports: tuple[str, ...]
+) -> Iterator[GraphFrame]:
+    targets = {each.port: each.prims for each in node.targets}
+    above = next((_name(path) for path in targets.get(ports[0], ())), lab.catalog.world_frame)
+    robot = lab.scene.robot
+    for path in targets.get(ports[1], ()):
+        # The root of an articulation stands for its links.
+        names = tuple(robot.links) if path == robot.path else (_name(path),)
+        for name in names:
+            if name != above:
+                key = f"{node.role}: {_short(ports[1])}"
+                yield GraphFrame(above, name, file_of(graph), key)
+
+
+def _name(path: str) -> str:
+    return path.rpartition("/")[2]
+
+
+def named_frames(lab: Lab) -> Iterator[GraphFrame]:
+    """Yield the frames that messages of the graphs name."""
+    for graph, node, topic in _topic_ports(lab):
+        for port in frame_ports(node.type, topic):
+            frame = str(value_of(node, port) or "")
+            if frame:
+                yield GraphFrame(None, frame, file_of(graph), f"{node.role}: {_short(port)}")
+
+
+TREE = "frames: edges"
+_FRAME_FIELDS = ("header.frame_id", "child_frame_id")
+_FRAME_COMMAND = "tf2_echo"
+
+
+def frame_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield what contradicts the TF tree, where a checkpoint asks for it."""
+    if not lab.checkpoints[lab.last].frames:
+        return
+    given = list(graph_frames(lab))
+    yield from _double_parents(lab)
+    yield from _unpublished(lab, given)
+    tree = _tree(lab)
+    for file, key, frame in (*_graph_references(lab, given), *_references(lab)):
+        if frame not in tree:
+            meant = nearest(frame, tree)
+            hint = f", '{meant}' is" if meant else ""
+            message = f"'{frame}' is no frame of the tree{hint}"
+            yield LabFault(file, key, message, f"{CHECKPOINTS}: {TREE}")
+
+
+def _tree(lab: Lab) -> dict[str, None]:
+    """Return the frames of the running system, in the order of the file."""
+    localization = lab.frames.localization
+    edges = (*lab.frames.edges, *(() if localization is None else (localization.edge,)))
+    return dict.fromkeys(frame for edge in edges for frame in edge)
+
+
+def _double_parents(lab: Lab) -> Iterator[LabFault]:
+    parents: dict[str, str] = {}
+    for parent, child in lab.frames.edges:
+        if parents.setdefault(child, parent) != parent:
+            message = f"'{child}' has two parents, '{parents[child]}' and '{parent}'"
+            other = f"{CHECKPOINTS}: {TREE}: {parents[child]} -> {child}"
+            yield LabFault(CHECKPOINTS, f"{TREE}: {parent} -> {child}", message, other)
+    for forbidden in filter(lab.frames.is_forbidden, lab.frames.edges):
+        message = "is required and forbidden"
+        key = f"{TREE}: {forbidden[0]} -> {forbidden[1]}"
+        yield LabFault(CHECKPOINTS, key, message, f"{CHECKPOINTS}: frames: forbidden")
+
+
+def _unpublished(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
+    """Yield the transforms of the tree that no node of a graph gives."""
+    published = {each.child for each in given}
+    for parent, child in lab.frames.edges:
+        key = f"{TREE}: {parent} -> {child}"
+        makers = [each for each in given if each.child == child]
+        if not makers:
+            message = f"no node of a graph publishes the frame '{child}'"
+            yield LabFault(CHECKPOINTS, key, message, _places(given))
+        elif all(each.parent != parent for each in makers) and parent not in published:
+            message = f"the graphs publish '{child}' below '{makers[0].parent}'"
+            yield LabFault(CHECKPOINTS, key, message, makers[0].place)
+
+
+def _places(given: list[GraphFrame]) -> str:
+    places = ", ".join(dict.fromkeys(each.place for each in given))
+    return f"frames are published by {places}" if places else "no graph has a node that does"
+
+
+def _graph_references(lab: Lab, given: list[GraphFrame]) -> Iterator[tuple[str, str, str]]:
+    for each in (*given, *named_frames(lab)):
+        yield each.file, each.key, each.child
+
+
+def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
+    """Yield file, key and frame of everything beside the graphs that names one."""
+    frames = lab.frames
+    if frames.deeper_under:
+        yield CHECKPOINTS, "frames: deeper_under", frames.deeper_under
+    if frames.forbidden is not None:
+        yield CHECKPOINTS, "frames: forbidden: child", frames.forbidden.child
+    for name in () if frames.localization is None else frames.localization.chain:
+        yield CHECKPOINTS, "frames: localization: chain", name
+    yield SCENE, "robot: base_frame", lab.scene.robot.base_frame
+    yield from _ros_references(lab)
+
+
+def _ros_references(lab: Lab) -> Iterator[tuple[str, str, str]]:
+    for topic in lab.ros.topics.values():
+        for field, value in (topic.fields or {}).items():
+            if field in _FRAME_FIELDS:
+                yield ROS, f"topics: {topic.name}: fields: {field}", value
+    navigation = lab.ros.navigation if lab.checkpoints[lab.last].localization else None
+    for each in () if navigation is None else navigation.frames:
+        yield ROS, f"navigation: frames: {each.node}.{each.name}", each.frame
+    for number, command in enumerate(lab.ros.commands, start=1):
+        if command.kind.name == _FRAME_COMMAND:
+            for key, name in (("of", command.of), ("to", command.to)):
+                yield ROS, f"command {number} ({command.kind.name}): {key}", name
+
+
+_ABOUT_TOPICS, _ABOUT_NODES = "topic_", "lifecycle"  # how the kinds of such commands begin
+_NAME = re.compile(r"(?<!\S)/[A-Za-z_]\w*(?:/\w+)*")
+
+
+def topic_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield every topic that is not the one of the graphs."""
+    given = list(graph_topics(lab))
+    for topic in lab.ros.topics.values():
+        yield from _about_topic(lab, topic, given)
+    for each in given:
+        if each.name not in lab.ros.topics:
+            message = f"'{each.name}' is missing, so that no saved output of it is judged"
+            yield LabFault(ROS, "topics", message, each.place, "warning")
+    if lab.checkpoints[lab.last].localization and lab.ros.navigation is not None:
+        yield from _navigation(lab, lab.ros.navigation, given)
+    yield from _commands(lab)
+    for line in lab.submission.checklist:
+        key = f"checklist: {line.section}: '{line.text}'"
+        yield from misspelled(lab, line.text, SUBMISSION, key)
+
+
+def _about_topic(lab: Lab, topic: TopicSpec, given: list[GraphTopic]) -> Iterator[LabFault]:
+    key = f"topics: {topic.name}"
+    ends = [each for each in given if each.is_subscribed == topic.subscribed]
+    same = [each for each in ends if each.name == topic.name]
+    if not same:
+        if (topic.source is None and not topic.optional) or topic.subscribed:
+            does = "subscribes to" if topic.subscribed else "publishes"
+            message = f"no node of a graph {does} '{topic.name}'"
+            yield LabFault(ROS, key, message, _likely(lab, topic, ends))
+        return
+    for each in same:
+        if each.type is not None and each.type != topic.type:
+            message = f"'type' is {topic.type}, but the graph's messages are {each.type}"
+            yield LabFault(ROS, key, message, each.place)
+    yield from _too_early(lab, topic, same)
+
+
+def _too_early(lab: Lab, topic: TopicSpec, same: list[GraphTopic]) -> Iterator[LabFault]:
+    """Yield that a topic is asked for before the graph that has it."""
+    first = next(
+        (
+            (checkpoint.id, each)
+            for checkpoint in lab.checkpoints.values()
+            for each in same
+            if each.graph in checkpoint.graphs
+        ),
+        None,
+    )
+    since = topic.since if topic.since != FROM_THE_FIRST else lab.first
+    if first is None or since not in lab.checkpoints or not lab.is_after(first[0], since):
+        return
+    message = f"'from' is {since}, but the graph comes with checkpoint {first[0]}"
+    yield LabFault(ROS, f"topics: {topic.name}", message, first[1].place)
+
+
+def _likely(lab: Lab, topic: TopicSpec, ends: Iterable[GraphTopic]) -> str:
+    """Return the place in the graphs where the topic has another name, as it seems."""
+    free = [each for each in ends if each.name not in lab.ros.topics]
+    alike = [each for each in free if each.type == topic.type]
+    by_name = {each.name: each for each in alike or free}
+    meant = nearest(topic.name, by_name) or next(iter(by_name if alike else ()), None)
+    return f"{by_name[meant].place} is '{meant}'" if meant else ""
+
+
+def _navigation(
+    lab: Lab, navigation: NavigationSpec, given: list[GraphTopic]
+) -> Iterator[LabFault]:
+    """Yield the topics of Nav2's parameters that nobody has."""
+    wanted = {
+        "scan_topic": (navigation.scan_topic, False),
+        "odom_topic": (navigation.odom_topic, False),
+        "velocity_topic": (navigation.velocity_topic, True),
+    }
+    for key, (name, is_subscribed) in wanted.items():
+        ends = {each.name: each for each in given if each.is_subscribed == is_subscribed}
+        if name not in ends:
+            does = "subscribes to" if is_subscribed else "publishes"
+            message = f"no node of a graph {does} '{name}'"
+            meant = nearest(name, ends)
+            other = f"{ends[meant].place} is '{meant}'" if meant else f"{ROS}: topics"
+            yield LabFault(ROS, f"navigation: {key}", message, other)
+    if navigation.map_topic not in lab.ros.topics:
+        message = f"'{navigation.map_topic}' is none of the topics"
+        yield LabFault(ROS, "navigation: map_topic", message, f"{ROS}: topics")
+
+
+def _commands(lab: Lab) -> Iterator[LabFault]:
+    """Yield the commands about topics and nodes that the lab does not have."""
+    topics, nodes = _known_topics(lab), lab.ros.lifecycle.nodes
+    for number, command in enumerate(lab.ros.commands, start=1):
+        kind, name = command.kind.name, command.of
+        key = f"command {number} ({kind}): of"
+        if kind.startswith(_ABOUT_TOPICS) and name and name not in topics:
+            yield LabFault(ROS, key, f"'{name}' is none of the topics", f"{ROS}: topics")
+        if kind == _ABOUT_NODES and name not in nodes:
+            message = f"'{name}' is none of the lifecycle nodes"
+            yield LabFault(ROS, key, message, f"{ROS}: lifecycle: nodes")
+
+
+def _known_topics(lab: Lab) -> set[str]:
+    goal = lab.ros.goal
+    of_goal = () if goal is None else (goal.status, goal.pose, goal.robot)
+    return {*lab.ros.topics, *lab.ros.system.topics, *of_goal}
+
+
+def misspelled(lab: Lab, text: str, file: str, key: str) -> Iterator[LabFault]:
+    """Yield the topics in a text that are nearly, but not quite, topics of the lab."""
+    navigation = lab.ros.navigation
+    known = _known_topics(lab) | set(() if navigation is None else navigation.rviz.values())
+    for name in _NAME.findall(text):
+        meant = nearest(name, known)
+        if name not in known and meant:
+            message = f"'{name}' is no topic, '{meant}' is"
+            yield LabFault(file, key, message, f"{ROS}: topics: {meant}")

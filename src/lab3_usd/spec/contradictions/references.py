@@ -1,0 +1,263 @@
+"""References in the description of a lab to what does not exist, and files that nothing reads."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any
+
+from msgspec import to_builtins
+
+from lab3_usd.errors import SpecError
+from lab3_usd.spec.contradictions.names import (
+    LabFault,
+    file_of,
+    frame_faults,
+    misspelled,
+    topic_faults,
+)
+from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
+from lab3_usd.spec.ros import FROM_THE_FIRST
+from lab3_usd.spec.submission import ChecklistSpec
+from lab3_usd.spec.yaml_file import read_yaml
+
+_ANY_STAGES = ("", "all", "last")
+_GOALS = "goals"  # saved output that is read from a topic and from a log
+
+
+def checkpoint_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield each reference to a checkpoint that the lab does not have."""
+    known = ", ".join(lab.checkpoints)
+    for file, key, checkpoint in _references(lab):
+        if checkpoint not in lab.checkpoints:
+            message = f"there is no checkpoint '{checkpoint}'"
+            yield LabFault(file, key, message, f"{CHECKPOINTS} has {known}")
+
+
+def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
+    """Yield file, key and checkpoint of everything that names one."""
+    if lab.frames.localization is not None:
+        yield CHECKPOINTS, "frames: localization: from", lab.frames.localization.since
+    until = lab.scene.robot.pose_is_error_until
+    if until:
+        yield SCENE, "robot: pose_is_error_until", until
+    for name in lab.submission.stages.differ:
+        yield SUBMISSION, "stages: differ", name
+    for line in lab.submission.checklist:
+        if line.stages not in _ANY_STAGES:
+            yield SUBMISSION, _line_key(line, "stages"), line.stages
+    for key, since in _since(lab):
+        if since != FROM_THE_FIRST:
+            yield ROS, f"{key}: from", since
+
+
+def _since(lab: Lab) -> Iterator[tuple[str, str]]:
+    ros = lab.ros
+    for name, topic in ros.topics.items():
+        yield f"topics: {name}", topic.since
+    for name, node in ros.lifecycle.nodes.items():
+        yield f"lifecycle: nodes: {name}", node.since
+    for name, node in ros.nodes.items():
+        yield f"nodes: {name}", node.since
+    if ros.goal is not None:
+        yield "goal", ros.goal.since
+    for number, command in enumerate(ros.commands, start=1):
+        yield f"command {number} ({command.kind.name} {command.target})", command.since
+
+
+def _line_key(line: ChecklistSpec, key: str) -> str:
+    return f"checklist: {line.section}: '{line.text}': {key}"
+
+
+def checklist_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield what the checklists name and nobody hands in or saves."""
+    saved = {(each.kind.name, each.target) for each in lab.ros.commands} | {(_GOALS, "")}
+    for line in lab.submission.checklist:
+        for name in line.deliverables:
+            if name not in lab.submission.deliverables:
+                message = f"there is no deliverable '{name}'"
+                yield LabFault(
+                    SUBMISSION,
+                    _line_key(line, "deliverables"),
+                    message,
+                    _known("deliverables", lab.submission.deliverables),
+                )
+        for shown in line.shown:
+            kind, _, target = shown.partition(" ")
+            if (kind, target) not in saved:
+                message = f"no command of {ROS} saves '{shown}'"
+                targets = [what for name, what in saved if name == kind]
+                where = f"{ROS}: commands"
+                other = _known(f"{where} with kind {kind}", sorted(targets)) if targets else where
+                yield LabFault(SUBMISSION, _line_key(line, "shown"), message, other)
+
+
+def _known(where: str, names: Collection[str]) -> str:
+    return f"{where}: {', '.join(names)}"
+
+
+def rubric_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield what the lab's own rubric leaves out or contradicts.
+
+    Everything else about a rubric is said when points are given (`grade/scoring/`).
+
+    Raises:
+        SpecError: the file is no YAML.
+    """
+    if not (lab.folder / RUBRIC).is_file():
+        return
+    items = _items(read_yaml(lab.folder / RUBRIC))
+    asked = set()
+    for name, item in items.items():
+        checkpoint = item.get("checkpoint", "")
+        asked.add(checkpoint)
+        if checkpoint and checkpoint not in lab.checkpoints:
+            message = f"there is no checkpoint '{checkpoint}'"
+            other = f"{CHECKPOINTS} has {', '.join(lab.checkpoints)}"
+            yield LabFault(RUBRIC, f"items: {name}: checkpoint", message, other)
+        title = str(item.get("title", ""))
+        yield from misspelled(lab, title, RUBRIC, f"items: {name}: title")
+    for checkpoint in lab.checkpoints:
+        if checkpoint not in asked:
+            message = "no item of the rubric gives points for it"
+            key = f"checkpoints: '{checkpoint}'"
+            yield LabFault(CHECKPOINTS, key, message, f"{RUBRIC}: items", "warning")
+
+
+def _items(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    items = data.get("items")
+    if not isinstance(items, dict):
+        return {}
+    return {name: item for name, item in items.items() if isinstance(item, dict)}
+
+
+_FORM = r"[A-Z]\d+"  # of sections of parts that the list lacks
+_NUMBER = re.compile(r"\d+$")
+_KEYS = ("handout", "rate")  # `rate` names the section that asks for one
+_SECTIONS, _BY_HAND = "handout: sections", "handout: by_hand"
+RULES = "handout: rules"
+
+
+def section_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield what the list of sections, where the lab has one, and the items do not agree about."""
+    known = lab.handout.names
+    if not known:
+        return
+    leads = lab.handout.leads
+    form = re.compile(
+        "|".join([*(rf"(?<!\w){re.escape(each)}\d+" for each in leads.values()), _FORM])
+    )
+    named: dict[str, tuple[str, str]] = {}
+    for file, key, text in _section_references(lab):
+        for section in form.findall(text):
+            named.setdefault(section, (file, key))
+    yield from _unknown(lab, named)
+    for section in known:
+        if section not in named:
+            message = f"no item names section {section}"
+            other = f"name it in {CHECKPOINTS}: {_BY_HAND} if nothing shows it"
+            key = f"{_SECTIONS}: {_part_of(section, lab)}"
+            yield LabFault(CHECKPOINTS, key, message, other, "warning")
+
+
+def _part_of(section: str, lab: Lab) -> str:
+    """Return the part of the handout that a section is in, of a part that it lacks the letter."""
+    leads = lab.handout.leads.items()
+    return next((part for part, lead in leads if _NUMBER.sub("", section) == lead), section[0])
+
+
+def _unknown(lab: Lab, named: Mapping[str, tuple[str, str]]) -> Iterator[LabFault]:
+    """Yield sections that the list does not have, and once each part that it does not have."""
+    where, parts = f"{CHECKPOINTS}: {_SECTIONS}", set(lab.handout.sections)
+    for section, (file, key) in named.items():
+        part = _part_of(section, lab)
+        if part not in parts:
+            parts.add(part)
+            message = f"the handout has no part {part}"
+            yield LabFault(file, key, message, where, "warning")
+        elif part in lab.handout.sections and section not in lab.handout.names:
+            yield LabFault(file, key, f"the handout has no section {section}", where)
+
+
+def _section_references(lab: Lab) -> Iterator[tuple[str, str, str]]:
+    """Yield file, key and text of everything that names sections."""
+    for graph in lab.graphs.values():
+        for key, text in _of_graph(graph):
+            yield file_of(graph), key, text
+    yield from ((CHECKPOINTS, _BY_HAND, section) for section in lab.handout.by_hand)
+    for rule, section in lab.handout.rules.items():
+        yield CHECKPOINTS, f"{RULES}: {rule}", section
+    parts = {
+        SCENE: to_builtins(lab.scene),
+        ROS: to_builtins(lab.ros),
+        SUBMISSION: to_builtins(lab.submission),
+        CHECKPOINTS: {"frames": to_builtins(lab.frames), "policy": to_builtins(lab.policy)},
+    }
+    for file, data in parts.items():
+        yield from ((file, key, text) for key, text in _inside(data, ""))
+
+
+def _of_graph(graph: GraphSpec) -> Iterator[tuple[str, str]]:
+    yield "handout", graph.handout
+    for node in graph.nodes.values():
+        yield f"{node.role}: handout", node.handout
+        said = [(each.port, each.handout) for each in node.settings]
+        said += [(each.port, each.handout) for each in node.targets]
+        for port, section in (*said, *node.keep):
+            yield f"{node.role}: {port.partition(':')[2]}", section
+    for wire in (*graph.wires, *graph.optional_wires, *graph.forbidden_wires):
+        yield f"wire '{wire}'", wire.handout
+
+
+def _inside(data: Any, key: str) -> Iterator[tuple[str, str]]:  # noqa: ANN401 - whatever YAML holds
+    if isinstance(data, Mapping):
+        for name, value in data.items():
+            place = f"{key}: {name}" if key else str(name)
+            if name in _KEYS and isinstance(value, str):
+                yield place, value
+            else:
+                yield from _inside(value, place)
+    elif isinstance(data, (list, tuple)):
+        for number, value in enumerate(data, start=1):
+            yield from _inside(value, f"{key}: entry {number}")
+
+
+_FIXED = (CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION)
+
+
+def lab_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield what contradicts itself in the description of a lab, and what is left out.
+
+    Raises:
+        SpecError: the rubric is no YAML.
+    """
+    yield from checkpoint_faults(lab)
+    yield from checklist_faults(lab)
+    yield from frame_faults(lab)
+    yield from topic_faults(lab)
+    yield from rubric_faults(lab)
+    yield from section_faults(lab)
+    yield from _unused_files(lab)
+
+
+def refuse_faulty(lab: Lab) -> None:
+    """Refuse a lab that contradicts itself.
+
+    Raises:
+        SpecError: it does; the line names file, key and both places of the first contradiction.
+    """
+    errors = [each for each in lab_faults(lab) if each.severity == "error"]
+    if errors:
+        more = f"; and {len(errors) - 1} more, see lab3 lab check" if len(errors) > 1 else ""
+        message = f"{errors[0]}{more}"
+        raise SpecError(message)
+
+
+def _unused_files(lab: Lab) -> Iterator[LabFault]:
+    """Yield the YAML files that no checkpoint asks for."""
+    used = {*_FIXED, *(file_of(graph) for graph in lab.graphs.values())}
+    for path in sorted(lab.folder.glob("*.yaml")):
+        if path.name not in used:
+            message = "no checkpoint adds this graph"
+            yield LabFault(path.name, "graph", message, f"{CHECKPOINTS}: checkpoints", "warning")

@@ -1,0 +1,230 @@
+"""Puts the lab together out of the files of `graphs/`, each checked against the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.data import data_folder, lab_folder
+from lab3_usd.errors import SpecError
+from lab3_usd.spec import ros
+from lab3_usd.spec.catalog import Catalog, typed_value
+from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
+from lab3_usd.spec.load.catalog import parse_catalog
+from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
+from lab3_usd.spec.load.compiled import load_isaac_types
+from lab3_usd.spec.load.graph import parse_graph
+from lab3_usd.spec.scene import SceneSpec
+from lab3_usd.spec.submission import (
+    ChecklistSpec,
+    Deliverable,
+    FolderNames,
+    StageFiles,
+    StarterRules,
+    SubmissionSpec,
+)
+from lab3_usd.spec.yaml_file import read_yaml, record, records
+
+_ByName = dict[str, dict[str, Any]]
+
+
+class _RosFile(Struct, forbid_unknown_fields=True):
+    system: ros.SystemSpec
+    topics: _ByName = {}
+    lifecycle: ros.LifecycleSpec = ros.LifecycleSpec("", {})
+    nodes: dict[str, ros.HandoutReference] = {}
+    forbidden_nodes: ros.ForbiddenNodes = ros.ForbiddenNodes((), "")
+    goal: ros.GoalSpec | None = None
+    evidence: _ByName | None = None  # as in the bundled lab
+    commands: tuple[dict[str, Any], ...] = ()
+    navigation: ros.NavigationSpec | None = None
+
+
+def load_ros(folder: Path | None = None) -> ros.RosSpec:
+    """Load `ros.yaml` of `folder`, by default the bundled one.
+
+    Raises:
+        SpecError: the file is missing or wrong; the line names the part and the key.
+    """
+    folder = folder if folder is not None else lab_folder()
+    said = record(read_yaml(folder / ROS), _RosFile, ROS)
+    kinds = records(_evidence(said), ros.EvidenceKind, f"{ROS}: evidence")
+    return ros.RosSpec(
+        system=said.system,
+        topics=records(said.topics, ros.TopicSpec, f"{ROS}: topics"),
+        lifecycle=said.lifecycle,
+        nodes=said.nodes,
+        forbidden_nodes=said.forbidden_nodes,
+        goal=said.goal,
+        kinds=kinds,
+        commands=tuple(
+            _command(command, kinds, f"{ROS}: command {number}")
+            for number, command in enumerate(said.commands, start=1)
+        ),
+        navigation=said.navigation,
+    )
+
+
+def _evidence(said: _RosFile) -> _ByName:
+    """Return how diagnostic commands are written: as in the bundled lab where nothing is said."""
+    if said.evidence is not None:
+        return said.evidence
+    evidence: _ByName = read_yaml(data_folder("graphs") / ROS)["evidence"]
+    return evidence
+
+
+def _command(
+    entry: Mapping[str, Any], kinds: Mapping[str, ros.EvidenceKind], where: str
+) -> ros.Command:
+    name = entry.get("kind")
+    if not isinstance(name, str) or name not in kinds:
+        message = f"{where}: there is no kind {name!r}; known are {', '.join(kinds)}"
+        raise SpecError(message)
+    return record({**entry, "kind": kinds[name]}, ros.Command, f"{where} ({name})")
+
+
+def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
+    """Return what a scene file that has been read asks for.
+
+    Raises:
+        SpecError: it lacks a part, or holds a value of the wrong kind; the line names the part.
+    """
+    scene = record(data, SceneSpec, SCENE)
+    wheels = scene.robot.wheels
+    if wheels.left and wheels.left not in wheels.joints:
+        message = f"{SCENE}: robot: wheels: left: '{wheels.left}' is no joint of the wheels"
+        raise SpecError(message)
+    places: dict[str, str] = {}
+    sensors = {}
+    for sensor, spec in scene.sensors.items():
+        where = f"{SCENE}: {sensor}"
+        if spec.path in places:
+            message = f"{where}: '{spec.path}' is the path of {places[spec.path]}"
+            raise SpecError(message)
+        places[spec.path] = sensor
+        typed = {
+            name: replace(each, value=typed_value(each.value, each.type, f"{where}: {name}"))
+            for name, each in spec.attributes.items()
+        }
+        sensors[sensor] = replace(spec, attributes=typed)
+    return replace(scene, sensors=sensors)
+
+
+class _SubmissionFile(Struct, forbid_unknown_fields=True):
+    folders: FolderNames
+    stages: StageFiles
+    deliverables: dict[str, dict[str, Any]] = {}
+    starter: StarterRules | None = None  # as in the bundled lab
+    checklist: dict[str, tuple[dict[str, Any], ...]] = {}
+
+
+def load_submission(folder: Path | None = None) -> SubmissionSpec:
+    """Load `submission.yaml` of `folder`, by default the bundled one.
+
+    Raises:
+        SpecError: the file is missing or wrong; the line names the part and the key.
+    """
+    folder = folder if folder is not None else lab_folder()
+    said = record(read_yaml(folder / SUBMISSION), _SubmissionFile, SUBMISSION)
+    checklist = f"{SUBMISSION}: checklist"
+    return SubmissionSpec(
+        folders=said.folders,
+        stages=said.stages,
+        deliverables=records(said.deliverables, Deliverable, f"{SUBMISSION}: deliverables"),
+        starter=said.starter or _usual_starter(),
+        checklist=tuple(
+            record({"section": section, **each}, ChecklistSpec, f"{checklist}: {section}")
+            for section, lines in said.checklist.items()
+            for each in lines
+        ),
+    )
+
+
+def _usual_starter() -> StarterRules:
+    """Return what the bundled lab compares of a starter: facts of USD and of Isaac Sim."""
+    said = read_yaml(data_folder("graphs") / SUBMISSION)
+    return record(said["starter"], StarterRules, f"{SUBMISSION}: starter")
+
+
+def assemble(folder: Path) -> Lab:
+    """Read every file of the lab.
+
+    Raises:
+        SpecError: a file is missing or wrong.
+    """
+    said = read_checkpoint_file(read_yaml(folder / CHECKPOINTS))
+    files = _graph_files(folder, said.graph_names())
+    catalog = _catalog(folder, files)
+    graphs = {name: _graph(name, data, catalog) for name, data in files.items()}
+    scene = parse_scene(read_yaml(folder / SCENE))
+    return Lab(
+        folder=folder,
+        title=said.title,
+        catalog=catalog,
+        graphs=graphs,
+        checkpoints=accumulate(said, graphs, tuple(scene.sensors)),
+        policy=said.policy,
+        frames=said.frames,
+        ros=load_ros(folder),
+        submission=load_submission(folder),
+        handout=said.handout,
+        scene=scene,
+    )
+
+
+def _catalog(folder: Path, graphs: Mapping[str, Mapping[str, Any]]) -> Catalog:
+    """Return the node types of the lab, and those of Isaac Sim that its graphs name besides.
+
+    What the lab's own catalog leaves out is as in the bundled one.
+    """
+    catalog = parse_catalog(_catalog_data(folder / CATALOG))
+    more = sorted(set(_named_types(graphs)) - set(catalog.types))
+    known = load_isaac_types().catalog.types if more else {}
+    types = {name: known[name] for name in more if name in known}
+    return replace(catalog, types={**catalog.types, **types})
+
+
+def _catalog_data(own: Path) -> dict[str, Any]:
+    """Return the lab's own file over that of the bundled lab, type by type."""
+    bundled = data_folder("graphs") / own.name
+    if own == bundled:
+        return read_yaml(own)
+    base, said = read_yaml(bundled), read_yaml(own) if own.exists() else {}
+    types = said.get("types", {})
+    if not isinstance(types, dict):
+        return said  # which its reader refuses
+    return {**base, **said, "types": {**base["types"], **types}}
+
+
+def _named_types(graphs: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the node types that files of graphs name; what is wrong in a file is told later."""
+    for data in graphs.values():
+        nodes = data.get("nodes")
+        for node in nodes.values() if isinstance(nodes, dict) else ():
+            if isinstance(node, dict) and isinstance(node.get("type"), str):
+                yield node["type"]
+
+
+def _graph_files(folder: Path, names: list[str]) -> dict[str, dict[str, Any]]:
+    found = {}
+    for name in names:
+        file = f"{name}.yaml"
+        if not (folder / file).is_file():
+            message = f"{CHECKPOINTS}: asks for the graph '{name}', but there is no {file}"
+            raise SpecError(message)
+        found[name] = read_yaml(folder / file)
+    return found
+
+
+def _graph(name: str, data: Mapping[str, Any], catalog: Catalog) -> GraphSpec:
+    file = f"{name}.yaml"
+    spec = parse_graph(data, catalog, file)
+    if spec.name != name:
+        message = f"{file}: describes the graph '{spec.name}', expected '{name}'"
+        raise SpecError(message)
+    return spec

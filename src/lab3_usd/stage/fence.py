@@ -1,0 +1,332 @@
+"""Opens untrusted stages so that no file outside their own folder is ever opened."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from msgspec import Struct
+from pxr import Sdf, Tf, Usd, UsdUtils
+
+from lab3_usd.errors import StageError
+from lab3_usd.stage.read.assets import blocked_path, find_unresolved
+from lab3_usd.stage.read.opening import (
+    ENDINGS,
+    check_file,
+    opener,
+    quiet,
+    reading_cache,
+    stage_errors,
+)
+
+_ADDRESS = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # one letter is a drive of Windows
+_ABSOLUTE = re.compile(r"^([/\\]|[A-Za-z]:)")
+_FORMAT_ARGUMENTS = ":SDF_FORMAT_ARGS:"
+_CLIPS = "clips"
+_ASSET = b"@"  # with which every asset in a text layer begins
+_NO_MEMORY = "bad_alloc"
+_ATTEMPTS = 8
+_MOST_ASSETS = 500
+_Check = Callable[[Path], "bytes | None"]
+
+
+class BlockedAsset(Struct, frozen=True):
+    """An asset that was not opened: the stage that asks for it, and why not.
+
+    One with `is_error` is an error wherever it is; the others only where a graph hangs on them.
+    """
+
+    stage: str
+    asset: str
+    reason: str
+    is_error: bool
+
+
+@dataclass(slots=True)
+class Fence:
+    """What may be opened while one submission is judged, and what came of it.
+
+    `check` looks at the bytes of a layer before usd-core does: it raises StageError, which says
+    why and leaves the name of the file to the fence, or returns the text of a text layer. `broken`
+    holds files that are not opened, and why; `announce` is told of every stage before it is
+    opened. `graphs` are paths at which a graph belongs, `digests` those of files, as far as they
+    are known. Stages in `closed` are not opened again. Files go by their names in the submission.
+    `alone` are the layers that lead to no other.
+    """
+
+    root: Path
+    check: _Check
+    allowed: frozenset[str] = frozenset()
+    broken: Mapping[str, str] = field(default_factory=dict)
+    announce: Callable[[str], None] = lambda _name: None
+    graphs: Collection[str] = ()
+    nesting: int = 200
+    digests: Mapping[str, str] = field(default_factory=dict)
+    closed: set[str] = field(default_factory=set)
+    found: dict[tuple[str, str], BlockedAsset] = field(default_factory=dict)
+    layers: dict[str, Sdf.Layer] = field(default_factory=dict)
+    alone: set[str] = field(default_factory=set)
+    stages: dict[str, Usd.Stage] = field(default_factory=dict)
+    firsts: dict[tuple[str, ...], str] = field(default_factory=dict)
+
+
+def name_of(fence: Fence, real: str) -> str | None:
+    """Return a path relative to the submission, None for what lies outside of it."""
+    inside = os.path.relpath(real, fence.root)
+    return None if inside == ".." or inside.startswith(f"..{os.sep}") else inside
+
+
+def shown_name(fence: Fence, real: str) -> str:
+    """Return how a message names a file: never by where the copy of a submission lies."""
+    return name_of(fence, real) or Path(real).name
+
+
+def open_layer(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
+    """Look at the bytes of a layer, let usd-core read it, and drop the clips that are in it.
+
+    Raises:
+        StageError: usd-core should not be given the file, or reads no layer from it.
+        MemoryError: there is not enough for it.
+    """
+    name, is_trusted = shown_name(fence, file), file in fence.allowed
+    try:
+        text = None if is_trusted else fence.check(Path(file))
+    except StageError as error:
+        message = f"{name}: {error}"
+        raise StageError(message) from error
+    with memory_errors():
+        layer = Sdf.Layer.FindOrOpen(identifier)
+    if layer is None:
+        message = f"{name}: usd-core opens no stage from it; save it again from Isaac Sim"
+        raise StageError(message)
+    fence.layers[layer.identifier] = layer
+    if not is_trusted and (text is None or _CLIPS.encode() in text):
+        _drop_clips(layer, fence.nesting)
+    if text is not None and _ASSET not in text:
+        fence.alone.add(layer.identifier)
+    return layer
+
+
+@contextmanager
+def memory_errors() -> Iterator[None]:
+    """Tell running out of memory from a damaged file; usd-core reports both alike."""
+    try:
+        yield
+    except (Tf.ErrorException, RuntimeError) as error:
+        if _NO_MEMORY in str(error):
+            raise MemoryError from error
+        raise
+
+
+def _drop_clips(layer: Sdf.Layer, nesting: int) -> None:
+    """Value clips name layers that are opened while values are read; the lab has none."""
+    with_clips: list[Sdf.Path] = []
+
+    def visit(path: Sdf.Path) -> None:
+        if not path.IsPrimPath() and not path.IsPrimVariantSelectionPath():
+            return
+        if path.pathElementCount > nesting:
+            message = f"prims lie more than {nesting} levels deep in one another"
+            raise StageError(message)
+        spec = layer.GetObjectAtPath(path)
+        if spec is not None and spec.HasInfo(_CLIPS):  # a damaged file names what it lacks
+            with_clips.append(path)
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+    for path in with_clips:
+        layer.GetObjectAtPath(path).ClearInfo(_CLIPS)
+
+
+def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
+    """Redirect everything that leads out, in this layer and in all it leads to, to nowhere."""
+    waiting, seen = [root], {root.identifier}
+    while waiting:
+        layer = waiting.pop()
+        if layer.identifier in fence.alone:
+            continue
+        is_trusted = os.path.realpath(layer.realPath) in fence.allowed
+        assets = [each for each in layer.GetCompositionAssetDependencies() if each]
+        if len(assets) > _MOST_ASSETS:
+            message = (
+                f"{shown_name(fence, root.realPath)}: refers to {len(assets)} files; not opened"
+            )
+            raise StageError(message)
+        for asset in assets:
+            found = (
+                _trusted(fence, layer, asset) if is_trusted else _inspect(fence, layer, asset, name)
+            )
+            if isinstance(found, BlockedAsset):
+                fence.found.setdefault((name, asset), found)
+                _redirect(layer, asset)
+            elif found is not None and found.identifier not in seen:
+                seen.add(found.identifier)
+                waiting.append(found)
+
+
+def _inspect(
+    fence: Fence, layer: Sdf.Layer, asset: str, name: str
+) -> Sdf.Layer | BlockedAsset | None:
+    """Return the layer that an asset is, why it is not opened, or None where there is no file."""
+    reason = _unlike_a_file(asset)
+    if reason:
+        return BlockedAsset(name, asset, reason, is_error=True)
+    if _ADDRESS.match(asset):
+        return BlockedAsset(name, asset, "it is not on this computer", is_error=False)
+    identifier = layer.ComputeAbsolutePath(asset)
+    file = os.path.realpath(identifier.partition("[")[0])
+    if file not in fence.allowed:
+        if _ABSOLUTE.match(asset):
+            return BlockedAsset(name, asset, "it is an absolute path", is_error=False)
+        if name_of(fence, file) is None:
+            return BlockedAsset(name, asset, "it leads out of the submission", is_error=True)
+    return _layer_at(fence, identifier, file, BlockedAsset(name, asset, "", is_error=True))
+
+
+def _trusted(fence: Fence, layer: Sdf.Layer, asset: str) -> Sdf.Layer | None:
+    """Return what a layer of the starter leads to; what is missing there stays missing."""
+    identifier = layer.ComputeAbsolutePath(asset)
+    file = os.path.realpath(identifier.partition("[")[0])
+    return open_layer(fence, identifier, file) if file in fence.allowed else None
+
+
+def _unlike_a_file(asset: str) -> str:
+    if asset.startswith("`"):
+        return "it is an expression, not a path"
+    if _FORMAT_ARGUMENTS in asset:
+        return "it carries arguments for a file format"
+    return ""
+
+
+def _layer_at(
+    fence: Fence, identifier: str, file: str, unopened: BlockedAsset
+) -> Sdf.Layer | BlockedAsset | None:
+    if not Path(identifier).is_absolute() or not os.path.lexists(file):
+        return BlockedAsset(unopened.stage, unopened.asset, "it is not there", is_error=False)
+    if identifier in fence.layers:
+        return fence.layers[identifier]
+    if not file.lower().endswith(ENDINGS):
+        return BlockedAsset(unopened.stage, unopened.asset, "it is no USD file", is_error=True)
+    try:
+        return open_layer(fence, identifier, file)
+    except StageError as error:
+        reason = str(error).rpartition(": ")[2]
+        return BlockedAsset(unopened.stage, unopened.asset, reason, is_error=True)
+    except (Tf.ErrorException, RuntimeError, UnicodeError):
+        return BlockedAsset(unopened.stage, unopened.asset, "it is damaged", is_error=True)
+
+
+def _redirect(layer: Sdf.Layer, asset: str) -> None:
+    """Rewrite an asset in memory; usd-core changes one kind of arc at a time, so ask again."""
+    for _ in range(_ATTEMPTS):
+        layer.UpdateCompositionAssetDependency(asset, blocked_path(asset))
+        if asset not in layer.GetCompositionAssetDependencies():
+            return
+    message = f"the reference to {asset} cannot be taken out"
+    raise StageError(message)
+
+
+@contextmanager
+def fenced(fence: Fence) -> Iterator[None]:
+    """Let `open_stage` open stages within the fence only, each once, and keep what is read."""
+    token, empty = opener.set(lambda path: _open_within(fence, path)), reading_cache.set({})
+    try:
+        yield
+    finally:
+        opener.reset(token)
+        reading_cache.reset(empty)
+
+
+def files_of(stage_path: Path) -> frozenset[str]:
+    """Return every file that a trusted stage consists of: the assets of a supplied starter.
+
+    Raises:
+        StageError: the stage, or a file that it refers to, cannot be read.
+    """
+    with quiet(), stage_errors(f"{stage_path}, or a file that it uses", Tf.ErrorException):
+        layers, assets, _ = UsdUtils.ComputeAllDependencies(str(stage_path))
+    paths = [layer.realPath for layer in layers] + [str(asset) for asset in assets]
+    return frozenset(os.path.realpath(path) for path in [*paths, str(stage_path)] if path)
+
+
+def _open_within(fence: Fence, path: Path) -> Usd.Stage:
+    real = os.path.realpath(path)
+    if fence.closed and name_of(fence, real) in fence.closed:
+        message = f"{path}: has been judged and is not opened again"
+        raise StageError(message)
+    if real not in fence.stages:
+        fence.stages[real] = _open_first(fence, path, real)
+    return fence.stages[real]
+
+
+def _open_first(fence: Fence, path: Path, real: str) -> Usd.Stage:
+    if real in fence.allowed:
+        check_file(path)
+        return Usd.Stage.Open(real, Usd.Stage.LoadAll)
+    name = name_of(fence, real)
+    if name is None:
+        message = f"{path}: lies outside the submission and is not opened"
+        raise StageError(message)
+    fence.announce(name)
+    if name in fence.broken:
+        message = f"{path}: {fence.broken[name]}"
+        raise StageError(message)
+    check_file(path)
+    twin = _twin(fence, real, name)
+    if twin is not None:
+        _share_blocked(fence, name_of(fence, twin), name)
+        return fence.stages[twin]
+    root = open_layer(fence, real, real)
+    close_openings(fence, root, name)
+    with memory_errors():
+        stage = Usd.Stage.Open(root, Usd.Stage.LoadAll)
+    _check_used(fence, stage, path)
+    _check_graphs(fence, stage, name)
+    return stage
+
+
+def _twin(fence: Fence, real: str, name: str) -> str | None:
+    """Return a stage of the same folder that is the same to the byte and open, else None.
+
+    Checkpoints that change nothing are saved again under the next name: they are read once.
+    """
+    digest = fence.digests.get(name)
+    if not digest:
+        return None
+    path = Path(real)
+    first = fence.firsts.setdefault((str(path.parent), digest, path.suffix), real)
+    return first if first in fence.stages else None
+
+
+def _share_blocked(fence: Fence, twin: str | None, name: str) -> None:
+    for (stage, asset), known in list(fence.found.items()):
+        if stage == twin:
+            fence.found[name, asset] = BlockedAsset(name, asset, known.reason, known.is_error)
+
+
+def _check_used(fence: Fence, stage: Usd.Stage, path: Path) -> None:
+    """Make sure that usd-core opened what was looked at, and nothing else."""
+    for layer in stage.GetUsedLayers():
+        if not layer.anonymous and layer.identifier not in fence.layers:
+            read = shown_name(fence, os.path.realpath(layer.realPath))
+            message = f"{path}: reads {read}, which was not looked at"
+            raise StageError(message)
+
+
+def _check_graphs(fence: Fence, stage: Usd.Stage, name: str) -> None:
+    """Make blocked assets errors where a graph hangs on them."""
+    if not any(stage_name == name for stage_name, _ in fence.found):
+        return
+    for missing in find_unresolved(stage):
+        above = missing.prim
+        while above and above not in fence.graphs:
+            above = above.rpartition("/")[0]
+        known = fence.found.get((name, missing.asset))
+        if above and known is not None:
+            reason = f"a graph hangs on it, and {known.reason}"
+            fence.found[name, missing.asset] = BlockedAsset(
+                name, known.asset, reason, is_error=True
+            )

@@ -1,1 +1,0 @@
-"""Opening untrusted stages without leaving their folder."""

@@ -1,1 +1,0 @@
-"""Cuts through the collision shapes of a stage."""

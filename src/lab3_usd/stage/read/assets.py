@@ -1,0 +1,228 @@
+"""The files behind a stage: its layers, and assets that cannot be found."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+from pxr import Ar, Sdf, Tf, Usd
+
+from lab3_usd.model.stage import MutedSublayer, UnresolvedAsset
+from lab3_usd.stage.read.opening import quiet
+
+_MUTED = "omni_layer:muteness"  # of the root layer's custom data
+# usd-core takes an address for a path and drops one of its slashes.
+_ONE_SLASH = r"^(\w{2,}):/(?=[^/])"
+
+
+class LayerFiles(Struct, frozen=True):
+    """The files of a stage, links followed, and what could not be found or read, in order."""
+
+    files: frozenset[Path]
+    missing: tuple[str, ...]
+
+
+def layer_files(stage: Usd.Stage) -> LayerFiles:
+    """Follow every sublayer, reference and payload, whatever is selected, active or loaded."""
+    files: set[Path] = set()
+    missing: set[str] = set()
+    seen: set[str] = set()
+    waiting = [stage.GetRootLayer()]
+    with quiet(), Ar.ResolverContextBinder(stage.GetPathResolverContext()):
+        while waiting:
+            layer = waiting.pop()
+            if layer.realPath:
+                files.add(_file(layer.realPath))
+            for identifier in _leads_to(layer) - seen:
+                seen.add(identifier)
+                found = _open(identifier)
+                if found is None:
+                    missing.add(re.sub(_ONE_SLASH, r"\1://", identifier))
+                    files.add(_file(identifier))
+                else:
+                    waiting.append(found)
+    return LayerFiles(frozenset(files), tuple(sorted(missing)))
+
+
+def _leads_to(layer: Sdf.Layer) -> set[str]:
+    paths = (path for path in layer.GetCompositionAssetDependencies() if path)
+    return {Sdf.ComputeAssetPathRelativeToLayer(layer, path) for path in paths}
+
+
+def _open(identifier: str) -> Sdf.Layer | None:
+    try:
+        return Sdf.Layer.FindOrOpen(identifier)
+    except Tf.ErrorException:  # it is damaged
+        return None
+
+
+def _file(path: str) -> Path:
+    """Return the file itself: a layer in a package is the package."""
+    return Path(path.partition("[")[0]).resolve()
+
+
+def find_muted(stage: Usd.Stage) -> Iterator[MutedSublayer]:
+    """Yield each sublayer that Isaac Sim opens muted, with the prims that it has opinions about.
+
+    The root layer lists them; usd-core composes them all the same.
+    """
+    root = stage.GetRootLayer()
+    listed = root.customLayerData
+    for key in _MUTED.split(":"):
+        listed = listed.get(key, {}) if isinstance(listed, Mapping) else {}
+    told: list[Sdf.Layer] = []
+    for written, is_muted in sorted(listed.items() if isinstance(listed, Mapping) else ()):
+        layer = _muted_layer(stage, root, written) if is_muted else None
+        if layer is not None and layer not in told:  # one layer may be listed in two spellings
+            told.append(layer)
+            yield MutedSublayer(written, tuple(_prims_in(layer)))
+
+
+def _muted_layer(stage: Usd.Stage, root: Sdf.Layer, written: str) -> Sdf.Layer | None:
+    names = {written, root.ComputeAbsolutePath(written)}
+    for layer in stage.GetLayerStack(includeSessionLayers=False):
+        if layer != root and not names.isdisjoint({layer.identifier, layer.realPath}):
+            return layer
+    return None
+
+
+def _prims_in(layer: Sdf.Layer) -> Iterator[str]:
+    ahead = list(layer.rootPrims)
+    while ahead:
+        spec = ahead.pop()
+        ahead.extend(spec.nameChildren)
+        if spec.specifier == Sdf.SpecifierDef or spec.properties or spec.HasInfo("active"):
+            yield str(spec.path)
+
+
+_ASSET = r"@(.*?)@"
+_SUBLAYER = "ErrorInvalidSublayerPath"
+# A file that was found but lacks the prim asked for hides nothing: what it holds is judged.
+_MISSING = ("ErrorInvalidAssetPath", "ErrorMutedAssetPath", _SUBLAYER)
+_LACKS_PRIM = "ErrorUnresolvedPrimPath"
+# A device has no children, so that nothing below it can be looked up, let alone opened. The asset
+# is one name below it, whatever slashes and dots are in it.
+_BLOCKED = "/dev/null/blocked/"
+# Active, defined and not abstract: most prims are, and one question tells.
+IS_PRESENT = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
+_EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
+
+
+def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
+    """Return what composition could not find, in the order of prim and asset.
+
+    What a sublayer of the stage itself would bring may be anywhere; one that an asset lacks
+    concerns the prims that refer to the asset.
+    """
+    found: set[tuple[str, str, Any, str]] = set()
+    lacking: dict[str, set[str]] = {}
+    for error in stage.GetCompositionErrors():
+        text, name = str(error), type(error).__name__
+        assets = re.findall(_ASSET, text)
+        if name not in _MISSING or not assets:
+            continue
+        layer = assets[1] if len(assets) > 1 else ""
+        asset = original_asset(_as_written(assets[0], layer))
+        if name != _SUBLAYER:
+            kind = "payload" if "@ for payload" in text else "reference"
+            found.add((str(error.rootSite.path.GetPrimPath()), asset, kind, layer))
+        elif error.rootSite.layerStack.rootLayer == stage.GetRootLayer():
+            found.add(("/", asset, "sublayer", layer))
+        else:
+            lacking.setdefault(layer, set()).add(asset)
+    for layer, prim in _users(stage, set(lacking)) if lacking else ():
+        found |= {(prim, asset, "sublayer of an asset", layer) for asset in lacking[layer]}
+    return [UnresolvedAsset(*each) for each in sorted(found)]
+
+
+def _users(stage: Usd.Stage, layers: set[str]) -> Iterator[tuple[str, str]]:
+    """Yield each of these layers with the topmost prims that its asset is brought to.
+
+    A prim may also want from the asset what only the missing sublayer would define.
+    """
+    above: dict[str, str] = {}
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), _EVERYTHING):
+        path = str(prim.GetPath())
+        for layer in _brought(prim) & layers:
+            if not path.startswith(f"{above.get(layer, path)}/"):
+                above[layer] = path
+                yield layer, path
+    for error in stage.GetCompositionErrors():
+        if type(error).__name__ == _LACKS_PRIM:
+            root = Sdf.Layer.Find(re.findall(_ASSET, str(error))[0])
+            for layer in _with_sublayers(root) & layers:
+                yield layer, str(error.rootSite.path.GetPrimPath())
+
+
+def _brought(prim: Usd.Prim) -> set[str]:
+    """Return the layers that references and payloads of the prim, or above it, bring to it."""
+    source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+    ahead = list(source.GetPrimIndex().rootNode.children) if source else []
+    layers: set[str] = set()
+    while ahead:
+        node = ahead.pop()
+        layers.update(layer.identifier for layer in node.layerStack.layers)
+        ahead.extend(node.children)
+    return layers
+
+
+def _with_sublayers(root: Sdf.Layer | None) -> set[str]:
+    found: set[str] = set()
+    ahead = [] if root is None else [root]
+    while ahead:
+        layer = ahead.pop()
+        if layer.identifier not in found:
+            found.add(layer.identifier)
+            opened = (Sdf.Layer.FindRelativeToLayer(layer, path) for path in layer.subLayerPaths)
+            ahead.extend(each for each in opened if each is not None)
+    return found
+
+
+def _as_written(asset: str, layer_path: str) -> str:
+    """Return the asset as the layer names it; usd-core tells it as a path of this computer."""
+    layer = Sdf.Layer.Find(layer_path)
+    for written in layer.GetCompositionAssetDependencies() if layer else ():
+        if asset in {written, os.path.normpath(written), layer.ComputeAbsolutePath(written)}:
+            return str(written)
+    return asset
+
+
+def is_in_scene(prim: Usd.Prim, hidden: Iterable[str]) -> bool:
+    """Whether the prim is defined, or would be if the assets missing at `hidden` were there.
+
+    A student's prim below an `over` of a robot whose file did not come along is the student's
+    own work all the same.
+    """
+    if prim.IsDefined():
+        return not prim.IsAbstract()
+    if not prim.HasDefiningSpecifier():
+        return False
+    above = prim.GetParent()
+    while above and not above.IsDefined():
+        path = f"{above.GetPath()}/"
+        if not above.HasDefiningSpecifier() and not any(
+            path.startswith(f"{place.rstrip('/')}/") for place in hidden
+        ):
+            return False
+        above = above.GetParent()
+    return True
+
+
+def blocked_path(asset: str) -> str:
+    """Return a path that no computer can open and that still tells which asset was asked for."""
+    from urllib.parse import quote  # noqa: PLC0415 - only for what is blocked
+
+    return _BLOCKED + quote(asset, safe="")
+
+
+def original_asset(path: str) -> str:
+    """Return the asset that a blocked path stands for, any other path as it is."""
+    if not path.startswith(_BLOCKED):
+        return path
+    from urllib.parse import unquote  # noqa: PLC0415 - only for what is blocked
+
+    return unquote(path[len(_BLOCKED) :])

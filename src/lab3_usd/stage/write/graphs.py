@@ -1,0 +1,180 @@
+"""Writes Action Graphs and sensors into a layer as Isaac Sim 6.0.1 saves them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pxr import Gf, Sdf
+
+from lab3_usd.spec.catalog import Catalog, Dynamic, Port, Value
+from lab3_usd.spec.graph import GraphSpec, NodeSpec
+from lab3_usd.spec.scene import PoseSpec, SensorSpec
+
+# How Kit marks ports (isaac facts: serialization, sections 4, 5 and 7).
+_EXECUTION = {"isExecution": True}
+_TARGET = {"omni": {"graph": {"relType": "target"}}}
+_POSITION = "ui:nodegraph:node:pos"
+_EXPANSION = "ui:nodegraph:node:expansionState"
+_QUATERNION = "quatd"
+_DIGITS = 12  # sines differ in the last bits between machines, and that of 180 degrees is not 0
+
+
+def author_graph(layer: Sdf.Layer, spec: GraphSpec, catalog: Catalog) -> None:
+    """Define the graph with all its nodes, ports, values, targets and wires.
+
+    Ancestors that the layer does not hold become `over`s. Values are authored where the handout
+    names one, and nowhere else.
+    """
+    prim = _define_prim(layer, spec.path, catalog.graph.type)
+    for attribute in catalog.graph.attributes:
+        _declare(prim, attribute.name, attribute.usd_type, attribute.value, custom=False)
+    for node in spec.nodes.values():
+        _author_node(layer, spec, node, catalog)
+    for wire in spec.wires:
+        target = Sdf.Path(f"{spec.path}/{wire.target.role}").AppendProperty(wire.target.port)
+        source = Sdf.Path(f"{spec.path}/{wire.source.role}").AppendProperty(wire.source.port)
+        layer.GetAttributeAtPath(target).connectionPathList.prependedItems.append(source)
+
+
+def author_sensor(
+    layer: Sdf.Layer, spec: SensorSpec, metres: float, asset: str | None = None
+) -> None:
+    """Define the sensor of `scene.yaml` with its pose and attributes.
+
+    `metres` is the length of one unit of the stage.
+    With `asset`, the prim references the vendor's file as the Create menu does, and only what
+    the handout sets is authored over it; without, the prim describes itself.
+    """
+    prim = _define_prim(layer, spec.path, spec.type)
+    if asset is None:
+        _prepend_apis(prim, list(spec.apis))
+    else:
+        prim.referenceList.prependedItems.append(Sdf.Reference(asset))
+    for name, entry in (spec.attributes if asset is None else spec.required).items():
+        attribute = Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.Find(entry.type))
+        attribute.default = catalog_value(entry.value, entry.type)
+    _author_pose(prim, spec.pose, metres)
+
+
+def _define_prim(layer: Sdf.Layer, path: str, type_name: str) -> Sdf.PrimSpec:
+    """Return a `def` of this type at `path`, made anew or out of an `over`."""
+    prim = Sdf.CreatePrimInLayer(layer, path)
+    prim.specifier = Sdf.SpecifierDef
+    prim.typeName = type_name
+    return prim
+
+
+def _prepend_apis(prim: Sdf.PrimSpec, apis: list[str]) -> None:
+    """Write `prepend apiSchemas = [...]`."""
+    prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=apis))
+
+
+def _author_node(layer: Sdf.Layer, spec: GraphSpec, node: NodeSpec, catalog: Catalog) -> None:
+    prim = _define_prim(layer, f"{spec.path}/{node.role}", catalog.graph.node_type)
+    _prepend_apis(prim, [catalog.graph.gui_api])
+    _declare(prim, "node:type", "token", node.type.type, custom=False)
+    _declare(prim, "node:typeVersion", "int", node.type.version, custom=False)
+    values = {setting.port: setting.value for setting in node.settings}
+    targets = {target.port: target.prims for target in node.targets}
+    for port in node.type.ports.values():
+        _author_port(prim, port, values.get(port.name), targets.get(port.name, ()))
+    for name in node.grown:
+        grown = node.type.port(name)
+        if grown is not None and node.type.dynamic is not None:
+            _author_port(prim, grown, None, ())
+            _mark_dynamic(prim.attributes[name], node.type.dynamic)
+    _declare_uniform(prim, _EXPANSION, "token", "open")
+    _declare_uniform(prim, _POSITION, "float2", node.at)
+
+
+def _author_port(
+    prim: Sdf.PrimSpec, port: Port, value: Value | None, targets: tuple[str, ...]
+) -> None:
+    if port.is_target:
+        relationship = Sdf.RelationshipSpec(prim, port.name, custom=True)
+        relationship.SetInfo("customData", _TARGET)
+        if targets:
+            relationship.targetPathList.explicitItems = [Sdf.Path(path) for path in targets]
+        return
+    attribute = _declare(prim, port.name, port.usd_type, value, custom=True)
+    if port.is_execution:
+        attribute.SetInfo("customData", _EXECUTION)
+    if port.allowed:
+        attribute.allowedTokens = list(port.allowed)
+
+
+def _mark_dynamic(attribute: Sdf.AttributeSpec, dynamic: Dynamic) -> None:
+    """Say of a port added by hand which types it takes, as the editor does."""
+    attribute.SetInfo(
+        "customData",
+        {
+            "ExtendedAttributeType": dynamic.metadata,
+            "omni": {"graph": {"attrType": dynamic.metadata}},
+        },
+    )
+
+
+def _declare(
+    prim: Sdf.PrimSpec, name: str, usd_type: str, value: Value | None, *, custom: bool
+) -> Sdf.AttributeSpec:
+    attribute = Sdf.AttributeSpec(
+        prim, name, Sdf.ValueTypeNames.Find(usd_type), Sdf.VariabilityVarying, declaresCustom=custom
+    )
+    if value is not None:
+        attribute.default = catalog_value(value, usd_type)
+    return attribute
+
+
+def _declare_uniform(prim: Sdf.PrimSpec, name: str, usd_type: str, value: Value) -> None:
+    attribute = Sdf.AttributeSpec(
+        prim, name, Sdf.ValueTypeNames.Find(usd_type), Sdf.VariabilityUniform
+    )
+    attribute.default = catalog_value(value, usd_type)
+
+
+def _author_pose(prim: Sdf.PrimSpec, pose: PoseSpec, metres: float) -> None:
+    """Write translate, orient and scale in double precision, as the Property panel does.
+
+    `pose` holds metres, degrees about X, then Y, then Z, and factors.
+    """
+    types = Sdf.ValueTypeNames
+    ops = (
+        ("xformOp:translate", types.Double3, Gf.Vec3d(*pose.translate) / metres),
+        ("xformOp:orient", types.Quatd, quaternion(pose.rotate)),
+        ("xformOp:scale", types.Double3, Gf.Vec3d(*pose.scale)),
+    )
+    for name, value_type, value in ops:
+        Sdf.AttributeSpec(prim, name, value_type).default = value
+    order = Sdf.AttributeSpec(prim, "xformOpOrder", types.TokenArray, Sdf.VariabilityUniform)
+    order.default = [name for name, _, _ in ops]
+
+
+def quaternion(rotate: Sequence[float]) -> Gf.Quatd:
+    """Return the rotation about X, then Y, then Z, in degrees, the same to the bit everywhere."""
+    rotation = Gf.Rotation(Gf.Vec3d.XAxis(), 0.0)
+    for axis, angle in zip(
+        (Gf.Vec3d.XAxis(), Gf.Vec3d.YAxis(), Gf.Vec3d.ZAxis()), rotate, strict=True
+    ):
+        rotation *= Gf.Rotation(axis, angle)
+    exact = rotation.GetQuat()
+    numbers = (exact.GetReal(), *exact.GetImaginary())
+    # Adding 0.0 turns -0.0 into 0.0.
+    return Gf.Quatd(*(round(number, _DIGITS) + 0.0 for number in numbers))
+
+
+def usd_value(value: Any, value_type: Sdf.ValueTypeName) -> Any:  # noqa: ANN401 - pxr has no types
+    """Turn lists and tuples into the vector or array of a type; other values stay as they are."""
+    if not isinstance(value, (list, tuple)):
+        return value
+    make = value_type.type.pythonClass
+    if value_type.isArray:
+        return make([tuple(item) if isinstance(item, list) else item for item in value])
+    return make(*value)
+
+
+def catalog_value(value: Value, usd_type: str) -> Any:  # noqa: ANN401
+    """Return a value of the catalog, whose quaternions are x, y, z, w."""
+    if usd_type == _QUATERNION and isinstance(value, tuple):
+        value = (value[3], *value[:3])
+    return usd_value(value, Sdf.ValueTypeNames.Find(usd_type))
