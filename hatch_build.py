@@ -19,15 +19,15 @@ class CompileData(BuildHookInterface):  # type: ignore[type-arg]  # hatchling le
             return
         root = Path(self.root)
         sys.path.insert(0, str(root / "src"))
-        from lab3_usd.report.html.templates import compile_templates  # noqa: PLC0415 - see above
-        from lab3_usd.spec.load.catalog import assemble_types  # noqa: PLC0415
-        from lab3_usd.spec.load.compiled import (  # noqa: PLC0415
+        from lab3_usd.report.html.templates import compile_templates
+        from lab3_usd.spec.load.catalog import assemble_types
+        from lab3_usd.spec.load.compiled import (
             FILE,
             TYPES_FILE,
             compile_lab,
             compile_types,
         )
-        from lab3_usd.spec.load.lab import assemble  # noqa: PLC0415
+        from lab3_usd.spec.load.lab import assemble
 
         self.folder = tempfile.TemporaryDirectory()
         compiled = Path(self.folder.name) / FILE
@@ -41,7 +41,7 @@ class CompileData(BuildHookInterface):  # type: ignore[type-arg]  # hatchling le
         compile_templates(templates)
         build_data["force_include"][str(templates)] = "lab3_usd/report/html/templates/compiled"
 
-    def finalize(self, *_: Any) -> None:  # noqa: ANN401 - hatchling's signature
+    def finalize(self, *_: Any) -> None:
         """Remove the file that was packed."""
         if hasattr(self, "folder"):
             self.folder.cleanup()

@@ -94,8 +94,7 @@ def measure(count: int, numbers: tuple[str, ...], jobs: int = 1) -> Figures:
             rows = grade_class(settings)
             seconds, busy = time.perf_counter() - started, sum(os.times()[:4]) - before
         if any(row["lost"] and not row["lost"][0]["title"].endswith("missing") for row in rows):
-            message = "a clean submission is not graded as one"
-            raise RuntimeError(message)
+            raise RuntimeError("a clean submission is not graded as one")
     return Figures(count, count * len(numbers), seconds, busy, most["parent"], most["workers"])
 
 

@@ -98,7 +98,7 @@ def prim_name(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")
 
 
-def zero(kind: Any) -> Any:  # noqa: ANN401 - whatever JSON holds
+def zero(kind: Any) -> Any:
     """Return what OmniGraph takes for a port without a default, None for what has no value."""
     if not isinstance(kind, str):
         return None
@@ -130,7 +130,7 @@ def port_text(said: Mapping[str, Any], *, has_default: bool) -> str:
     return json.dumps(long) if len(long) > 1 else json.dumps(str(kind))
 
 
-def allowed_tokens(tokens: Any) -> list[str]:  # noqa: ANN401 - whatever JSON holds
+def allowed_tokens(tokens: Any) -> list[str]:
     """Return the tokens that a port takes, which files list in three ways."""
     if isinstance(tokens, str):
         return [each.strip() for each in tokens.split(",")]

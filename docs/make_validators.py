@@ -64,9 +64,9 @@ def by_openusd(path: Path) -> Said:
 
 
 @cache
-def _engine(package: str) -> Any:  # noqa: ANN401 - a package without types
+def _engine(package: str) -> Any:
     """Return NVIDIA's engine with every rule that a package brings."""
-    import usd_validation_nvidia as module  # noqa: PLC0415 - slow, and not always there
+    import usd_validation_nvidia as module
 
     registry = module.CategoryRuleRegistry()
     engine = module.ValidationEngine(init_rules=False, variants=False)
@@ -94,7 +94,7 @@ def _by_engine(package: str, path: Path) -> Said:
 
 def by_rep(path: Path) -> Said:
     """Return what the checker of REP-0158 says, of any severity."""
-    from compliance_checker import ComplianceChecker  # noqa: PLC0415 - not always there
+    from compliance_checker import ComplianceChecker
 
     checker = ComplianceChecker.from_path(str(path), include_export=True, include_extended=True)
     return Counter((each.check_id, each.prim_path) for each in checker.run().violations)

@@ -244,7 +244,7 @@ def test_a_port_shows_its_finding_even_where_the_filter_hides_it(
 
 
 def wait_for(condition: Any) -> None:
-    from selenium.webdriver.support.ui import WebDriverWait  # noqa: PLC0415 - may be absent
+    from selenium.webdriver.support.ui import WebDriverWait
 
     WebDriverWait(None, 30).until(lambda _: condition())
 
@@ -257,7 +257,7 @@ def test_the_address_of_a_finding_can_be_sent_to_somebody(
 
 
 def test_the_page_is_used_with_the_keyboard(chromium: Browser, pages: dict[str, Path]) -> None:
-    from selenium.webdriver.common.keys import Keys  # noqa: PLC0415 - may be absent
+    from selenium.webdriver.common.keys import Keys
 
     chromium.open(pages["faulty"])
     chromium.one("body").send_keys(Keys.TAB)

@@ -202,8 +202,7 @@ def test_a_binary_stage_says_no_line(tmp_path: Path) -> None:
 
 def _raises(subject: GraphSubject) -> Iterator[Problem]:
     yield Problem(subject.spec.path, "said before the crash")
-    message = "no such thing"
-    raise KeyError(message)
+    raise KeyError("no such thing")
 
 
 def test_a_rule_that_crashes_is_never_a_pass(

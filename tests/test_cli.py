@@ -111,8 +111,7 @@ def test_an_error_of_ours_is_one_line_and_status_2(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(**_: object) -> None:
-        message = "no such stage"
-        raise cli.Lab3Error(message)
+        raise cli.Lab3Error("no such stage")
 
     monkeypatch.setattr(cli.lab3, "main", fail)
     with pytest.raises(SystemExit) as stopped:

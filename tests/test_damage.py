@@ -22,8 +22,7 @@ COMMANDS = {
 
 
 def damaged(*_: object) -> None:
-    message = "Failed verification: ' !propName.IsEmpty() '"
-    raise Tf.ErrorException(message)
+    raise Tf.ErrorException("Failed verification: ' !propName.IsEmpty() '")
 
 
 def run(command: str, path: Path) -> CompletedProcess[str]:

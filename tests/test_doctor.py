@@ -50,8 +50,7 @@ def test_files_that_are_not_installed_are_no_fault(monkeypatch: pytest.MonkeyPat
 
 def test_stages_that_cannot_be_built_are_bad(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
-        message = "no room"
-        raise StageError(message)
+        raise StageError("no room")
 
     monkeypatch.setattr(builder, "build_checkpoint", fail)
     found = doctor.checking()
@@ -105,8 +104,7 @@ def test_walls_that_are_not_there_are_named(
 
 def test_a_worker_that_does_not_start_is_bad(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(_: object) -> None:
-        message = "no processes"
-        raise worker_process.WorkerError(message)
+        raise worker_process.WorkerError("no processes")
 
     monkeypatch.setattr(worker_process, "start_worker", fail)
     assert doctor.sandbox().state == "bad"

@@ -57,8 +57,7 @@ class Faulty(memory.MemoryFileSystem):  # type: ignore[misc, name-defined]  # fs
         if "forbidden" in path:
             raise PermissionError(13, "Permission denied")
         if "broken" in path:
-            message = f"https://secret@host/{path}"
-            raise RuntimeError(message)
+            raise RuntimeError(f"https://secret@host/{path}")
         if "hanging" in path:
             RELEASE.wait(30)
         return super().open(path, mode, **options)

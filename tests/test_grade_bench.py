@@ -68,7 +68,7 @@ def test_a_class_that_is_not_graded_clean_is_no_measure(
 
 
 def test_memory_of_this_process_is_known_where_the_platform_tells_it(bench: ModuleType) -> None:
-    import os  # noqa: PLC0415 - only here
+    import os
 
     if not Path("/proc/self/statm").exists():
         pytest.skip("this platform does not tell the memory of a process by file")

@@ -112,7 +112,7 @@ def test_a_submission_without_stages_is_empty_and_says_why(
 def every_rule_fails(monkeypatch: pytest.MonkeyPatch, error: str) -> None:
     def fail(self: Any, found: Any, subject: Any) -> None:
         del subject
-        from lab3_usd.model.finding import Crash  # noqa: PLC0415 - only here
+        from lab3_usd.model.finding import Crash
 
         self.crashes.append(Crash(found.id, error))
 

@@ -140,7 +140,7 @@ def test_report_folders_do_not_depend_on_who_else_is_there(tmp_path: Path) -> No
 
 
 def test_a_name_that_is_no_text_is_shown_as_its_bytes(tmp_path: Path) -> None:
-    import os  # noqa: PLC0415 - only here
+    import os
 
     (tmp_path / os.fsdecode(b"j\xff")).mkdir()
     (found,) = find_submissions(tmp_path)

@@ -692,7 +692,7 @@ except OSError:
 
 
 def test_a_worker_reaches_no_network(tmp_path: Path) -> None:
-    import socket  # noqa: PLC0415 - only here
+    import socket
 
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = str(server.getsockname()[1])

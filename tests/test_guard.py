@@ -286,7 +286,7 @@ def test_what_is_never_opened_counts_by_its_name_in_every_form(tmp_path: Path) -
 
 
 def test_a_file_that_is_too_large_costs_itself_alone_in_every_form(tmp_path: Path) -> None:
-    import random  # noqa: PLC0415 - bytes that nothing packs
+    import random
 
     entries = {"work/a.usda": STAGE, "run.bag": random.Random(1).randbytes(5 << 20)}  # noqa: S311
     for form in FORMS:

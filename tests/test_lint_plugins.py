@@ -133,8 +133,7 @@ def test_a_stage_that_is_open_elsewhere_stays_as_it_is() -> None:
 
 def test_a_crash_is_a_finding_and_ends_no_run(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(_: Any) -> None:
-        message = "no stage"
-        raise KeyError(message)
+        raise KeyError("no stage")
 
     monkeypatch.setattr(adapter, "lint_open_stage", broken)
     (found,) = adapter.findings_of(None)

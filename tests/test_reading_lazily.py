@@ -163,8 +163,7 @@ def test_damage_that_shows_while_a_rule_reads_is_told_of_the_file(
     built: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def damaged(prim: Usd.Prim) -> AuthoredProperties:
-        message = f"{prim.GetPath()} has a property without a name"
-        raise Tf.ErrorException(message)
+        raise Tf.ErrorException(f"{prim.GetPath()} has a property without a name")
 
     assert check_stage(built).verdict == "pass"
     monkeypatch.setattr(prims, "AuthoredProperties", damaged)

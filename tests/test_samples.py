@@ -88,8 +88,7 @@ def wall(stage: Usd.Stage) -> Usd.Attribute:
         attribute = prim.GetAttribute("xformOp:translate")
         if "PhysicsCollisionAPI" in prim.GetAppliedSchemas() and attribute and not inside:
             return attribute
-    message = "the room has no walls"
-    raise AssertionError(message)
+    raise AssertionError("the room has no walls")
 
 
 @pytest.mark.parametrize("time", [0.0, 30.0])

@@ -415,7 +415,7 @@ def test_a_stage_without_topics_says_so(tmp_path: Path) -> None:
 
 
 def test_a_node_of_the_stage_cannot_write_to_the_terminal() -> None:
-    from lab3_usd.report.topic_table import TopicReport, as_csv, as_table  # noqa: PLC0415
+    from lab3_usd.report.topic_table import TopicReport, as_csv, as_table
 
     evil: Node = m.node("/World/ROS_Clock/any", m.PUBLISHER_TYPE, topicName="=1+\x1b[2J")
     report = TopicReport("x", endpoints(m.with_node(m.stage(), evil), m.lab()), ())

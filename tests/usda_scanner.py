@@ -38,8 +38,9 @@ class _Parser:
     def take(self, kind: str) -> Token:
         token = self.token
         if token.kind != kind:
-            message = f"{token.kind} {token.text!r} at {token.line}:{token.column}, not {kind}"
-            raise SyntaxError(message)
+            raise SyntaxError(
+                f"{token.kind} {token.text!r} at {token.line}:{token.column}, not {kind}"
+            )
         self.next += 1
         return token
 
@@ -77,8 +78,7 @@ class _Parser:
     def prim(self, parent: str) -> None:
         start = self.take("name")
         if start.text not in SPECIFIERS:
-            message = f"{start.text!r} at {start.line}:{start.column} opens no prim"
-            raise SyntaxError(message)
+            raise SyntaxError(f"{start.text!r} at {start.line}:{start.column} opens no prim")
         if self.sees("name"):
             self.take("name")
             while self.skips("."):
@@ -113,8 +113,7 @@ class _Parser:
 
     def ends(self, *kinds: str) -> None:
         if not self.sees(*kinds):
-            message = f"no end of the statement at {self.token.line}:{self.token.column}"
-            raise SyntaxError(message)
+            raise SyntaxError(f"no end of the statement at {self.token.line}:{self.token.column}")
 
     def variant_set(self, path: str) -> None:
         start = self.take("name")

@@ -58,8 +58,7 @@ class Reader:
             self.take()
 
     def refuse(self, what: str) -> NoReturn:
-        message = f"{what} at {self.line}:{self.column}"
-        raise SyntaxError(message)
+        raise SyntaxError(f"{what} at {self.line}:{self.column}")
 
 
 def tokens(text: str) -> Iterator[Token]:

@@ -62,9 +62,8 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - one of the names above
+def __getattr__(name: str) -> Any:
     """Import a public name from its home."""
     if name not in _HOMES:
-        message = f"module 'lab3_usd' has no attribute '{name}'"
-        raise AttributeError(message)
+        raise AttributeError(f"module 'lab3_usd' has no attribute '{name}'")
     return getattr(importlib.import_module(_HOMES[name]), name)

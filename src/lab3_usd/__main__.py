@@ -12,7 +12,7 @@ def start() -> NoReturn:
     A command lives for a moment: looking for garbage in the meantime only costs time.
     """
     gc.set_threshold(100_000)
-    from lab3_usd.cli import run  # noqa: PLC0415 - what it imports is no garbage either
+    from lab3_usd.cli import run
 
     run()
 

@@ -58,17 +58,16 @@ class LazyGroup(click.Group):
         """Find the command that is called; of one that does not exist, say which are like it."""
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
-            from difflib import get_close_matches  # noqa: PLC0415 - only after a slip
+            from difflib import get_close_matches
 
             close = " or ".join(f"'{each}'" for each in get_close_matches(name, COMMANDS))
             hint = f"did you mean {close}?" if close else "lab3 --help lists all"
-            message = f"there is no command '{name}'; {hint}"
-            raise click.UsageError(message)
+            raise click.UsageError(f"there is no command '{name}'; {hint}")
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Complete the names of commands from the table, so that the Tab key imports none."""
-        from click.shell_completion import CompletionItem  # noqa: PLC0415 - only for the Tab key
+        from click.shell_completion import CompletionItem
 
         named = [
             CompletionItem(name, help=text)
@@ -80,7 +79,7 @@ class LazyGroup(click.Group):
 
 def _print_version(context: click.Context, _option: click.Parameter, asked: bool) -> None:  # noqa: FBT001
     if asked:
-        from lab3_usd.report.options import tool_version  # noqa: PLC0415 - only here
+        from lab3_usd.report.options import tool_version
 
         click.echo(f"lab3, version {tool_version()}")
         context.exit()
@@ -91,8 +90,7 @@ def _use_lab(context: click.Context, _option: click.Parameter, folder: str | Non
     if folder is None:
         return
     if not Path(folder).is_dir():
-        message = f"{folder}: there is no such folder; --lab names one that describes a lab"
-        raise UsageError(message)
+        raise UsageError(f"{folder}: there is no such folder; --lab names one that describes a lab")
     before = os.environ.get(LAB_VARIABLE)
     os.environ[LAB_VARIABLE] = str(Path(folder).resolve())
 
@@ -188,7 +186,7 @@ def _usage_line(error: click.UsageError) -> str:
 
 def _described(error: Exception) -> str:
     """Name an exception and the line of ours that raised it."""
-    import traceback  # noqa: PLC0415 - only when something failed
+    import traceback
 
     frames = traceback.extract_tb(error.__traceback__)
     place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
@@ -202,7 +200,7 @@ def _described(error: Exception) -> str:
 def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:
     click.echo(f"lab3: {message}", err=True)
     if _json_asked_for(sys.argv[1:]):
-        from lab3_usd.report.formats.json_report import (  # noqa: PLC0415 - only here
+        from lab3_usd.report.formats.json_report import (
             dump,
             error_report,
         )

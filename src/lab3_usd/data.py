@@ -32,5 +32,4 @@ def data_folder(name: str) -> Path:
     for folder in (PACKAGE / "_data" / name, PACKAGE.parents[1] / name):
         if folder.is_dir():
             return folder
-    message = f"lab3-usd is installed without its folder '{name}'; install it again"
-    raise FileNotFoundError(message)
+    raise FileNotFoundError(f"lab3-usd is installed without its folder '{name}'; install it again")

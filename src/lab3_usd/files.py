@@ -46,8 +46,7 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        message = f"{target} cannot be written ({error.strerror})"
-        raise UsageError(message) from error
+        raise UsageError(f"{target} cannot be written ({error.strerror})") from error
 
 
 def temporary_beside(target: Path, suffix: str = "") -> Path:
@@ -78,5 +77,4 @@ def leftover_files(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:
 def refuse_existing(target: Path, *, force: bool) -> None:
     """Raise UsageError where writing would replace a file that nobody said to replace."""
     if target.exists() and not force:
-        message = f"{target} exists already; use --force to replace it"
-        raise UsageError(message)
+        raise UsageError(f"{target} exists already; use --force to replace it")

@@ -34,8 +34,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     for path in config.getoption("--lab3"):
         if not Path(path).exists():
-            message = f"--lab3 {path}: there is no such file or folder"
-            raise pytest.UsageError(message)
+            raise pytest.UsageError(f"--lab3 {path}: there is no such file or folder")
         config.args.append(path)
 
 
@@ -46,8 +45,8 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     named = [Path(path).resolve() for path in parent.config.getoption("--lab3")]
     if not any(path in {file_path, *file_path.parents} for path in named):
         return None
-    from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415 - only when it is used
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.judge.stage import checkpoint_of
+    from lab3_usd.spec.load.loader import load_lab
 
     if checkpoint_of(file_path.name, load_lab()) is None:
         return None
@@ -59,7 +58,7 @@ class CheckpointFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """Yield a test for each requirement, and one for faults that belong to none."""
-        from lab3_usd.judge.stage import check_stage  # noqa: PLC0415 - only when it is used
+        from lab3_usd.judge.stage import check_stage
 
         result = check_stage(self.path)
         for requirement in result.requirements:

@@ -144,7 +144,7 @@ class _Run(Struct, frozen=True):
     findings: list[Finding]
     crashes: list[Crash]
 
-    def rule(self, found: Rule, subject: Any) -> None:  # noqa: ANN401 - the scope decides
+    def rule(self, found: Rule, subject: Any) -> None:
         """Run one rule and keep what no other graph's subject had it find before."""
         results = run_rule(found, subject, self.lab)
         self.crashes.extend(results.crashes)

@@ -108,7 +108,7 @@ def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
 
 def _of_sensors(lab: Lab) -> Iterator[tuple[str, str]]:
     kinds = {each.kind: "sensor" for each in lab.sensors.values()}
-    from lab3_usd.check.robot.sensors import CAMERA, LIDAR  # noqa: PLC0415 - few ask
+    from lab3_usd.check.robot.sensors import CAMERA, LIDAR
 
     kinds |= {LIDAR: "lidar", CAMERA: "camera"}
     for kind, word in kinds.items():

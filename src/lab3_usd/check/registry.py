@@ -133,8 +133,7 @@ def rule(
     def register(check: Check) -> Check:
         known = _RULES.get(rule_id)
         if known is not None and _origin(known.check) != _origin(check):
-            message = f"rule {rule_id} is registered twice"
-            raise ValueError(message)
+            raise ValueError(f"rule {rule_id} is registered twice")
         _RULES[rule_id] = Rule(rule_id, name, severity, scope, check, inspect.getdoc(check) or "")
         _in_order.cache_clear()
         return check
@@ -158,8 +157,7 @@ def check_rule_names(names: Iterable[str], where: str = "") -> tuple[str, ...]:
     for name in found:
         if name not in FAMILIES and name not in all_rules():
             place = f"{where}: " if where else ""
-            message = f"{place}there is no rule or family '{name}'; lab3 rules lists them"
-            raise UsageError(message)
+            raise UsageError(f"{place}there is no rule or family '{name}'; lab3 rules lists them")
     return found
 
 

@@ -27,14 +27,14 @@ _NOTHING = RuleResults()
 def run_family(
     scope: Scope,
     family: str,
-    subject: Any,  # noqa: ANN401 - the scope decides
+    subject: Any,
     lab: Lab | None,
 ) -> RuleResults:
     """Run every rule of a family in the order of their ids."""
     return merge_results(run_rule(each, subject, lab) for each in rules_of(scope, family))
 
 
-def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:  # noqa: ANN401 - the scope decides
+def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
     """Run one rule over its subject; a rule that fails itself is a crash, never a pass.
 
     `lab` gives sections and names for what the rule says; None for a stage of no lab.

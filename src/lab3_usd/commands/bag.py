@@ -25,15 +25,14 @@ def _compared(found: Behaviour, stage: Path, lab: Lab, checkpoint: str) -> Behav
     Raises:
         UsageError: the stage cannot be read.
     """
-    from msgspec.structs import replace  # noqa: PLC0415 - only here
+    from msgspec.structs import replace
 
-    from lab3_usd.sim.bag.judge import differences  # noqa: PLC0415
-    from lab3_usd.sim.dry_run import dry_run  # noqa: PLC0415 - needs pxr
+    from lab3_usd.sim.bag.judge import differences
+    from lab3_usd.sim.dry_run import dry_run
 
     dry = dry_run(stage, lab, checkpoint).behaviour
     if dry.verdict == "unreadable":
-        message = f"--stage {stage}: {dry.not_simulated[0].reason}"
-        raise UsageError(message)
+        raise UsageError(f"--stage {stage}: {dry.not_simulated[0].reason}")
     return replace(found, differences=differences(found, dry))
 
 
@@ -56,19 +55,18 @@ def command(recording: Path, checkpoint: str | None, stage: Path | None, form: s
     usage, 3 the tool itself failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.
-    from lab3_usd.commands.steps.options import (  # noqa: PLC0415
+    from lab3_usd.commands.steps.options import (
         checkpoint_number,
         wants_color,
         width,
     )
-    from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
-    from lab3_usd.report.behaviour import text  # noqa: PLC0415
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.judge.stage import checkpoint_of
+    from lab3_usd.report.behaviour import text
+    from lab3_usd.spec.load.loader import load_lab
 
     if find_spec("rosbags") is None:
-        message = "lab3 bag needs the extra lab3-usd[sim]: pip install 'lab3-usd[sim]'"
-        raise UsageError(message)
-    from lab3_usd.sim.bag.judge import judge_recording  # noqa: PLC0415 - of the extra
+        raise UsageError("lab3 bag needs the extra lab3-usd[sim]: pip install 'lab3-usd[sim]'")
+    from lab3_usd.sim.bag.judge import judge_recording
 
     lab = load_lab()
     known = [*lab.checkpoints]

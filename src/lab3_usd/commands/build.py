@@ -49,8 +49,8 @@ def command(
 
     STARTER is the supplied scene; without it that of the lab is used. It is opened read-only.
     """
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415 - keeps --help fast
-    from lab3_usd.stage.write.builder import (  # noqa: PLC0415
+    from lab3_usd.spec.load.loader import load_lab
+    from lab3_usd.stage.write.builder import (
         BuildOptions,
         StarterError,
         build_files,
@@ -58,8 +58,7 @@ def command(
     )
 
     if lidar_asset == "":  # a reference to nothing would be one to the stage itself
-        message = "--lidar-asset needs an address"
-        raise click.UsageError(message)
+        raise click.UsageError("--lidar-asset needs an address")
     lab = load_lab()
     numbers = _numbers(list(lab.checkpoints), through, only)
     form = form or _usual_form(lab.submission.stages.endings[0])
@@ -80,8 +79,7 @@ def command(
 def _numbers(known: list[str], through: str | None, only: str | None) -> list[str]:
     """Return the checkpoints to build."""
     if through is not None and only is not None:
-        message = "give --through or --only, not both"
-        raise click.UsageError(message)
+        raise click.UsageError("give --through or --only, not both")
     chosen = only if only is not None else through
     if chosen is None:
         return known
@@ -95,10 +93,10 @@ def _usual_form(ending: str) -> str:
 
 def _warn(starter: Path) -> None:
     """Say what is merely unlike the handout in a starter that was built on all the same."""
-    from lab3_usd.judge.stage import check_stage  # noqa: PLC0415 - only for a given starter
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
-    from lab3_usd.stage.write.starter import deviations  # noqa: PLC0415
+    from lab3_usd.judge.stage import check_stage
+    from lab3_usd.spec.load.loader import load_lab
+    from lab3_usd.stage.read.opening import open_stage
+    from lab3_usd.stage.write.starter import deviations
 
     for prim, message in deviations(load_lab(), open_stage(starter)):
         click.echo(f"warning: {prim}: {message}", err=True)

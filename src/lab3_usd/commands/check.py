@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 @click.option("--require-evidence", is_flag=True, help="Missing evidence is an error.")
 @config_options
 @view_options
-def command(paths: tuple[str, ...], **options: Any) -> None:  # noqa: ANN401 - one entry per option
+def command(paths: tuple[str, ...], **options: Any) -> None:
     """Check stages and submissions against the lab.
 
     PATHS are stage files, folders of stages, or submission folders. The checkpoint is read from
@@ -42,8 +42,8 @@ def command(paths: tuple[str, ...], **options: Any) -> None:  # noqa: ANN401 - o
     """
     options = with_config(paths, options)
     shared = tuple(options[name] for name in ("starter", "maps") if options[name] is not None)
-    from lab3_usd.commands.steps.judging import run  # noqa: PLC0415 - keeps --help fast
-    from lab3_usd.commands.steps.reporting import refuse_unusable  # noqa: PLC0415
+    from lab3_usd.commands.steps.judging import run
+    from lab3_usd.commands.steps.reporting import refuse_unusable
 
     refuse_unusable((*paths, *shared), options)
     sys.exit(run(paths, _judge(shared, options), options))
@@ -55,11 +55,11 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
     Raises:
         UsageError: the checkpoint is unknown, or usd-core has no validators.
     """
-    from lab3_usd.commands.steps.judging import Judge  # noqa: PLC0415 - keeps --help fast
-    from lab3_usd.commands.steps.options import checkpoint_number  # noqa: PLC0415
-    from lab3_usd.commands.steps.reporting import wants_native  # noqa: PLC0415
-    from lab3_usd.judge import entries  # noqa: PLC0415
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.commands.steps.judging import Judge
+    from lab3_usd.commands.steps.options import checkpoint_number
+    from lab3_usd.commands.steps.reporting import wants_native
+    from lab3_usd.judge import entries
+    from lab3_usd.spec.load.loader import load_lab
 
     number, starter, maps = (options[name] for name in ("checkpoint", "starter", "maps"))
     settings = entries.JudgeSettings(

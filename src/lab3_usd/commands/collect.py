@@ -18,9 +18,9 @@ def command(script: Path, *, force: bool) -> None:
     diagnostic command of the handout in the folder (`results` in the bundled lab) where `lab3
     check` reads it.
     """
-    from lab3_usd.files import write_whole  # noqa: PLC0415 - only this command needs these
-    from lab3_usd.lab.scripts import collect_script  # noqa: PLC0415
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.files import write_whole
+    from lab3_usd.lab.scripts import collect_script
+    from lab3_usd.spec.load.loader import load_lab
 
     write_whole(script, collect_script(load_lab()).encode(), force=force)
     script.chmod(0o755)

@@ -21,8 +21,7 @@ def command(ctx: click.Context, shell: str) -> None:
     """  # noqa: D301 - click reads \b as the character, it keeps the lines apart
     completion = get_completion_class(shell)
     if completion is None:
-        message = f"click knows no completion for {shell}"
-        raise click.UsageError(message)
+        raise click.UsageError(f"click knows no completion for {shell}")
     root = ctx.find_root()
     program = root.info_name or "lab3"
     click.echo(completion(root.command, {}, program, "_LAB3_COMPLETE").source())

@@ -36,7 +36,7 @@ def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
     It is the nearest lab3.toml, or pyproject.toml with a table [tool.lab3], in the folder of PATH
     or above it.
     """
-    from lab3_usd.config.settings import (  # noqa: PLC0415 - fast --help
+    from lab3_usd.config.settings import (
         Config,
         config_for,
         load_config,
@@ -63,7 +63,7 @@ def _rows(config: Config) -> Iterator[tuple[str, str, str]]:
             yield key, default, "(default)"
 
 
-def _shown(value: Any) -> str:  # noqa: ANN401 - of any key
+def _shown(value: Any) -> str:
     if not isinstance(value, tuple):
         return str(value)
     return ", ".join(

@@ -39,9 +39,9 @@ def command(before: Path, after: Path, form: str, pictures: Path | None, *, forc
     failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.diff import compare_stages  # noqa: PLC0415
-    from lab3_usd.report import diff  # noqa: PLC0415
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.diff import compare_stages
+    from lab3_usd.report import diff
+    from lab3_usd.spec.load.loader import load_lab
 
     use_configured_lab(before)
     found = compare_stages(before, after, load_lab())
@@ -56,7 +56,7 @@ def command(before: Path, after: Path, form: str, pictures: Path | None, *, forc
 
 
 def _draw(found: Comparison, folder: Path, *, force: bool) -> None:
-    from lab3_usd.report.picture.svg import svg_file  # noqa: PLC0415 - only with --pictures
+    from lab3_usd.report.picture.svg import svg_file
 
     drawn = {folder / name: picture for name, picture in _pictures(found)}
     for path in drawn:
@@ -68,7 +68,7 @@ def _draw(found: Comparison, folder: Path, *, force: bool) -> None:
 
 def _pictures(found: Comparison) -> Iterator[tuple[str, Picture]]:
     """Yield a picture of each graph that differs, with the name of its file."""
-    from lab3_usd.report.pictures.diff_picture import GraphVersions, diff_picture  # noqa: PLC0415
+    from lab3_usd.report.pictures.diff_picture import GraphVersions, diff_picture
 
     names: dict[str, int] = {}
     for pair in found.pairs.graphs:

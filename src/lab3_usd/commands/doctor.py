@@ -87,10 +87,10 @@ def checking() -> Check:
     """Build the last stage of the lab, and check it."""
     begun = time.perf_counter()
     try:
-        from lab3_usd.judge.stage import check_stage  # noqa: PLC0415 - reports what is missing
-        from lab3_usd.spec.lab import STARTER  # noqa: PLC0415
-        from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
-        from lab3_usd.stage.write.builder import build_checkpoint  # noqa: PLC0415
+        from lab3_usd.judge.stage import check_stage
+        from lab3_usd.spec.lab import STARTER
+        from lab3_usd.spec.load.loader import load_lab
+        from lab3_usd.stage.write.builder import build_checkpoint
 
         lab = load_lab()
         last = lab.last
@@ -129,10 +129,10 @@ def browser() -> Check:
 def sandbox() -> Check:
     """Start a worker of `lab3 grade`, and say which walls this system puts around it."""
     try:
-        from lab3_usd.grade.intake.submission_copy import Limits  # noqa: PLC0415 - see checking
-        from lab3_usd.grade.workers.messages import PoolSettings  # noqa: PLC0415
-        from lab3_usd.grade.workers.sandbox import WALLS  # noqa: PLC0415
-        from lab3_usd.grade.workers.worker_process import end_worker, start_worker  # noqa: PLC0415
+        from lab3_usd.grade.intake.submission_copy import Limits
+        from lab3_usd.grade.workers.messages import PoolSettings
+        from lab3_usd.grade.workers.sandbox import WALLS
+        from lab3_usd.grade.workers.worker_process import end_worker, start_worker
 
         worker = start_worker(PoolSettings(None, None, Limits()))
     except Exception as error:  # noqa: BLE001 - whatever fails is the answer

@@ -68,7 +68,7 @@ def command(
     without one is drawn as it is. GRAPH is the name of a graph of the lab, or TF, and draws what
     the lab asks for.
     """
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.spec.load.loader import load_lab
 
     use_configured_lab(Path(target))
     lab = load_lab()
@@ -79,8 +79,9 @@ def command(
     )
     encode = _encoder(form, theme)
     if not drawing.pictures:
-        message = f"{target}: has no Action Graph and no TF tree, so there is nothing to draw"
-        raise UsageError(message)
+        raise UsageError(
+            f"{target}: has no Action Graph and no TF tree, so there is nothing to draw"
+        )
     paths = list(_paths(drawing, folder, ENDINGS[form]))
     for path in paths:
         refuse_existing(path, force=force)
@@ -111,13 +112,12 @@ def _stage_file(target: str, lab: Lab) -> Path:
     if path.suffix or path.exists():
         return path
     names = ", ".join([*lab.graphs, TREE])
-    message = f"'{target}' is no stage file and no graph of the lab; graphs are {names}"
-    raise UsageError(message)
+    raise UsageError(f"'{target}' is no stage file and no graph of the lab; graphs are {names}")
 
 
 def _reference(lab: Lab, name: str, every_port: bool) -> Picture:  # noqa: FBT001
-    from lab3_usd.report.pictures.graph_picture import spec_picture  # noqa: PLC0415
-    from lab3_usd.report.pictures.tf_picture import spec_frames_picture  # noqa: PLC0415
+    from lab3_usd.report.pictures.graph_picture import spec_picture
+    from lab3_usd.report.pictures.tf_picture import spec_frames_picture
 
     if name == TREE:
         return spec_frames_picture(lab.frames)
@@ -130,10 +130,10 @@ def _of_stage(
     number: str | None,
     every_port: bool,  # noqa: FBT001
 ) -> Drawing:
-    from lab3_usd.check.checker import judge  # noqa: PLC0415
-    from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
-    from lab3_usd.report.pictures.graph_picture import stage_pictures  # noqa: PLC0415
-    from lab3_usd.stage.read.reader import read_stage  # noqa: PLC0415
+    from lab3_usd.check.checker import judge
+    from lab3_usd.judge.stage import checkpoint_of
+    from lab3_usd.report.pictures.graph_picture import stage_pictures
+    from lab3_usd.stage.read.reader import read_stage
 
     number = (
         checkpoint_of(path.name, lab)
@@ -155,10 +155,10 @@ def _of_stage(
 
 def _encoder(form: str, theme: Theme) -> Callable[[Picture], bytes]:
     """Return what turns a picture into the bytes of its file."""
-    from lab3_usd.report.picture.dot import dot  # noqa: PLC0415
-    from lab3_usd.report.picture.mermaid import mermaid  # noqa: PLC0415
-    from lab3_usd.report.picture.png import png  # noqa: PLC0415
-    from lab3_usd.report.picture.svg import svg_file  # noqa: PLC0415
+    from lab3_usd.report.picture.dot import dot
+    from lab3_usd.report.picture.mermaid import mermaid
+    from lab3_usd.report.picture.png import png
+    from lab3_usd.report.picture.svg import svg_file
 
     encoders: dict[str, Callable[[Picture], bytes]] = {
         "svg": lambda picture: svg_file(picture, theme).encode(),

@@ -61,21 +61,16 @@ def _fixed(stage: Path, options: Mapping[str, Any], settings: FixOptions) -> Fix
 def _check(stage: Path, options: Mapping[str, Any]) -> None:
     ways = [name for name in ("diff", "output", "in_place") if options[name]]
     if len(ways) > 1:
-        message = "--diff, --output and --in-place exclude each other"
-        raise UsageError(message)
+        raise UsageError("--diff, --output and --in-place exclude each other")
     if options["release"] is not None and not options["lint"]:
-        message = "--isaac goes with --lint"
-        raise UsageError(message)
+        raise UsageError("--isaac goes with --lint")
     if not stage.is_file():
-        message = f"{stage}: there is no such file"
-        raise UsageError(message)
+        raise UsageError(f"{stage}: there is no such file")
     output = options["output"]
     if output is not None and output.suffix.lower() != stage.suffix.lower():
-        message = f"{output}: must end in {stage.suffix}, as the stage does"
-        raise UsageError(message)
+        raise UsageError(f"{output}: must end in {stage.suffix}, as the stage does")
     if output is not None and output.exists() and output.samefile(stage):
-        message = f"{output}: is the stage itself; use --in-place"
-        raise UsageError(message)
+        raise UsageError(f"{output}: is the stage itself; use --in-place")
 
 
 def _diffs(fixed: Fixed) -> Iterator[str]:
@@ -169,7 +164,7 @@ def _counts(finding: Finding) -> bool:
 )
 @click.option("--ignore", multiple=True, metavar="RULES", help="Not these rules or families.")
 @config_options
-def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry per option
+def command(stage: Path, **options: Any) -> None:
     """Repair a stage.
 
     Values, connections, targets, types and schemas are repaired; prims are added, removed and

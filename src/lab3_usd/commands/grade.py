@@ -46,10 +46,10 @@ class Seconds(click.FloatRange):
 
     def convert(
         self,
-        value: Any,  # noqa: ANN401 - click's signature
+        value: Any,
         param: click.Parameter | None,
         ctx: click.Context | None,
-    ) -> Any:  # noqa: ANN401 - click's signature
+    ) -> Any:
         """Return a number of the range."""
         seconds = super().convert(value, param, ctx)
         if not math.isfinite(seconds):
@@ -60,8 +60,9 @@ class Seconds(click.FloatRange):
 def _named(context: click.Context, parameter: click.Parameter, submissions: str) -> str:
     """Refuse the empty name, which stands for the current folder and is never meant."""
     if not submissions.strip():
-        message = "give a folder, an archive or an address; '.' is the current folder"
-        raise click.BadParameter(message, context, parameter)
+        raise click.BadParameter(
+            "give a folder, an archive or an address; '.' is the current folder", context, parameter
+        )
     return submissions
 
 
@@ -113,7 +114,7 @@ def _named(context: click.Context, parameter: click.Parameter, submissions: str)
 )
 @click.option("--resume", is_flag=True, help="Go on with a gradebook; what is finished is kept.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tcp://host:port.")
-def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one entry per option
+def command(submissions: str, **options: Any) -> None:
     """Grade a class: a folder for each student, archives, or single stages.
 
     SUBMISSIONS is a folder or an archive as a learning platform exports it, or the address
@@ -121,9 +122,9 @@ def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one ent
     report folder for each student. Exit status: 0 every submission has a grade or a status, 2
     wrong usage or rubric, 3 the tool itself failed, 130 interrupted: go on with --resume.
     """
-    from lab3_usd.grade.class_run import ClassSettings, grade_class  # noqa: PLC0415
-    from lab3_usd.grade.intake.remote import is_address  # noqa: PLC0415
-    from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits  # noqa: PLC0415
+    from lab3_usd.grade.class_run import ClassSettings, grade_class
+    from lab3_usd.grade.intake.remote import is_address
+    from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),
@@ -143,12 +144,12 @@ def command(submissions: str, **options: Any) -> None:  # noqa: ANN401 - one ent
         sys.exit(EXIT_CRASH)
 
 
-def _runner(cluster: str | None) -> Any:  # noqa: ANN401 - see class_run.Runner
+def _runner(cluster: str | None) -> Any:
     if cluster is None:
-        from lab3_usd.grade.workers.pool import run_tasks  # noqa: PLC0415
+        from lab3_usd.grade.workers.pool import run_tasks
 
         return run_tasks
-    from lab3_usd.grade.workers.cluster import cluster_runner  # noqa: PLC0415 - Dask
+    from lab3_usd.grade.workers.cluster import cluster_runner
 
     return cluster_runner(cluster)
 

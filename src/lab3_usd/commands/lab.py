@@ -26,8 +26,7 @@ def make_lab(folder: Path, stage: Path) -> int:
     """
     refuse_existing_folder(folder)
     if not stage.is_file():
-        message = f"{stage}: there is no such file"
-        raise UsageError(message)
+        raise UsageError(f"{stage}: there is no such file")
     lab = load_lab(data_folder("graphs"))
     description = describe_lab(stage, lab, load_isaac_types().catalog)
     results: list[StageResult] = []
@@ -64,13 +63,12 @@ def check(folder: Path | None) -> None:
     finding names file, key, and the place that it contradicts. Exit status: 0 nothing found, 1
     findings, 2 a file that cannot be read.
     """
-    from lab3_usd.data import lab_folder  # noqa: PLC0415 - keeps --help fast
-    from lab3_usd.grade.rubric import scoring_faults  # noqa: PLC0415
-    from lab3_usd.spec.contradictions.references import lab_faults  # noqa: PLC0415
+    from lab3_usd.data import lab_folder
+    from lab3_usd.grade.rubric import scoring_faults
+    from lab3_usd.spec.contradictions.references import lab_faults
 
     if folder is not None and not folder.is_dir():
-        message = f"{folder}: there is no such folder"
-        raise UsageError(message)
+        raise UsageError(f"{folder}: there is no such folder")
     lab = assemble(folder or lab_folder())
     found = list(lab_faults(lab))
     # Points and checklists are held against a lab that agrees with itself.

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 @report_options
 @config_options
 @view_options
-def command(paths: tuple[str, ...], **options: Any) -> None:  # noqa: ANN401 - one entry per option
+def command(paths: tuple[str, ...], **options: Any) -> None:
     """Judge any stage of Isaac Sim by what its graphs do.
 
     PATHS are stage files, or folders with stages in them or below. Stages only have to work: what
@@ -41,8 +41,8 @@ def command(paths: tuple[str, ...], **options: Any) -> None:  # noqa: ANN401 - o
     or no such path, 3 the tool itself failed.
     """
     options = with_config(paths, options)
-    from lab3_usd.commands.steps.judging import run  # noqa: PLC0415 - keeps --help fast
-    from lab3_usd.commands.steps.reporting import refuse_unusable  # noqa: PLC0415
+    from lab3_usd.commands.steps.judging import run
+    from lab3_usd.commands.steps.reporting import refuse_unusable
 
     refuse_unusable(paths, options)
     sys.exit(run(paths, _judge(options), options))
@@ -54,15 +54,15 @@ def _judge(options: Mapping[str, Any]) -> Judge:
     Raises:
         UsageError: the release is unknown, or usd-core has no validators.
     """
-    from lab3_usd.commands.steps.judging import Judge  # noqa: PLC0415 - keeps --help fast
-    from lab3_usd.commands.steps.reporting import wants_native  # noqa: PLC0415
-    from lab3_usd.judge.lint import (  # noqa: PLC0415
+    from lab3_usd.commands.steps.judging import Judge
+    from lab3_usd.commands.steps.reporting import wants_native
+    from lab3_usd.judge.lint import (
         LintSettings,
         find_stages,
         lint_lab,
         lint_stages,
     )
-    from lab3_usd.spec.isaac import NEWEST  # noqa: PLC0415
+    from lab3_usd.spec.isaac import NEWEST
 
     settings = LintSettings(
         options["release"] or NEWEST, heeds_ignores=True, native=wants_native(options)

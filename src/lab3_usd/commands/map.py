@@ -29,7 +29,7 @@ class Metres(click.FloatRange):
 
     def convert(
         self,
-        value: Any,  # noqa: ANN401 - what click hands over
+        value: Any,
         param: click.Parameter | None,
         ctx: click.Context | None,
     ) -> float:
@@ -59,7 +59,7 @@ PLACE = Metres(-FARTHEST, FARTHEST)
 @click.option("--height", metavar="Z", type=PLACE, help="Where to cut, metres; else as the lidar.")
 @click.option("--start", type=(PLACE, PLACE), metavar="X Y", help="A free place; else the robot's.")
 @click.option("--force", is_flag=True, help="Replace files that exist.")
-def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:  # noqa: ANN401
+def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
     """Make an occupancy map from the walls of a stage.
 
     Cuts the collision geometry of STAGE at the height of the lidar and fills what the robot can
@@ -67,14 +67,13 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None: 
     frame is the world of the stage.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.lab.maps import MapFile, draw_map, map_yaml, pgm  # noqa: PLC0415
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.lab.maps import MapFile, draw_map, map_yaml, pgm
+    from lab3_usd.spec.load.loader import load_lab
 
     lab = load_lab()
     spec = lab.scene.map
     if spec is None:
-        message = f"{lab.title} has no map: its scene.yaml describes none"
-        raise UsageError(message)
+        raise UsageError(f"{lab.title} has no map: its scene.yaml describes none")
     yaml_file, image_file = folder / spec.yaml, folder / spec.image
     for file in (yaml_file, image_file):
         refuse_existing(file, force=force)
@@ -82,8 +81,7 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None: 
     cut = _cut(stage, lab, options["height"])
     start = options["start"] or cut.robot
     if start is None:
-        message = f"{stage}: has no {lab.scene.robot.path} to start from, give --start"
-        raise UsageError(message)
+        raise UsageError(f"{stage}: has no {lab.scene.robot.path} to start from, give --start")
     drawn = draw_map(frame, cut.segments, start)
     if not drawn.closed:
         click.echo("warning: the free space reaches the edge of the map", err=True)
@@ -99,7 +97,7 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None: 
 
 
 def _frame(spec: MapFacts, options: Mapping[str, Any]) -> MapFrame:
-    from lab3_usd.lab.maps import MapFrame  # noqa: PLC0415
+    from lab3_usd.lab.maps import MapFrame
 
     width, height = options["size"] or (spec.width, spec.height)
     origin = options["origin"] or spec.origin[:2]
@@ -108,13 +106,12 @@ def _frame(spec: MapFacts, options: Mapping[str, Any]) -> MapFrame:
 
 def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
     """Cut the stage, and say what is not on the map."""
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
-    from lab3_usd.stage.slices import SliceOptions, slice_stage  # noqa: PLC0415
+    from lab3_usd.stage.read.opening import open_stage
+    from lab3_usd.stage.slices import SliceOptions, slice_stage
 
     robot = lab.scene.robot.path
     if height is None and not lab.lidar_link:
-        message = f"{lab.title} has no lidar to take the height from, give --height"
-        raise UsageError(message)
+        raise UsageError(f"{lab.title} has no lidar to take the height from, give --height")
     cut = slice_stage(open_stage(stage), SliceOptions(robot, lab.lidar_link, height))
     if cut.missing:
         message = f"warning: not on the map is what {cut.missing} unresolved asset paths would hold"
@@ -122,8 +119,7 @@ def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
     for path in cut.not_cut:
         click.echo(f"warning: not on the map is {path}, a shape that cannot be cut", err=True)
     if not cut.segments:
-        message = (
+        raise UsageError(
             f"{stage}: has nothing that collides at a height of {cut.height:g} m, give --height"
         )
-        raise UsageError(message)
     return cut

@@ -23,8 +23,8 @@ def command(folder: Path, *, force: bool) -> None:
     For ROS 2 Humble; one of the RViz configurations shows the lidar alone. The files have not been
     run in ROS. Files that exist are kept.
     """
-    from lab3_usd.lab.scripts import nav2_files, write_nav2  # noqa: PLC0415 - only this command
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.lab.scripts import nav2_files, write_nav2
+    from lab3_usd.spec.load.loader import load_lab
 
     lab = load_lab()
     written, kept = write_nav2(folder, nav2_files(lab, lab.ros), force=force)

@@ -24,8 +24,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
     """
     topic = interface(lab, [*lab.checkpoints.values()][-1]).commands
     if not topic:
-        message = f"{lab.title} has no topic of commands to drive a robot by"
-        raise UsageError(message)
+        raise UsageError(f"{lab.title} has no topic of commands to drive a robot by")
     package, kind = lab.topics[topic].type.rsplit("/", 1)
     domain = lab.ros.system.domain
     drives = [
@@ -62,8 +61,8 @@ def command(script: Path, *, force: bool) -> None:
     lab without a window, drives the robot as `lab3 sim` does, and records bags for `lab3 bag`. It
     has not been run in Isaac Sim.
     """
-    from lab3_usd.files import write_whole  # noqa: PLC0415 - only this command needs these
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.files import write_whole
+    from lab3_usd.spec.load.loader import load_lab
 
     write_whole(script, isaac_script(load_lab(), script).encode(), force=force)
     click.echo(script)

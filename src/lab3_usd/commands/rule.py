@@ -43,8 +43,7 @@ def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
     close = close or difflib.get_close_matches(wanted.upper(), rules, SUGGESTED, cutoff=0.5)
     close += [by_name[name].id for name in difflib.get_close_matches(wanted.lower(), by_name)]
     hint = f"did you mean {', '.join(dict.fromkeys(close))}" if close else "lab3 rules lists all"
-    message = f"no rule {wanted!r}; {hint}"
-    raise click.UsageError(message)
+    raise click.UsageError(f"no rule {wanted!r}; {hint}")
 
 
 def manual_lines(rule: Rule, handout: str) -> Iterator[str]:

@@ -57,11 +57,11 @@ def live(stage: Path, lab: Lab, checkpoint: str, seconds: float | None) -> None:
         UsageError: DDS does not start.
         StageError: the stage cannot be read.
     """
-    from lab3_usd.report.safe_text import printable  # noqa: PLC0415 - see sim
-    from lab3_usd.sim.dry_run import scene_of  # noqa: PLC0415
-    from lab3_usd.sim.judge.topics import interface  # noqa: PLC0415
-    from lab3_usd.sim.live import Link, play_live  # noqa: PLC0415 - of the extra
-    from lab3_usd.sim.timeline import player_of  # noqa: PLC0415
+    from lab3_usd.report.safe_text import printable
+    from lab3_usd.sim.dry_run import scene_of
+    from lab3_usd.sim.judge.topics import interface
+    from lab3_usd.sim.live import Link, play_live
+    from lab3_usd.sim.timeline import player_of
 
     wanted = interface(lab, lab.checkpoints[checkpoint])
     player = player_of(scene_of(stage), lab.catalog, wanted)
@@ -74,8 +74,8 @@ def live(stage: Path, lab: Lab, checkpoint: str, seconds: float | None) -> None:
 
 
 def _say_what(stage: Path, wanted: Interface) -> None:
-    from lab3_usd.report.behaviour.text import WHAT_IT_IS  # noqa: PLC0415 - see sim
-    from lab3_usd.report.safe_text import printable  # noqa: PLC0415
+    from lab3_usd.report.behaviour.text import WHAT_IT_IS
+    from lab3_usd.report.safe_text import printable
 
     click.echo(f"{printable(str(stage))}: {WHAT_IT_IS}")
     click.echo(
@@ -85,7 +85,7 @@ def _say_what(stage: Path, wanted: Interface) -> None:
 
 
 def _after(seconds: float | None) -> Callable[[int], bool]:
-    from lab3_usd.sim.execution.record import RATE  # noqa: PLC0415
+    from lab3_usd.sim.execution.record import RATE
 
     return lambda frames: seconds is not None and frames >= seconds * RATE
 
@@ -115,7 +115,7 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     Raises:
         UsageError: the page has the ending of a stage, the bag is there, or the extra is not.
     """
-    from lab3_usd.judge.results import STAGE_ENDINGS  # noqa: PLC0415
+    from lab3_usd.judge.results import STAGE_ENDINGS
 
     message = ""
     if page is not None and page.suffix.lower() in STAGE_ENDINGS:
@@ -129,15 +129,15 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
 
 
 def _write_page(page: Path, run: DryRun, lab: Lab) -> None:
-    from lab3_usd.files import write_whole  # noqa: PLC0415
-    from lab3_usd.report.behaviour.page import render  # noqa: PLC0415
+    from lab3_usd.files import write_whole
+    from lab3_usd.report.behaviour.page import render
 
     html = render(run.behaviour, run.replay, lab)
     write_whole(page, html.encode("utf-8", "replace"), force=True)
 
 
 def _write_bag(folder: Path, run: DryRun) -> None:
-    from lab3_usd.sim.bag.writer import write_bag  # noqa: PLC0415 - of the extra
+    from lab3_usd.sim.bag.writer import write_bag
 
     if run.evidence is not None:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -161,7 +161,7 @@ def _write_bag(folder: Path, run: DryRun) -> None:
     "--live", is_flag=True, help="Run in real time over DDS, driven by /cmd_vel (extra live)."
 )
 @click.option("--seconds", type=float, metavar="S", help="End --live after so many seconds.")
-def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry per option
+def command(stage: Path, **options: Any) -> None:
     """Play a stage without Isaac Sim, drive its robot, and say what comes over ROS.
 
     The graphs of STAGE run as they are wired, by functions written from the published source of
@@ -170,9 +170,9 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
     0 all right, 1 something is wrong, 2 unreadable or wrong usage, 3 the tool itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.commands.steps.options import checkpoint_number  # noqa: PLC0415
-    from lab3_usd.judge.stage import checkpoint_of  # noqa: PLC0415
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
+    from lab3_usd.commands.steps.options import checkpoint_number
+    from lab3_usd.judge.stage import checkpoint_of
+    from lab3_usd.spec.load.loader import load_lab
 
     use_configured_lab(stage)
     lab = load_lab()
@@ -190,9 +190,9 @@ def command(stage: Path, **options: Any) -> None:  # noqa: ANN401 - one entry pe
 
 def _judge(stage: Path, lab: Lab, asked: str, options: Mapping[str, Any]) -> int:
     """Play a stage, write what was asked for, and return the exit code."""
-    from lab3_usd.commands.steps.options import wants_color, width  # noqa: PLC0415
-    from lab3_usd.report.behaviour import text  # noqa: PLC0415
-    from lab3_usd.sim.dry_run import dry_run  # noqa: PLC0415
+    from lab3_usd.commands.steps.options import wants_color, width
+    from lab3_usd.report.behaviour import text
+    from lab3_usd.sim.dry_run import dry_run
 
     run = dry_run(stage, lab, asked, options["drive"])
     found = run.behaviour

@@ -22,7 +22,7 @@ def command(target: Path, *, force: bool) -> None:
 
     In the bundled lab it is a robot with physics in a closed room, with neither graphs nor sensors.
     """
-    from lab3_usd.stage.write.starter import build_starter  # noqa: PLC0415 - pxr is slow to import
+    from lab3_usd.stage.write.starter import build_starter
 
     build_starter(target, force=force)
     click.echo(target)

@@ -29,14 +29,14 @@ def command(stage: Path, form: str, *, verbose: bool) -> None:
     be found stand below the tree, with a question mark.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.check.tf.frames import (  # noqa: PLC0415
+    from lab3_usd.check.tf.frames import (
         published_edges,
         unknown_publishers,
         unresolved_frames,
     )
-    from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text  # noqa: PLC0415
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
-    from lab3_usd.stage.read.reader import read_stage  # noqa: PLC0415
+    from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text
+    from lab3_usd.spec.load.loader import load_lab
+    from lab3_usd.stage.read.reader import read_stage
 
     use_configured_lab(stage)
     lab = load_lab()

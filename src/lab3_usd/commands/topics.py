@@ -27,11 +27,11 @@ def command(stage: Path, form: str) -> None:
     publishes never.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.check.ros.topics import endpoints  # noqa: PLC0415
-    from lab3_usd.check.tf.frames import published_edges, unresolved_frames  # noqa: PLC0415
-    from lab3_usd.report.topic_table import TopicReport, as_csv, as_json, as_table  # noqa: PLC0415
-    from lab3_usd.spec.load.loader import load_lab  # noqa: PLC0415
-    from lab3_usd.stage.read.reader import read_stage  # noqa: PLC0415
+    from lab3_usd.check.ros.topics import endpoints
+    from lab3_usd.check.tf.frames import published_edges, unresolved_frames
+    from lab3_usd.report.topic_table import TopicReport, as_csv, as_json, as_table
+    from lab3_usd.spec.load.loader import load_lab
+    from lab3_usd.stage.read.reader import read_stage
 
     use_configured_lab(stage)
     lab = load_lab()

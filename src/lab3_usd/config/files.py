@@ -50,23 +50,20 @@ def read_table(path: Path) -> Mapping[str, Any]:
         return content
     table = content.get(TOOL, {}).get(TABLE)
     if not isinstance(table, dict):
-        message = f"{path}: has no table [{TOOL}.{TABLE}]"
-        raise UsageError(message)
+        raise UsageError(f"{path}: has no table [{TOOL}.{TABLE}]")
     return table
 
 
 def _parsed(path: Path) -> dict[str, Any]:
     if sys.version_info >= (3, 11):
-        import tomllib  # noqa: PLC0415 - only where there is a file
+        import tomllib
     else:
-        import tomli as tomllib  # noqa: PLC0415
+        import tomli as tomllib
 
     try:
         content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        message = f"{path}: cannot be read ({error.strerror})"
-        raise UsageError(message) from error
+        raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        message = f"{path}: is not TOML: {error}"
-        raise UsageError(message) from error
+        raise UsageError(f"{path}: is not TOML: {error}") from error
     return content

@@ -43,8 +43,7 @@ def config_for(paths: Iterable[str]) -> Config:
     files = {find_file(Path(path)): path for path in paths}
     if len(files) > 1:
         named = "; ".join(f"{path}: {file or 'none'}" for file, path in files.items())
-        message = f"these have several configurations, name one with --config: {named}"
-        raise UsageError(message)
+        raise UsageError(f"these have several configurations, name one with --config: {named}")
     file = next(iter(files), None)
     return Config() if file is None else load_config(file)
 
@@ -68,56 +67,51 @@ def _refuse_unknown(given: Iterable[str], where: str) -> None:
     for key in given:
         if key in _KEYS:
             continue
-        from difflib import get_close_matches  # noqa: PLC0415 - only after a slip
+        from difflib import get_close_matches
 
         close = " or ".join(f"'{each}'" for each in get_close_matches(key, _KEYS))
         hint = f"did you mean {close}?" if close else f"known are {', '.join(_KEYS)}"
-        message = f"{where}: there is no key '{key}'; {hint}"
-        raise UsageError(message)
+        raise UsageError(f"{where}: there is no key '{key}'; {hint}")
 
 
-def _rules(value: Any, where: str, _folder: Path) -> tuple[str, ...]:  # noqa: ANN401 - as TOML has it
+def _rules(value: Any, where: str, _folder: Path) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
-        message = f"{where} is {value!r}, expected a list of rules and families"
-        raise UsageError(message)
+        raise UsageError(f"{where} is {value!r}, expected a list of rules and families")
     return check_rule_names(value, where)
 
 
-def _path(value: Any, where: str, folder: Path) -> Path:  # noqa: ANN401
+def _path(value: Any, where: str, folder: Path) -> Path:
     if not isinstance(value, str) or not value:
-        message = f"{where} is {value!r}, expected a path"
-        raise UsageError(message)
+        raise UsageError(f"{where} is {value!r}, expected a path")
     if not (folder / value).exists():
-        message = f"{where}: there is no {folder / value}"
-        raise UsageError(message)
+        raise UsageError(f"{where}: there is no {folder / value}")
     return folder / value
 
 
-def _table(value: Any, where: str) -> Mapping[str, Any]:  # noqa: ANN401
+def _table(value: Any, where: str) -> Mapping[str, Any]:
     if not isinstance(value, dict):
-        message = f"{where} is {value!r}, expected a table"
-        raise UsageError(message)
+        raise UsageError(f"{where} is {value!r}, expected a table")
     return value
 
 
-def _ignores(value: Any, where: str, folder: Path) -> tuple[tuple[str, tuple[str, ...]], ...]:  # noqa: ANN401
+def _ignores(value: Any, where: str, folder: Path) -> tuple[tuple[str, tuple[str, ...]], ...]:
     table = _table(value, where)
     return tuple((name, _rules(each, f"{where}: {name}", folder)) for name, each in table.items())
 
 
-def _severities(value: Any, where: str, _folder: Path) -> tuple[tuple[str, Severity], ...]:  # noqa: ANN401
+def _severities(value: Any, where: str, _folder: Path) -> tuple[tuple[str, Severity], ...]:
     for name, each in _table(value, where).items():
         if each not in SEVERITIES:
-            message = f"{where}: {name} is {each!r}, expected one of {', '.join(SEVERITIES)}"
-            raise UsageError(message)
+            raise UsageError(
+                f"{where}: {name} is {each!r}, expected one of {', '.join(SEVERITIES)}"
+            )
     return tuple(zip(check_rule_names(value, where), value.values(), strict=True))
 
 
-def _checkpoints(value: Any, where: str, _folder: Path) -> tuple[tuple[str, str], ...]:  # noqa: ANN401
+def _checkpoints(value: Any, where: str, _folder: Path) -> tuple[tuple[str, str], ...]:
     for name, each in _table(value, where).items():
         if not isinstance(each, str):
-            message = f"{where}: {name} is {each!r}, expected a checkpoint in quotes"
-            raise UsageError(message)
+            raise UsageError(f"{where}: {name} is {each!r}, expected a checkpoint in quotes")
     return tuple(value.items())
 
 

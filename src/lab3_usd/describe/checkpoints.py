@@ -52,8 +52,9 @@ def file_names(stem: str, graphs: Iterable[str]) -> FileNames:
     words = [FIRST, *(re.sub(r"\W+", "_", graph).lower() for graph in graphs)]
     found = _NUMBER.search(stem) or next(iter([*_WORD.finditer(stem)][::-1]), None)
     if found is None:
-        message = f"'{stem}' has no letter from A to Z and no digit; give the stage another name"
-        raise UsageError(message)
+        raise UsageError(
+            f"'{stem}' has no letter from A to Z and no digit; give the stage another name"
+        )
     lead, last, rest = stem[: found.start()], found[0], stem[found.end() :]
     ids = (*_ids_before(last, words[:-1]), last)
     name = rest.lstrip("_- ")

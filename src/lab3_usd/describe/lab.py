@@ -98,8 +98,7 @@ def _parts(source: Source) -> _Parts:
     stage = source.stage
     texts = describe_graphs(stage.graphs, source.lab.catalog)
     if not texts:
-        message = "the stage has no Action Graph"
-        raise UsageError(message)
+        raise UsageError("the stage has no Action Graph")
     graphs = {text.spec.name: text.spec for text in texts}
     names = file_names(source.stem, graphs)
     scene = describe_scene(stage, graphs, source.lab, names.ids[-1])
@@ -192,8 +191,7 @@ def refuse_existing_folder(folder: Path) -> None:
         UsageError: there is a file or folder.
     """
     if folder.exists() or folder.is_symlink():
-        message = f"{folder} exists; name a folder that does not"
-        raise UsageError(message)
+        raise UsageError(f"{folder} exists; name a folder that does not")
 
 
 def write_folder(folder: Path, files: Mapping[str, str], check: Callable[[Path], None]) -> None:
@@ -215,5 +213,4 @@ def write_folder(folder: Path, files: Mapping[str, str], check: Callable[[Path],
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
     except OSError as error:
-        message = f"{folder} cannot be written ({error.strerror})"
-        raise UsageError(message) from error
+        raise UsageError(f"{folder} cannot be written ({error.strerror})") from error

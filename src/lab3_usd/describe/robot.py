@@ -71,8 +71,9 @@ def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> tuple[str, 
                 return each, True
     known = [path for path in asked if path in stage.prims or stage.unresolved_above(path)]
     if not found and not known:
-        message = "the stage has no robot: it has no articulation root, and no graph names a prim"
-        raise UsageError(message)
+        raise UsageError(
+            "the stage has no robot: it has no articulation root, and no graph names a prim"
+        )
     if found:
         return found[0], True
     if stage.unresolved_above(known[0]) is not None:

@@ -44,13 +44,13 @@ def _block(data: Mapping[str, Any], indent: str, above: str, notes: Mapping[str,
     return lines
 
 
-def _fits(value: Any, used: int) -> bool:  # noqa: ANN401 - plain data
+def _fits(value: Any, used: int) -> bool:
     if not value or not isinstance(value, (Mapping, list, tuple)):
         return True
     return _depth(value) <= _FLAT and used + 1 + len(flow(value)) <= _WIDTH
 
 
-def _depth(value: Any) -> int:  # noqa: ANN401 - plain data
+def _depth(value: Any) -> int:
     if isinstance(value, Mapping):
         return 1 + max((_depth(each) for each in value.values()), default=0)
     if isinstance(value, (list, tuple)):
@@ -58,7 +58,7 @@ def _depth(value: Any) -> int:  # noqa: ANN401 - plain data
     return 0
 
 
-def flow(value: Any) -> str:  # noqa: ANN401 - plain data
+def flow(value: Any) -> str:
     """Return a value as one line of YAML."""
     if isinstance(value, Mapping):
         return f"{{{', '.join(f'{scalar(key)}: {flow(each)}' for key, each in value.items())}}}"

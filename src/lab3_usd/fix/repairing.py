@@ -187,7 +187,7 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
     asked = lab.checkpoints[checkpoint]
     starter = None if options.starter is None else open_starter(Path(options.starter), lab)
 
-    def found(file: Path, stage: Any) -> Iterable[Finding]:  # noqa: ANN401 - pxr has no types
+    def found(file: Path, stage: Any) -> Iterable[Finding]:
         judged = judge(lab, asked, read_model(stage, lab, str(file)))
         findings = _findings_of(file, judged)
         if starter is None:
@@ -208,7 +208,7 @@ def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
     """
     lab = lint_lab(release)
 
-    def found(file: Path, stage: Any) -> Iterable[Finding]:  # noqa: ANN401 - pxr has no types
+    def found(file: Path, stage: Any) -> Iterable[Finding]:
         model = read_model(stage, lab, str(file))
         return _findings_of(file, lint(LintSubject(lab, load_isaac_types(), model, release)))
 
@@ -217,8 +217,7 @@ def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
 
 def _findings_of(file: Path, judged: Judgement | RuleResults) -> tuple[Finding, ...]:
     if judged.crashes:
-        message = f"{file}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}"
-        raise StageError(message)
+        raise StageError(f"{file}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}")
     return tuple(ordered(judged.findings))
 
 
@@ -230,11 +229,12 @@ def _fixed(
 ) -> Fixed:
     """Judge a stage, repair it, and judge it again; what is restored is as `asked` builds it."""
     if path.suffix.lower() == _PACKAGE:
-        message = f"{path}: is a package, which is not repaired; unpack it and repair its stage"
-        raise StageError(message)
+        raise StageError(
+            f"{path}: is a package, which is not repaired; unpack it and repair its stage"
+        )
     stage = open_stage(path)
 
-    def judged(file: Path, stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
+    def judged(file: Path, stage: Any) -> tuple[Finding, ...]:
         try:
             findings = tuple(found(file, stage))
             heed = options.heeds_ignores
@@ -329,8 +329,7 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
     try:
         temporary = temporary_beside(target, target.suffix)
     except OSError as error:
-        message = f"{target} cannot be written ({error.strerror})"
-        raise UsageError(message) from error
+        raise UsageError(f"{target} cannot be written ({error.strerror})") from error
     try:
         temporary.write_bytes(data)
         if is_whole:
@@ -341,11 +340,12 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
     finally:
         temporary.unlink(missing_ok=True)
     if weight(found) > weight(fixed.before):
-        message = f"{target}: the repaired stage would be worse than before; nothing was written"
-        raise StageError(message)
+        raise StageError(
+            f"{target}: the repaired stage would be worse than before; nothing was written"
+        )
 
 
-def repair_open_stage(repair: Repair, stage: Any) -> None:  # noqa: ANN401 - pxr has no types
+def repair_open_stage(repair: Repair, stage: Any) -> None:
     """Make the edits of a repair in the layers of a stage; no file is written."""
     lab = load_lab()
     checkpoint = checkpoint_of(Path(stage.GetRootLayer().realPath).name, lab) or lab.first

@@ -310,8 +310,7 @@ def new_bytes(edited: EditedLayer) -> bytes:
     text = new_text(path.read_bytes().decode(), edited)
     written = layer_from(text)
     if written is None or not same_content(written, edited.layer):
-        message = f"{path}: the repaired text does not say what the repairs ask for"
-        raise StageError(message)
+        raise StageError(f"{path}: the repaired text does not say what the repairs ask for")
     return text.encode()
 
 

@@ -99,8 +99,7 @@ def check_apart(submissions: Path | str, out: Path) -> None:
     """
     inside = os.path.isdir(submissions)  # noqa: PTH112 - pathlib raises where nobody may look
     if inside and out.resolve().is_relative_to(Path(submissions).resolve()):
-        message = f"{out}: lies in {submissions}, among what is graded; choose another -o"
-        raise UsageError(message)
+        raise UsageError(f"{out}: lies in {submissions}, among what is graded; choose another -o")
 
 
 def _readable(location: ClassLocation) -> tuple[Path, ...]:
@@ -116,11 +115,10 @@ def check_starter(starter: Path) -> None:
     Raises:
         StageError: it cannot.
     """
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.read.opening import open_stage
 
     if not starter.is_file():
-        message = f"{starter}: there is no such file"
-        raise StageError(message)
+        raise StageError(f"{starter}: there is no such file")
     open_stage(starter)
 
 
@@ -136,7 +134,7 @@ def salt_of(rubric: Rubric, starter: Path) -> str:
 
 def _files_of(starter: Path) -> Iterator[tuple[str, bytes]]:
     """Yield name and digest of every file that the starter consists of, wherever they lie."""
-    from lab3_usd.stage.fence import files_of  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.fence import files_of
 
     for each in files_of(starter):
         path = Path(each.partition("[")[0])  # a file in a package is read with the package

@@ -174,19 +174,20 @@ def check_target(out: Path, *, resume: bool) -> None:
     if not out.exists():
         return
     if not out.is_dir():
-        message = f"{out}: is not a folder; choose another one for -o"
-        raise UsageError(message)
+        raise UsageError(f"{out}: is not a folder; choose another one for -o")
     half = leftover_files(out, _TABLES)
     holds = {path.name for path in out.iterdir() if not _is_litter(path)} - {
         path.name for path in half
     }
     if (holds or half) and not resume:
-        message = f"{out}: is not empty; choose another folder, or give --resume to go on with it"
-        raise UsageError(message)
+        raise UsageError(
+            f"{out}: is not empty; choose another folder, or give --resume to go on with it"
+        )
     foreign = sorted(holds - {STUDENTS, *_TABLES})
     if foreign:
-        message = f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
-        raise UsageError(message)
+        raise UsageError(
+            f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
+        )
     students = out.glob(f"{STUDENTS}/*/")
     _remove([*half, *(path for each in students for path in leftover_files(each, _FILES))])
 
@@ -200,8 +201,7 @@ def _remove(files: Iterable[Path]) -> None:
         for path in files:
             path.unlink(missing_ok=True)
     except OSError as error:
-        message = f"{error.filename} cannot be removed ({error.strerror})"
-        raise UsageError(message) from error
+        raise UsageError(f"{error.filename} cannot be removed ({error.strerror})") from error
 
 
 def known_digest(out: Path, submission: StudentSubmission, salt: str, items: Sequence[str]) -> str:
@@ -278,7 +278,7 @@ def write_student(
     write_whole(folder / RESULT, _json(row), force=True)
 
 
-def _json(document: Any) -> bytes:  # noqa: ANN401 - whatever JSON holds
+def _json(document: Any) -> bytes:
     return (json.dumps(document, indent=1) + "\n").encode()
 
 

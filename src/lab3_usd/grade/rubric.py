@@ -118,15 +118,13 @@ def load_items(
         SpecError: there is none, or one is wrong; the line names it, and opens with `where`.
     """
     if not data:
-        message = f"{where}: 'items' is empty; a rubric needs at least one"
-        raise SpecError(message)
+        raise SpecError(f"{where}: 'items' is empty; a rubric needs at least one")
     items = records(data, Item, where, "id")
     for name, item in items.items():
         _check_name(name, where)
         place = f"{where}: {name}"
         if bool(item.checkpoint) == bool(item.checklist):
-            message = f"{place}: give either 'checkpoint' or 'checklist'"
-            raise SpecError(message)
+            raise SpecError(f"{place}: give either 'checkpoint' or 'checklist'")
         _check_needs(item, tuple(data), place)
         if item.checklist:
             _check_line(item, lines, place)
@@ -142,18 +140,15 @@ def one_of(value: str, known: Collection[str], place: str) -> None:
         SpecError: it is not; the message names them.
     """
     if value not in known:
-        message = f"{place}: {value!r} is not known; known are {', '.join(known)}"
-        raise SpecError(message)
+        raise SpecError(f"{place}: {value!r} is not known; known are {', '.join(known)}")
 
 
 def _check_name(name: str, where: str) -> None:
     """Refuse what can head no column of the table of grades."""
     if not name or not name.isprintable() or name != name.strip():
-        message = f"{where}: items: {name!r} is no name for an item"
-        raise SpecError(message)
+        raise SpecError(f"{where}: items: {name!r} is no name for an item")
     if name.casefold() in COLUMNS:
-        message = f"{where}: items: '{name}' is a column of grades.csv; choose another name"
-        raise SpecError(message)
+        raise SpecError(f"{where}: items: '{name}' is a column of grades.csv; choose another name")
 
 
 def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
@@ -169,14 +164,12 @@ def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
             why = (
                 f"which stands below it; an item may only need items above it, so move '{name}' up"
             )
-        message = f"{place}: needs '{name}', {why}"
-        raise SpecError(message)
+        raise SpecError(f"{place}: needs '{name}', {why}")
 
 
 def _check_line(item: Item, lines: Collection[str], place: str) -> None:
     if item.checklist not in lines:
-        message = f"{place}: no checklist of the handout has the line '{item.checklist}'"
-        raise SpecError(message)
+        raise SpecError(f"{place}: no checklist of the handout has the line '{item.checklist}'")
 
 
 def _check_requirements(
@@ -189,14 +182,12 @@ def _check_requirements(
             name = "group" if key == "groups" else "id"
             if not any(fnmatchcase(getattr(each, name), pattern) for each in there):
                 groups = ", ".join(dict.fromkeys(each.group for each in there))
-                message = (
+                raise SpecError(
                     f"{place}: '{pattern}' in '{key}' is nothing that checkpoint {item.checkpoint} "
                     f"asks for; its groups are {groups}"
                 )
-                raise SpecError(message)
     if not any(item.asks(requirement) for requirement in there):
-        message = f"{place}: its groups and requirements have nothing in common"
-        raise SpecError(message)
+        raise SpecError(f"{place}: its groups and requirements have nothing in common")
 
 
 class _RubricFile(Struct, forbid_unknown_fields=True):
@@ -215,8 +206,7 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     """
     file = path if path is not None else lab.folder / RUBRIC
     if path is None and not file.is_file():
-        message = f"{lab.title} has no {RUBRIC}; name a rubric with --rubric"
-        raise SpecError(message)
+        raise SpecError(f"{lab.title} has no {RUBRIC}; name a rubric with --rubric")
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
     where = file.name
     said = record(data, _RubricFile, where)
@@ -266,8 +256,7 @@ def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
 def _check_cap(cap: Cap, items: Collection[str], checkpoints: Collection[str], place: str) -> None:
     """Refuse a cap that could limit nothing."""
     if not cap.rules:
-        message = f"{place}: 'rules' is empty; name the rules whose errors limit the points"
-        raise SpecError(message)
+        raise SpecError(f"{place}: 'rules' is empty; name the rules whose errors limit the points")
     for rule in cap.rules:
         one_of(rule, all_rules(), place)
     for name in cap.items:

@@ -56,15 +56,14 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
         checkpoint_at(path, settings, lab)
         yield Entry(path, is_submission=False)
         return
-    from lab3_usd.judge.folder import is_submission  # noqa: PLC0415 - only for folders
+    from lab3_usd.judge.folder import is_submission
 
     if is_submission(Path(path)):
         yield Entry(path, is_submission=True)
         return
     files = sorted(each for each in Path(path).iterdir() if each.suffix.lower() in STAGE_ENDINGS)
     if not files:
-        message = f"{path}: holds no stage and is no submission"
-        raise UsageError(message)
+        raise UsageError(f"{path}: holds no stage and is no submission")
     for file in files:
         checkpoint_at(str(file), settings, lab)
         yield Entry(str(file), is_submission=False)
@@ -79,14 +78,12 @@ def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
     configured = next(matching(settings.config.checkpoints, path, settings.config), None)
     found = settings.checkpoint or configured or checkpoint_of(Path(path).name, lab)
     if found is not None and found not in lab.checkpoints:
-        message = f"{settings.config.file}: there is no checkpoint '{found}' ({path})"
-        raise UsageError(message)
+        raise UsageError(f"{settings.config.file}: there is no checkpoint '{found}' ({path})")
     if found is None:
-        message = (
+        raise UsageError(
             f"{path}: the name gives no checkpoint (as {lab.checkpoints[lab.first].file} does); "
             "give one with --checkpoint"
         )
-        raise UsageError(message)
     return found
 
 
@@ -102,7 +99,7 @@ def judge_entries(
         opened = _with_open_starter(settings)
         yield from (judge_entry(opened, entry) for entry in entries)
         return
-    from lab3_usd.judge.processes import in_processes  # noqa: PLC0415 - only with --jobs
+    from lab3_usd.judge.processes import in_processes
 
     judge, crashed = partial(_judge_in_process, settings), partial(crashed_entry, settings)
     yield from in_processes(judge, crashed, entries, min(jobs, len(entries)))
@@ -112,7 +109,7 @@ def _with_open_starter(settings: JudgeSettings) -> JudgeSettings:
     """Open the starter once for all the stages that are compared with it."""
     if not isinstance(settings.starter, Path):
         return settings
-    from lab3_usd.judge.starter import open_starter  # noqa: PLC0415 - only with --starter
+    from lab3_usd.judge.starter import open_starter
 
     return replace(settings, starter=open_starter(settings.starter, load_lab()))
 
@@ -130,7 +127,7 @@ def judge_entry(settings: JudgeSettings, entry: Entry) -> Results:
         return _judge_submission(entry.path, settings)
     lab = load_lab()
     checkpoint = checkpoint_at(entry.path, settings, lab)
-    from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.read.opening import kept_open
 
     with kept_open():
         result = check_stage(entry.path, checkpoint, lab)
@@ -154,7 +151,7 @@ def crashed_entry(settings: JudgeSettings, entry: Entry, how: str) -> Results:
 
 
 def _judge_submission(path: str, settings: JudgeSettings) -> Results:
-    from lab3_usd.judge.folder import FolderSettings, check_folder  # noqa: PLC0415
+    from lab3_usd.judge.folder import FolderSettings, check_folder
 
     folder = FolderSettings(
         settings.starter,
@@ -168,7 +165,7 @@ def _judge_submission(path: str, settings: JudgeSettings) -> Results:
 
 
 def _without_ignored(result: StageResult, settings: JudgeSettings) -> StageResult:
-    from lab3_usd.judge.results import (  # noqa: PLC0415 - only for lab3 check
+    from lab3_usd.judge.results import (
         scopes_run,
         without_ignored,
     )
@@ -177,13 +174,13 @@ def _without_ignored(result: StageResult, settings: JudgeSettings) -> StageResul
 
 
 def _with_native(result: StageResult) -> StageResult:
-    from lab3_usd.judge.native import with_native  # noqa: PLC0415 - only with --native
+    from lab3_usd.judge.native import with_native
 
     return with_native(result)
 
 
 def _against_starter(result: StageResult, settings: JudgeSettings, lab: Lab) -> StageResult:
-    from lab3_usd.judge.starter import (  # noqa: PLC0415 - only with --starter
+    from lab3_usd.judge.starter import (
         Starter,
         against_starter,
     )
@@ -193,6 +190,6 @@ def _against_starter(result: StageResult, settings: JudgeSettings, lab: Lab) -> 
 
 
 def _about_maps(checkpoint: str, maps: Path | None, lab: Lab) -> Iterable[Finding]:
-    from lab3_usd.judge.files import lone_stage_notes, map_findings  # noqa: PLC0415
+    from lab3_usd.judge.files import lone_stage_notes, map_findings
 
     return lone_stage_notes(checkpoint, lab) if maps is None else map_findings(maps, lab)

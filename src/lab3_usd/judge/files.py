@@ -93,8 +93,8 @@ def _recordings(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
 
 
 def _judged(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> RecordingShown:
-    from lab3_usd.sim.bag.files import Bounds, layout_of  # noqa: PLC0415 - of the extra
-    from lab3_usd.sim.bag.judge import judge_what_came  # noqa: PLC0415
+    from lab3_usd.sim.bag.files import Bounds, layout_of
+    from lab3_usd.sim.bag.judge import judge_what_came
 
     lab, last = until
     name = files[0].path
@@ -192,10 +192,10 @@ def _wall_agreements(
 
 
 def _agreements(stage_path: Path, image: Path, facts: MapFacts, lab: Lab) -> Iterator[Agreement]:
-    from lab3_usd.stage.read.opening import (  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.read.opening import (
         open_stage,
     )
-    from lab3_usd.stage.slices import SliceOptions, slice_stage  # noqa: PLC0415
+    from lab3_usd.stage.slices import SliceOptions, slice_stage
 
     robot = lab.scene.robot
     if not lab.lidar_link:

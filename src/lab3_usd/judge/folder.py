@@ -119,11 +119,11 @@ def _results(
         if starters.compared is not None:
             result = against_starter(result, starters.compared, contents.lab)
         if settings.native:
-            from lab3_usd.judge.native import with_native  # noqa: PLC0415 - only with --native
+            from lab3_usd.judge.native import with_native
 
             result = with_native(result)
         if settings.heeds_ignores:
-            from lab3_usd.judge.results import (  # noqa: PLC0415 - only for lab3 check
+            from lab3_usd.judge.results import (
                 scopes_run,
                 without_ignored,
             )
@@ -197,10 +197,10 @@ def find_starters(
 
 def _holds(own: Starter, trusted: Starter | None, lab: Lab) -> Iterator[str]:
     """Yield what a starter holds that only the lab adds, or has otherwise than the supplied one."""
-    from lab3_usd.stage.compare.starter import (  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.compare.starter import (
         compare_starter,
     )
-    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+    from lab3_usd.stage.read.reader import read_model
 
     model = read_model(own.stage, lab, str(own.path))
     added = list(_added(model, lab))

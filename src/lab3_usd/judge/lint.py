@@ -51,8 +51,7 @@ def lint_lab(release: str) -> Lab:
     types = load_isaac_types()
     known = (*types.releases, NEWEST)
     if release not in known:
-        message = f"there is no Isaac Sim '{release}' here; known are {', '.join(known)}"
-        raise UsageError(message)
+        raise UsageError(f"there is no Isaac Sim '{release}' here; known are {', '.join(known)}")
     return replace(load_lab(), catalog=types.in_release(release))
 
 
@@ -65,8 +64,8 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
     settings = settings or LintSettings()
     if not settings.native:
         return _ignoring(_linted(path, settings.release), settings)
-    from lab3_usd.judge.native import with_native  # noqa: PLC0415 - only with --native
-    from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415
+    from lab3_usd.judge.native import with_native
+    from lab3_usd.stage.read.opening import kept_open
 
     with kept_open():
         return _ignoring(with_native(_linted(path, settings.release)), settings)
@@ -75,7 +74,7 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
 def _ignoring(result: StageResult, settings: LintSettings) -> StageResult:
     if not settings.heeds_ignores:
         return result
-    from lab3_usd.judge.results import (  # noqa: PLC0415 - only for lab3 lint
+    from lab3_usd.judge.results import (
         scopes_run,
         without_ignored,
     )
@@ -85,7 +84,7 @@ def _ignoring(result: StageResult, settings: LintSettings) -> StageResult:
 
 def _linted(path: str | Path, release: str) -> StageResult:
     lab = lint_lab(release)
-    from lab3_usd.stage.read.opening import (  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.read.opening import (
         open_stage,
         quiet,
     )
@@ -93,8 +92,8 @@ def _linted(path: str | Path, release: str) -> StageResult:
     try:
         stage = open_stage(Path(path))
         # Imported only now: a command has another thread do it while the stage opens.
-        from lab3_usd.check.lint import lint  # noqa: PLC0415
-        from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+        from lab3_usd.check.lint import lint
+        from lab3_usd.stage.read.reader import read_model
 
         with quiet():
             model = read_model(stage, lab, str(path))
@@ -106,15 +105,15 @@ def _linted(path: str | Path, release: str) -> StageResult:
     return StageResult(str(path), None, verdict, Score(0.0, 0.0), findings, crashes=found.crashes)
 
 
-def lint_open_stage(stage: Any) -> RuleResults:  # noqa: ANN401 - pxr has no types
+def lint_open_stage(stage: Any) -> RuleResults:
     """Judge a stage that somebody else has open, which is left as it is.
 
     Raises:
         StageError: a file of the stage is damaged.
     """
-    from lab3_usd.check.lint import lint  # noqa: PLC0415 - after opening, see `_linted`
-    from lab3_usd.stage.read.opening import reopened  # noqa: PLC0415 - pxr, only when needed
-    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+    from lab3_usd.check.lint import lint
+    from lab3_usd.stage.read.opening import reopened
+    from lab3_usd.stage.read.reader import read_model
 
     lab = lint_lab(NEWEST)
     model = read_model(reopened(stage), lab, stage.GetRootLayer().identifier)
@@ -135,8 +134,7 @@ def find_stages(path: str) -> Iterator[Entry]:
         return
     files = sorted(_stages_below(path))
     if not files:
-        message = f"{path}: holds no stage, nor does a folder in it"
-        raise UsageError(message)
+        raise UsageError(f"{path}: holds no stage, nor does a folder in it")
     yield from (Entry(str(file)) for file in files)
 
 
@@ -151,12 +149,12 @@ def _stages_below(path: str) -> Iterator[Path]:
 def lint_stages(entries: Sequence[Entry], settings: LintSettings, jobs: int) -> Generator[Results]:
     """Yield the result of each stage, in order, judged in as many processes as asked for."""
     if min(jobs, len(entries)) <= 1:
-        from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, only when needed
+        from lab3_usd.stage.read.opening import kept_open
 
         with kept_open():
             yield from (_lint(settings, entry) for entry in entries)
         return
-    from lab3_usd.judge.processes import in_processes  # noqa: PLC0415 - only with --jobs
+    from lab3_usd.judge.processes import in_processes
 
     yield from in_processes(partial(_lint, settings), _crashed, entries, min(jobs, len(entries)))
 

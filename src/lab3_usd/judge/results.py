@@ -48,8 +48,8 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
     """
     if result.verdict == "unreadable":
         return result
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415
-    from lab3_usd.stage.text import read_ignore_notes  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.read.opening import open_stage
+    from lab3_usd.stage.text import read_ignore_notes
 
     path = Path(result.path)
     stage = open_stage(path)
@@ -72,9 +72,9 @@ def _is_for_others(note: IgnoreNote, scopes: Collection[Scope]) -> bool:
     return bool(named) and not any(each.scope in scopes for each in named)
 
 
-def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:  # noqa: ANN401
+def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:
     """Return what no note in an open stage ignores, of findings that have no places yet."""
-    from lab3_usd.stage.text import read_ignore_notes  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.text import read_ignore_notes
 
     notes = read_ignore_notes(stage, str(path))
     if not notes:
@@ -141,11 +141,11 @@ def with_findings(result: StageResult, findings: Iterable[Finding]) -> StageResu
     return replace(result, findings=new, verdict=verdict)
 
 
-def located(findings: Collection[Finding], path: Path | str, stage: Any) -> Iterator[Finding]:  # noqa: ANN401 - pxr has no types
+def located(findings: Collection[Finding], path: Path | str, stage: Any) -> Iterator[Finding]:
     """Yield findings of an open stage with their layer, line and column."""
     if not findings:
         return
-    from lab3_usd.stage.text import locate  # noqa: PLC0415 - only with findings
+    from lab3_usd.stage.text import locate
 
     places = locate(stage, str(path), [(each.prim, each.property) for each in findings])
     for each in findings:

@@ -36,15 +36,15 @@ def check_stage(
     lab = lab or load_lab()
     found = checkpoint or checkpoint_of(Path(path).name, lab)
     if found is None:
-        message = (
+        raise UsageError(
             f"{path}: names no checkpoint (as {lab.checkpoints[lab.first].file} does); "
             "give one with --checkpoint"
         )
-        raise UsageError(message)
     if found not in lab.checkpoints:
-        message = f"there is no checkpoint '{found}'; known are {', '.join(lab.checkpoints)}"
-        raise UsageError(message)
-    from lab3_usd.stage.read.opening import (  # noqa: PLC0415 - pxr, only when needed
+        raise UsageError(
+            f"there is no checkpoint '{found}'; known are {', '.join(lab.checkpoints)}"
+        )
+    from lab3_usd.stage.read.opening import (
         cached,
         open_stage,
         quiet,
@@ -53,8 +53,8 @@ def check_stage(
     try:
         stage = open_stage(Path(path))
         # Imported only now: a command has another thread do it while the stage opens.
-        from lab3_usd.check.checker import judge  # noqa: PLC0415
-        from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+        from lab3_usd.check.checker import judge
+        from lab3_usd.stage.read.reader import read_model
 
         asked = lab.same_demands(found)
         with quiet():
@@ -66,7 +66,7 @@ def check_stage(
     return _result(str(path), found, judged, stage)
 
 
-def check_open_stage(stage: Any, lab: Lab) -> RuleResults:  # noqa: ANN401 - pxr has no types
+def check_open_stage(stage: Any, lab: Lab) -> RuleResults:
     """Judge a stage that somebody else has open, which is left as it is; of another name, nothing.
 
     The checkpoint is the one that the name of its file begins with.
@@ -78,15 +78,15 @@ def check_open_stage(stage: Any, lab: Lab) -> RuleResults:  # noqa: ANN401 - pxr
     found = checkpoint_of(file.name, lab)
     if found is None:
         return RuleResults()
-    from lab3_usd.check.checker import judge  # noqa: PLC0415 - after opening, see `check_stage`
-    from lab3_usd.stage.read.opening import reopened  # noqa: PLC0415 - pxr, only when needed
-    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+    from lab3_usd.check.checker import judge
+    from lab3_usd.stage.read.opening import reopened
+    from lab3_usd.stage.read.reader import read_model
 
     judged = judge(lab, lab.checkpoints[found], read_model(reopened(stage), lab, str(file)))
     return RuleResults(ordered(judged.findings), judged.crashes)
 
 
-def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageResult:  # noqa: ANN401
+def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageResult:
     findings = judged.findings
     # Notes ask for no repair: a stage that passes is not read a second time for them.
     if any(each.severity != "note" for each in findings):

@@ -53,10 +53,10 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
     Raises:
         StageError: the file cannot be opened.
     """
-    from lab3_usd.stage.read.opening import (  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.read.opening import (
         open_stage,
     )
-    from lab3_usd.stage.read.reader import read_model  # noqa: PLC0415
+    from lab3_usd.stage.read.reader import read_model
 
     stage = open_stage(path)
     if not trusted:
@@ -78,14 +78,14 @@ def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageRes
     """
     if result.verdict == "unreadable":
         return result
-    from lab3_usd.stage.read.opening import open_stage  # noqa: PLC0415 - see above
+    from lab3_usd.stage.read.opening import open_stage
 
     return open_against_starter(result, open_stage(Path(result.path)), starter, lab)
 
 
 def open_against_starter(
     result: StageResult,
-    stage: Any,  # noqa: ANN401 - pxr has no types
+    stage: Any,
     starter: Starter,
     lab: Lab,
 ) -> StageResult:
@@ -195,10 +195,10 @@ class _Beside(Struct, frozen=True, eq=False):
 
 
 def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
-    from lab3_usd.stage.compare.starter import (  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.stage.compare.starter import (
         compare_starter,
     )
-    from lab3_usd.stage.read.opening import stage_errors  # noqa: PLC0415
+    from lab3_usd.stage.read.opening import stage_errors
 
     stage, lab = beside.stage, beside.lab
     with stage_errors(beside.path):

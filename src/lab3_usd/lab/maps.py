@@ -96,25 +96,22 @@ def read_pgm(path: Path) -> Grid:
     try:
         data = path.read_bytes()
     except OSError as error:
-        message = f"{path} cannot be read ({error.strerror})"
-        raise MapError(message) from error
+        raise MapError(f"{path} cannot be read ({error.strerror})") from error
     header = _HEADER.match(data)
     if header is None:
-        message = f"{path} is no PGM image, which begins with P5 or P2, width, height and white"
-        raise MapError(message)
+        raise MapError(
+            f"{path} is no PGM image, which begins with P5 or P2, width, height and white"
+        )
     width, height, white = (int(header[name]) for name in ("width", "height", "white"))
     if not (0 < width * height <= _MOST_CELLS and 0 < white <= _TWO_BYTES):
-        message = f"{path}: no map has {width} x {height} cells and {white} shades of grey"
-        raise MapError(message)
+        raise MapError(f"{path}: no map has {width} x {height} cells and {white} shades of grey")
     body = data[header.end() :]
     values = _binary(body, white) if header["kind"] == b"P5" else _decimal(body, path)
     if len(values) < width * height:
-        message = f"{path}: {width} x {height} cells announced, only {len(values)} found"
-        raise MapError(message)
+        raise MapError(f"{path}: {width} x {height} cells announced, only {len(values)} found")
     cells = values[: width * height]
     if max(cells) > white:
-        message = f"{path}: a cell is {max(cells)}, but white is {white}"
-        raise MapError(message)
+        raise MapError(f"{path}: a cell is {max(cells)}, but white is {white}")
     return Grid(width, height, bytes(value * _WHITE // white for value in cells))
 
 
@@ -128,8 +125,7 @@ def _decimal(body: bytes, path: Path) -> Sequence[int]:
     words = re.sub(rb"#[^\n]*", b"", body).split()
     if all(word.isdigit() and len(word) <= _MOST_DIGITS for word in words):
         return [int(word) for word in words]
-    message = f"{path}: a text PGM (P2) holds only whole numbers"
-    raise MapError(message)
+    raise MapError(f"{path}: a text PGM (P2) holds only whole numbers")
 
 
 def agreement(student: Grid, ours: Grid) -> float:
@@ -141,11 +137,10 @@ def agreement(student: Grid, ours: Grid) -> float:
         MapError: the maps have different sizes.
     """
     if (student.width, student.height) != (ours.width, ours.height):
-        message = (
+        raise MapError(
             f"a map of {student.width} x {student.height} cells cannot be compared "
             f"with one of {ours.width} x {ours.height}"
         )
-        raise MapError(message)
     near = {
         (column + right, row + down)
         for column, row in ours.occupied()
@@ -378,11 +373,9 @@ def draw_map(frame: MapFrame, segments: Sequence[tuple[Point, Point]], start: Po
             cells[row * frame.width + column] = OCCUPIED
     column, row = (math.floor(value) for value in frame.to_cells(start))
     if not (0 <= column < frame.width and 0 <= row < frame.height):
-        message = f"the start {start} lies outside the map, give --start or another frame"
-        raise UsageError(message)
+        raise UsageError(f"the start {start} lies outside the map, give --start or another frame")
     if cells[row * frame.width + column] == OCCUPIED:
-        message = f"the start {start} lies on a wall, give --start"
-        raise UsageError(message)
+        raise UsageError(f"the start {start} lies on a wall, give --start")
     _flood(cells, frame.width, row * frame.width + column)
     _forget_unseen(cells, frame.width)
     rows = [cells[at : at + frame.width] for at in range(0, len(cells), frame.width)]

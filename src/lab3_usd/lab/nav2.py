@@ -37,8 +37,9 @@ def read_params(
         file = path.as_posix()
     navigation = ros.navigation
     if navigation is None:
-        message = "ros.yaml: 'navigation' is missing, so that parameters of Nav2 cannot be judged"
-        raise SpecError(message)
+        raise SpecError(
+            "ros.yaml: 'navigation' is missing, so that parameters of Nav2 cannot be judged"
+        )
     names = navigation.parameters.rewritten
     try:
         found = tuple(_found(path.read_bytes(), names))
@@ -85,7 +86,7 @@ def _why_refused(parameter: Parameter, rewritten: Sequence[str]) -> str | None:
     return f"mixes {' and '.join(kinds)} in one list" if len(kinds) > 1 else None
 
 
-def _repeated(root: Any) -> Any:  # noqa: ANN401
+def _repeated(root: Any) -> Any:
     """Return a node that the file repeats by an alias, which ROS 2 does not read either."""
     seen: set[int] = set()
     waiting = [root]
@@ -101,8 +102,8 @@ def _repeated(root: Any) -> Any:  # noqa: ANN401
 
 
 def _nodes(
-    loader: Any,  # noqa: ANN401
-    node: Any,  # noqa: ANN401
+    loader: Any,
+    node: Any,
     names: tuple[str, ...],
 ) -> Iterator[Parameter | Refusal]:
     """Find the parameters of every node; `names` are the namespaces and the node above them."""
@@ -121,7 +122,7 @@ def _nodes(
             yield Refusal(place, f"'{key}' stands outside '{_PARAMETERS}'", line)
 
 
-def _values(loader: Any, node: Any, owner: str, names: tuple[str, ...]) -> Iterator[Parameter]:  # noqa: ANN401
+def _values(loader: Any, node: Any, owner: str, names: tuple[str, ...]) -> Iterator[Parameter]:
     for key, value in _pairs(node):
         name = (*names, key)
         if isinstance(value, yaml.MappingNode):
@@ -138,7 +139,7 @@ def _as_number(value: object) -> object:
     return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value
 
 
-def _pairs(node: Any) -> list[tuple[str, Any]]:  # noqa: ANN401
+def _pairs(node: Any) -> list[tuple[str, Any]]:
     """Return names and nodes of a mapping; nothing of what is no mapping."""
     if not isinstance(node, yaml.MappingNode):
         return []

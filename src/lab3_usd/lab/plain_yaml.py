@@ -28,11 +28,10 @@ class PlainLoader(yaml.SafeLoader):
         """Begin to read a text, unless it is far too long or too deep."""
         data = stream.encode(errors="replace") if isinstance(stream, str) else stream
         if len(data) > _LONGEST_TEXT or bracket_depth(data) > _MOST_BRACKETS:
-            problem = f"is longer than {_LONGEST_TEXT} characters, or nested too deep"
-            raise yaml.YAMLError(problem)
+            raise yaml.YAMLError(f"is longer than {_LONGEST_TEXT} characters, or nested too deep")
         super().__init__(stream)
 
-    def compose_scalar_node(self, anchor: Any) -> yaml.ScalarNode:  # noqa: ANN401
+    def compose_scalar_node(self, anchor: Any) -> yaml.ScalarNode:
         """Return a scalar whose text can be written again: halves of letters are replaced."""
         node = super().compose_scalar_node(anchor)
         node.value = node.value.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
@@ -48,7 +47,7 @@ def bracket_depth(data: bytes) -> int:
     return deepest
 
 
-def load_plain(text: str | bytes) -> Any:  # noqa: ANN401 - whatever the file holds
+def load_plain(text: str | bytes) -> Any:
     """Return what a YAML text holds.
 
     Raises:
@@ -62,7 +61,7 @@ def load_plain(text: str | bytes) -> Any:  # noqa: ANN401 - whatever the file ho
 def _or_text(construct: _Construct) -> _Construct:
     """Make a constructor return the text where there is no value that can be computed with."""
 
-    def constructor(loader: Any, node: Any) -> Any:  # noqa: ANN401
+    def constructor(loader: Any, node: Any) -> Any:
         text = loader.construct_scalar(node)
         # Python refuses to read, and takes long to compute, what is far too long for a number.
         if len(text) <= _LONGEST_NUMBER:

@@ -21,7 +21,7 @@ FOLDER = Path(__file__).resolve().parent / "templates"
 
 def fill_template(template: str, **values: object) -> str:
     """Return the template with its values; a value that is missing is an error."""
-    import jinja2  # noqa: PLC0415 - the other commands start without it
+    import jinja2
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER, encoding="utf-8"),
@@ -176,8 +176,7 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
     if navigation is None or goal is None or facts is None or localization is None:
         parts = {"navigation": navigation, "goal": goal, "map": facts, "localization": localization}
         lacking = ", ".join(f"no {name}" for name, part in parts.items() if part is None)
-        message = f"{lab.title} has {lacking}, and so no files for Nav2"
-        raise UsageError(message)
+        raise UsageError(f"{lab.title} has {lacking}, and so no files for Nav2")
     map_frame, odom_frame = localization.edge
     return {
         "lab": lab.title,

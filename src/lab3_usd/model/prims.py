@@ -60,7 +60,7 @@ class Prim(Struct, eq=False):
         del prim.attributes, prim.relationships, prim.local, prim.world
         return prim
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of any field that is not set yet
+    def __getattr__(self, name: str) -> Any:
         """Read a field that nobody has asked for before."""
         if name.startswith("__") or name == "read" or self.read is None:
             raise AttributeError(name)

@@ -15,7 +15,7 @@ from lab3_usd.spec.catalog import NodeType, Value
 
 def is_acyclic(pairs: Iterable[tuple[str, str]]) -> bool:
     """Whether no name leads back to itself."""
-    from graphlib import CycleError, TopologicalSorter  # noqa: PLC0415 - after start-up
+    from graphlib import CycleError, TopologicalSorter
 
     order: TopologicalSorter[str] = TopologicalSorter()
     for before, after in pairs:

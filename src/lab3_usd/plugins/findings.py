@@ -14,12 +14,12 @@ from lab3_usd.spec.load.loader import load_lab
 CRASH = "the program itself failed"
 
 
-def findings_of(stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
+def findings_of(stage: Any) -> tuple[Finding, ...]:
     """Return what the linter finds in an open stage, in order."""
     return _told(lambda: lint_open_stage(stage))
 
 
-def checked_findings_of(stage: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - pxr has no types
+def checked_findings_of(stage: Any) -> tuple[Finding, ...]:
     """Return what the check finds in an open stage whose file is named after a checkpoint."""
     return _told(lambda: check_open_stage(stage, load_lab()))
 

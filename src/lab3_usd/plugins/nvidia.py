@@ -20,7 +20,7 @@ _DECORATORS = ("register_rule", "registerRule")
 _ADD = {"error": "_AddFailedCheck", "warning": "_AddWarning", "note": "_AddInfo"}
 
 
-def validator() -> Any:  # noqa: ANN401 - a module without types
+def validator() -> Any:
     """Return the module of the validator that is installed.
 
     Raises:
@@ -33,43 +33,42 @@ def validator() -> Any:  # noqa: ANN401 - a module without types
             continue
         if any(hasattr(module, each) for each in _DECORATORS):
             return module
-    message = "no validator of NVIDIA is installed"
-    raise ImportError(message)
+    raise ImportError("no validator of NVIDIA is installed")
 
 
-def rule_class(module: Any) -> Any:  # noqa: ANN401 - see above
+def rule_class(module: Any) -> Any:
     """Return the rule that lints, a class that derives from the one of a validator."""
 
     class IsaacGraphChecker(module.BaseRuleChecker):  # type: ignore[misc]
         """Action Graphs, topics, frames, robots and sensors of Isaac Sim work as they are wired."""
 
-        def CheckStage(self, stage: Any) -> None:  # noqa: ANN401, N802 - the validator's name
+        def CheckStage(self, stage: Any) -> None:  # noqa: N802 - the validator's name
             """Report what the linter finds in a stage."""
-            from lab3_usd.plugins.findings import findings_of  # noqa: PLC0415
+            from lab3_usd.plugins.findings import findings_of
 
             _report(module, self, stage, findings_of(stage))
 
     return IsaacGraphChecker
 
 
-def checkpoint_rule_class(module: Any) -> Any:  # noqa: ANN401 - see above
+def checkpoint_rule_class(module: Any) -> Any:
     """Return the rule that checks the stages of the lab, with repairs as suggestions."""
 
     class LabCheckpointChecker(module.BaseRuleChecker):  # type: ignore[misc]
         """A stage of the lab, named after its checkpoint, is as the lab asks for it."""
 
-        def CheckStage(self, stage: Any) -> None:  # noqa: ANN401, N802 - the validator's name
+        def CheckStage(self, stage: Any) -> None:  # noqa: N802 - the validator's name
             """Report what the check finds in a stage."""
-            from lab3_usd.plugins.findings import checked_findings_of  # noqa: PLC0415
+            from lab3_usd.plugins.findings import checked_findings_of
 
             _report(module, self, stage, checked_findings_of(stage))
 
     return LabCheckpointChecker
 
 
-def _report(module: Any, rule: Any, stage: Any, findings: Iterable[Finding]) -> None:  # noqa: ANN401
+def _report(module: Any, rule: Any, stage: Any, findings: Iterable[Finding]) -> None:
     """Give a rule of the validator its issues, each with the repair that may be made unasked."""
-    from lab3_usd.plugins.findings import text_of  # noqa: PLC0415
+    from lab3_usd.plugins.findings import text_of
 
     for finding in findings:
         add = getattr(rule, _ADD[finding.severity])
@@ -77,7 +76,7 @@ def _report(module: Any, rule: Any, stage: Any, findings: Iterable[Finding]) -> 
         add(text_of(finding), at=stage.GetPrimAtPath(finding.prim) or stage, **suggested)
 
 
-def _suggestion(module: Any, repair: Repair) -> dict[str, Any]:  # noqa: ANN401
+def _suggestion(module: Any, repair: Repair) -> dict[str, Any]:
     """Return a repair as the validator takes it; nothing where it adds, removes or moves prims.
 
     `--fix` makes every suggestion without asking.
@@ -85,8 +84,8 @@ def _suggestion(module: Any, repair: Repair) -> dict[str, Any]:  # noqa: ANN401
     if not repair.safe or not hasattr(module, "Suggestion"):
         return {}
 
-    def repaired(stage: Any, _at: Any) -> None:  # noqa: ANN401 - the validator's own objects
-        from lab3_usd.fix.repairing import repair_open_stage  # noqa: PLC0415
+    def repaired(stage: Any, _at: Any) -> None:
+        from lab3_usd.fix.repairing import repair_open_stage
 
         repair_open_stage(repair, stage)
 

@@ -30,7 +30,7 @@ def fingerprinted(report: Report) -> Iterator[tuple[Entry, str]]:
 
 def fingerprint(*parts: str) -> str:
     """Return 32 hexadecimal digits that stand for `parts`."""
-    from hashlib import sha256  # noqa: PLC0415 - slow to load, and most formats do without
+    from hashlib import sha256
 
     return sha256("\0".join(parts).encode("utf-8", "backslashreplace")).hexdigest()[:32]
 

@@ -56,7 +56,7 @@ def dot_string(text: str) -> str:
     return '"' + printable(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-def truncated_values(document: Any) -> Any:  # noqa: ANN401 - whatever JSON holds
+def truncated_values(document: Any) -> Any:
     """Return plain data with every text in it truncated."""
     if isinstance(document, str):
         return truncated(document)

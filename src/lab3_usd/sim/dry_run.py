@@ -154,8 +154,8 @@ def scene_of(path: Path) -> Scene:
     Raises:
         StageError: it cannot be read.
     """
-    from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors  # noqa: PLC0415 - pxr
-    from lab3_usd.stage.read.scene import read_scene  # noqa: PLC0415
+    from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
+    from lab3_usd.stage.read.scene import read_scene
 
     with quiet(), stage_errors(path):
         return read_scene(open_stage(path))

@@ -95,8 +95,9 @@ class Link:
             self._domain = Domain(domain, CONFIGURATION)
             self._participant = DomainParticipant(domain)
         except DDSException as error:
-            message = f"--live: DDS does not start in domain {domain} on 127.0.0.1: {error.msg}"
-            raise UsageError(message) from error
+            raise UsageError(
+                f"--live: DDS does not start in domain {domain} on 127.0.0.1: {error.msg}"
+            ) from error
         if commands:
             topic = Topic(self._participant, _wire_topic(commands), wire_type(TWIST))
             self._reader = DataReader(self._participant, topic, qos=_qos(Profile(DEPTH)))
@@ -161,7 +162,7 @@ def wire_type(kind: str) -> type[IdlStruct]:
     return make_idl_struct(name.rpartition(":")[2], name.replace("::", "."), made)
 
 
-def _field(node: Nodetype, of: Any) -> Any:  # noqa: ANN401 - the library's description, its type
+def _field(node: Nodetype, of: Any) -> Any:
     if node is Nodetype.BASE:
         return _BASES[of[0]]
     if node is Nodetype.NAME:

@@ -45,7 +45,7 @@ def _whole(low: int, high: int) -> Callable[[Any], bool]:
     )
 
 
-def _real(value: Any) -> bool:  # noqa: ANN401
+def _real(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
@@ -65,7 +65,7 @@ def is_known_type(usd_type: str) -> bool:
     return base in _TUPLES or base in _SCALARS
 
 
-def fits_type(value: Any, usd_type: str) -> bool:  # noqa: ANN401
+def fits_type(value: Any, usd_type: str) -> bool:
     """Whether a plain value can be stored in an attribute of this USD type."""
     if usd_type.endswith("[]"):
         return isinstance(value, (list, tuple)) and all(fits_type(v, usd_type[:-2]) for v in value)
@@ -94,19 +94,18 @@ def are_alike(one: str, other: str) -> bool:
     return one == other or any(one in types and other in types for types in _ALIKE)
 
 
-def typed_value(value: Any, usd_type: str, where: str) -> Value:  # noqa: ANN401
+def typed_value(value: Any, usd_type: str, where: str) -> Value:
     """Return `value` as it is stored: lists become tuples, numbers of float types floats.
 
     Raises:
         SpecError: the value does not fit the type; `where` opens the message.
     """
     if not fits_type(value, usd_type):
-        message = f"{where} is {value!r}, expected a value of type {usd_type}"
-        raise SpecError(message)
+        raise SpecError(f"{where} is {value!r}, expected a value of type {usd_type}")
     return _frozen(value, usd_type)
 
 
-def _frozen(value: Any, usd_type: str) -> Value:  # noqa: ANN401
+def _frozen(value: Any, usd_type: str) -> Value:
     if usd_type.endswith("[]"):
         return tuple(_frozen(v, usd_type[:-2]) for v in value)
     if usd_type in _TUPLES:

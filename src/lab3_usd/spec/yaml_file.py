@@ -27,7 +27,7 @@ _SHOWN.maxlevel, _SHOWN.maxstring, _SHOWN.maxother, _SHOWN.maxlong = 2, 100, 100
 class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run time
     """A safe loader that refuses keys that are not text, or given twice and so overwritten."""
 
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:  # noqa: ANN401, FBT001, FBT002 - PyYAML's signature
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002 - PyYAML's signature
         if not isinstance(node, yaml.MappingNode):  # a tag says that it is one
             raise yaml.MarkedYAMLError(problem="is no mapping", problem_mark=node.start_mark)
         seen: set[str] = set()
@@ -44,14 +44,14 @@ class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run tim
         return mapping
 
 
-def _plain(node: Any) -> object:  # noqa: ANN401 - PyYAML's types
+def _plain(node: Any) -> object:
     return node.value if isinstance(node, yaml.ScalarNode) else "[...]"
 
 
 def _whole(construct: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """Have a value that looks like a number or a date but is none refused like other mistakes."""
 
-    def constructed(loader: Any, node: Any) -> Any:  # noqa: ANN401 - PyYAML's types
+    def constructed(loader: Any, node: Any) -> Any:
         try:
             return construct(loader, node)
         except (ValueError, LookupError, AttributeError) as error:
@@ -86,13 +86,11 @@ def read_foreign_yaml(path: Path) -> dict[str, Any]:
 
 def _bounded(path: Path) -> bytes:
     if path.exists() and not path.is_file():
-        message = f"{path.name}: is no file"
-        raise SpecError(message)
+        raise SpecError(f"{path.name}: is no file")
     with path.open("rb") as file:
         text = file.read(_MEGABYTE + 1)
     if len(text) > _MEGABYTE:
-        message = f"{path.name}: is larger than {_MEGABYTE} bytes"
-        raise SpecError(message)
+        raise SpecError(f"{path.name}: is larger than {_MEGABYTE} bytes")
     refuse_deep(text)
     return text
 
@@ -117,14 +115,13 @@ def _read(path: Path, content: Callable[[], bytes]) -> dict[str, Any]:
     try:
         data = yaml.load(content(), Loader=_UniqueKeys)  # noqa: S506 - a safe loader
     except OSError as error:
-        message = f"{path.name}: cannot be read ({error.strerror}); expected at {path}"
-        raise SpecError(message) from error
+        raise SpecError(
+            f"{path.name}: cannot be read ({error.strerror}); expected at {path}"
+        ) from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        message = f"{path.name}: {_describe(error)}"
-        raise SpecError(message) from error
+        raise SpecError(f"{path.name}: {_describe(error)}") from error
     if not isinstance(data, dict):
-        message = f"{path.name}: is not a mapping of names to values"
-        raise SpecError(message)
+        raise SpecError(f"{path.name}: is not a mapping of names to values")
     return data
 
 
@@ -142,7 +139,7 @@ _LISTS = (list, tuple)
 _ENTRY = "entry "  # what stands for a name in a list
 
 
-def record(data: Any, kind: type[_T], where: str) -> _T:  # noqa: ANN401 - whatever YAML holds
+def record(data: Any, kind: type[_T], where: str) -> _T:
     """Return `data` as a value of `kind`, a type that msgspec knows.
 
     Raises:
@@ -156,11 +153,10 @@ def record(data: Any, kind: type[_T], where: str) -> _T:  # noqa: ANN401 - whate
         named = [n for n, name in enumerate(names) if not name.startswith(_ENTRY)]
         if named and is_value:
             names[named[-1]] = f"'{names[named[-1]]}'"
-        message = ": ".join((where, *names)) + (" " if is_value else ": ") + fault
-        raise SpecError(message) from error
+        raise SpecError(": ".join((where, *names)) + (" " if is_value else ": ") + fault) from error
 
 
-def _parse(kind: Any, data: Any) -> Any:  # noqa: ANN401
+def _parse(kind: Any, data: Any) -> Any:
     """Make a value of a type that msgspec does not know out of how it is written."""
     if not isinstance(data, str):
         raise TypeError(data)
@@ -177,14 +173,13 @@ def records(
     """
     for name, entry in data.items():
         if key in entry:
-            message = f"{where}: {name}: {key!r} is not known; '{name}' is what it is called"
-            raise SpecError(message)
+            raise SpecError(f"{where}: {name}: {key!r} is not known; '{name}' is what it is called")
     return {
         name: record({key: name, **entry}, kind, f"{where}: {name}") for name, entry in data.items()
     }
 
 
-def _fault(data: Any, kind: Any) -> tuple[list[str], str]:  # noqa: ANN401
+def _fault(data: Any, kind: Any) -> tuple[list[str], str]:
     """Return the keys that lead to the first slip, and what is wrong there."""
     kind = _meant(data, kind)
     if _is_record(kind) and isinstance(data, dict):
@@ -204,12 +199,12 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:  # noqa: ANN401
 
 
 @cache
-def _fields(kind: Any) -> tuple[FieldInfo, ...]:  # noqa: ANN401
+def _fields(kind: Any) -> tuple[FieldInfo, ...]:
     """Return the fields of a record; msgspec evaluates all annotations for it."""
     return fields(kind)
 
 
-def _meant(data: Any, kind: Any) -> Any:  # noqa: ANN401
+def _meant(data: Any, kind: Any) -> Any:
     """Of several types return the one that was likely meant."""
     if get_origin(kind) not in {Union, UnionType}:
         return kind
@@ -218,16 +213,16 @@ def _meant(data: Any, kind: Any) -> Any:  # noqa: ANN401
     return (alike or kinds)[0]
 
 
-def _is_record(kind: Any) -> bool:  # noqa: ANN401
+def _is_record(kind: Any) -> bool:
     return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
 
 
-def _is_mapping(kind: Any) -> bool:  # noqa: ANN401
+def _is_mapping(kind: Any) -> bool:
     origin = get_origin(kind)
     return _is_record(kind) or (isinstance(origin, type) and issubclass(origin, Mapping))
 
 
-def _inside(data: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:  # noqa: ANN401
+def _inside(data: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:
     """Yield the name, the value and the type of everything in `data`."""
     if isinstance(data, dict) and _is_record(kind):
         yield from (
@@ -245,7 +240,7 @@ def _inside(data: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:  # noqa: AN
                 yield f"{_ENTRY}{number + 1}", value, fixed
 
 
-def _fits(value: Any, kind: Any) -> bool:  # noqa: ANN401
+def _fits(value: Any, kind: Any) -> bool:
     try:
         msgspec.convert(value, kind, dec_hook=_parse)
     except msgspec.ValidationError:
@@ -253,7 +248,7 @@ def _fits(value: Any, kind: Any) -> bool:  # noqa: ANN401
     return True
 
 
-def _called(kind: Any) -> str:  # noqa: ANN401
+def _called(kind: Any) -> str:
     inner = get_args(kind)
     if get_origin(kind) is Annotated:
         return f"{_called(inner[0])} from {inner[1].ge:.7g} to {inner[1].le:.7g}"

@@ -96,13 +96,11 @@ def open_layer(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
     try:
         text = None if is_trusted else fence.check(Path(file))
     except StageError as error:
-        message = f"{name}: {error}"
-        raise StageError(message) from error
+        raise StageError(f"{name}: {error}") from error
     with memory_errors():
         layer = Sdf.Layer.FindOrOpen(identifier)
     if layer is None:
-        message = f"{name}: usd-core opens no stage from it; save it again from Isaac Sim"
-        raise StageError(message)
+        raise StageError(f"{name}: usd-core opens no stage from it; save it again from Isaac Sim")
     fence.layers[layer.identifier] = layer
     if not is_trusted and (text is None or _CLIPS.encode() in text):
         _drop_clips(layer, fence.nesting)
@@ -130,8 +128,7 @@ def _drop_clips(layer: Sdf.Layer, nesting: int) -> None:
         if not path.IsPrimPath() and not path.IsPrimVariantSelectionPath():
             return
         if path.pathElementCount > nesting:
-            message = f"prims lie more than {nesting} levels deep in one another"
-            raise StageError(message)
+            raise StageError(f"prims lie more than {nesting} levels deep in one another")
         spec = layer.GetObjectAtPath(path)
         if spec is not None and spec.HasInfo(_CLIPS):  # a damaged file names what it lacks
             with_clips.append(path)
@@ -151,10 +148,9 @@ def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
         is_trusted = os.path.realpath(layer.realPath) in fence.allowed
         assets = [each for each in layer.GetCompositionAssetDependencies() if each]
         if len(assets) > _MOST_ASSETS:
-            message = (
+            raise StageError(
                 f"{shown_name(fence, root.realPath)}: refers to {len(assets)} files; not opened"
             )
-            raise StageError(message)
         for asset in assets:
             found = (
                 _trusted(fence, layer, asset) if is_trusted else _inspect(fence, layer, asset, name)
@@ -225,8 +221,7 @@ def _redirect(layer: Sdf.Layer, asset: str) -> None:
         layer.UpdateCompositionAssetDependency(asset, blocked_path(asset))
         if asset not in layer.GetCompositionAssetDependencies():
             return
-    message = f"the reference to {asset} cannot be taken out"
-    raise StageError(message)
+    raise StageError(f"the reference to {asset} cannot be taken out")
 
 
 @contextmanager
@@ -255,8 +250,7 @@ def files_of(stage_path: Path) -> frozenset[str]:
 def _open_within(fence: Fence, path: Path) -> Usd.Stage:
     real = os.path.realpath(path)
     if fence.closed and name_of(fence, real) in fence.closed:
-        message = f"{path}: has been judged and is not opened again"
-        raise StageError(message)
+        raise StageError(f"{path}: has been judged and is not opened again")
     if real not in fence.stages:
         fence.stages[real] = _open_first(fence, path, real)
     return fence.stages[real]
@@ -268,12 +262,10 @@ def _open_first(fence: Fence, path: Path, real: str) -> Usd.Stage:
         return Usd.Stage.Open(real, Usd.Stage.LoadAll)
     name = name_of(fence, real)
     if name is None:
-        message = f"{path}: lies outside the submission and is not opened"
-        raise StageError(message)
+        raise StageError(f"{path}: lies outside the submission and is not opened")
     fence.announce(name)
     if name in fence.broken:
-        message = f"{path}: {fence.broken[name]}"
-        raise StageError(message)
+        raise StageError(f"{path}: {fence.broken[name]}")
     check_file(path)
     twin = _twin(fence, real, name)
     if twin is not None:
@@ -312,8 +304,7 @@ def _check_used(fence: Fence, stage: Usd.Stage, path: Path) -> None:
     for layer in stage.GetUsedLayers():
         if not layer.anonymous and layer.identifier not in fence.layers:
             read = shown_name(fence, os.path.realpath(layer.realPath))
-            message = f"{path}: reads {read}, which was not looked at"
-            raise StageError(message)
+            raise StageError(f"{path}: reads {read}, which was not looked at")
 
 
 def _check_graphs(fence: Fence, stage: Usd.Stage, name: str) -> None:

@@ -247,8 +247,9 @@ def _position(prim: Usd.Prim, to_metres: Gf.Matrix4d) -> tuple[float, float, flo
 def _link_height(stage: Usd.Stage, cut: SliceOptions, to_metres: Gf.Matrix4d) -> float:
     link = stage.GetPrimAtPath(cut.lidar_link)
     if not link:
-        message = f"the stage has no {cut.lidar_link} to take the height from, give --height"
-        raise UsageError(message)
+        raise UsageError(
+            f"the stage has no {cut.lidar_link} to take the height from, give --height"
+        )
     return _position(link, to_metres)[2]
 
 

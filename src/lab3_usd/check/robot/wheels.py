@@ -206,8 +206,8 @@ def second_commanders(
 
 def is_same_graph(spec: GraphSpec, graph: GraphModel, live: Nodes) -> bool:
     """Whether a graph does exactly what the spec asks for, wherever it stands."""
-    from lab3_usd.check.match.diagnosis import diagnose  # noqa: PLC0415 - few graphs are copies
-    from lab3_usd.check.match.roles import match  # noqa: PLC0415
+    from lab3_usd.check.match.diagnosis import diagnose
+    from lab3_usd.check.match.roles import match
 
     roles = match(spec, graph)
     if roles.extra or diagnose(spec, roles, live):

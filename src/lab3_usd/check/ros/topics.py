@@ -59,7 +59,7 @@ def likely_type(written: str, known: Collection[str]) -> str | None:
 
 
 def _near(written: str, known: Collection[str], least: float) -> str | None:
-    from difflib import get_close_matches  # noqa: PLC0415 - only after a slip
+    from difflib import get_close_matches
 
     near = get_close_matches(written, known, 1, least)
     return near[0] if near else None
@@ -159,7 +159,7 @@ def _made_by(maker: Node, live: Nodes) -> Qos | None:
 
 def decode(text: str) -> Qos | None:
     """Read a profile written as JSON; None where Isaac Sim would refuse it."""
-    import json  # noqa: PLC0415 - few stages write profiles out
+    import json
 
     try:
         data = json.loads(text)

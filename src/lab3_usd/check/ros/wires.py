@@ -113,7 +113,7 @@ def _cycles(kind: Kind, wires: list[Connection]) -> Iterator[WireCycle]:
     pairs = [(wire.source_prim, wire.node.path) for wire in wires]
     if is_acyclic(pairs):
         return
-    import networkx as nx  # noqa: PLC0415 - only where there is a cycle
+    import networkx as nx
 
     graph, told = nx.DiGraph(pairs), set[str]()
     for wire in wires:

@@ -41,7 +41,7 @@ def frames_in_cycles(edges: Iterable[Edge]) -> list[str]:
     pairs = [(edge.parent, edge.child) for edge in edges]
     if is_acyclic(pairs):
         return []
-    import networkx as nx  # noqa: PLC0415 - only where there is a cycle
+    import networkx as nx
 
     graph = nx.DiGraph(pairs)
     parts = nx.strongly_connected_components(graph)

@@ -71,14 +71,13 @@ def read_baseline(path: Path) -> Baseline:
     try:
         found = msgspec.json.decode(path.read_bytes(), type=Baseline)
     except OSError as error:
-        message = f"{path}: cannot be read ({error.strerror})"
-        raise UsageError(message) from error
+        raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except (msgspec.MsgspecError, UnicodeError) as error:
-        message = f"{path}: is no baseline; lab3 check --write-baseline writes one"
-        raise UsageError(message) from error
+        raise UsageError(
+            f"{path}: is no baseline; lab3 check --write-baseline writes one"
+        ) from error
     if found.version != VERSION:
-        message = f"{path}: is a baseline of version {found.version}, expected {VERSION}"
-        raise UsageError(message)
+        raise UsageError(f"{path}: is a baseline of version {found.version}, expected {VERSION}")
     return found
 
 

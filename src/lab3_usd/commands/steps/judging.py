@@ -38,12 +38,12 @@ def imported_while_opening(*modules: str) -> Iterator[None]:
     cannot be imported fails where it is needed. What they write to standard error is lost, as
     usd-core's own warnings are.
     """
-    from lab3_usd.stage.read.opening import opener  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.read.opening import opener
 
     importing = Thread(target=_import, args=modules)
     open_only = opener.get()
 
-    def open_and_import(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
+    def open_and_import(path: Path) -> Any:
         if importing.ident is not None:
             return open_only(path)
         importing.start()
@@ -96,7 +96,7 @@ def run(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
     if options["watch"]:
         return _watch(paths, judge, options)
     entries = [entry for path in paths for entry in judge.find(path)]
-    from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.stage.read.opening import kept_open
 
     needed = (judge.module, *AFTER_OPENING, module_of(options["form"]))
     # The comparison with the starter, and some formats, look at the stage again.
@@ -107,7 +107,7 @@ def run(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
 
 
 def _watch(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
-    from lab3_usd.commands.steps.watching import (  # noqa: PLC0415 - only with --watch
+    from lab3_usd.commands.steps.watching import (
         Watched,
         prepare,
         watch,
@@ -145,12 +145,12 @@ def _judged(entries: list[Entry], judge: Judge, options: Mapping[str, Any]) -> R
 def _played(stages: Iterable[StageResult], options: Mapping[str, Any]) -> Iterable[StageResult]:
     if not options.get("sim"):
         return stages
-    from lab3_usd.commands.steps.dry_runs import with_dry_run  # noqa: PLC0415 - only with --sim
+    from lab3_usd.commands.steps.dry_runs import with_dry_run
 
     return (with_dry_run(each, options["dry_runs"]) for each in stages)
 
 
-def _progress(judged: Iterable[Any], count: int, options: Mapping[str, Any]) -> Any:  # noqa: ANN401
+def _progress(judged: Iterable[Any], count: int, options: Mapping[str, Any]) -> Any:
     """Show a bar on standard error while many files are judged, on a terminal only."""
     if options["quiet"] or count < 3 or not sys.stderr.isatty():  # noqa: PLR2004
         return nullcontext(judged)

@@ -132,7 +132,7 @@ def split_rules(values: Iterable[str]) -> tuple[str, ...]:
     parts = [part for value in values for part in value.split(",") if part.strip()]
     if not parts:
         return ()
-    from lab3_usd.check.registry import check_rule_names  # noqa: PLC0415 - only when named
+    from lab3_usd.check.registry import check_rule_names
 
     return check_rule_names(parts)
 
@@ -146,8 +146,7 @@ def checkpoint_number(given: str, known: Collection[str]) -> str:
     alike = (each for each in known if _is_same_number(each, given))
     number = given if given in known else next(alike, given)
     if number not in known:
-        message = f"there is no checkpoint '{given}'; known are {', '.join(known)}"
-        raise UsageError(message)
+        raise UsageError(f"there is no checkpoint '{given}'; known are {', '.join(known)}")
     return number
 
 
@@ -167,7 +166,7 @@ def wants_color() -> bool:
 
 def width() -> int:
     """Return the columns of the terminal, 100 when there is none."""
-    import shutil  # noqa: PLC0415 - only where a terminal is written to
+    import shutil
 
     return shutil.get_terminal_size((100, 24)).columns
 
@@ -190,7 +189,7 @@ def with_config(paths: Iterable[str], options: Mapping[str, Any]) -> dict[str, A
     Raises:
         UsageError: the configuration is wrong, or names of rules are.
     """
-    from lab3_usd.config.settings import (  # noqa: PLC0415 - fast --help
+    from lab3_usd.config.settings import (
         Config,
         config_for,
         load_config,
@@ -223,7 +222,7 @@ def use_configured_lab(path: Path) -> None:
     Raises:
         UsageError: the configuration is wrong.
     """
-    from lab3_usd.config.settings import config_for  # noqa: PLC0415 - keeps --help fast
+    from lab3_usd.config.settings import config_for
 
     use_lab(config_for([str(path)]).lab)
 

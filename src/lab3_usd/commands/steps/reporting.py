@@ -32,16 +32,16 @@ def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:
     format_named(options["form"])
     for path in paths:
         if not Path(path).exists():
-            message = f"{path}: there is no such file or folder"
-            raise UsageError(message)
+            raise UsageError(f"{path}: there is no such file or folder")
     if options["output"] is None:
         return
     output = Path(options["output"])
     above = {output.resolve(), *output.resolve().parents}
     is_read = output.exists() and not above.isdisjoint(Path(each).resolve() for each in paths)
     if is_read or output.suffix.lower() in STAGE_ENDINGS:
-        message = f"{output}: is, or may be, a file that is checked; write the report elsewhere"
-        raise UsageError(message)
+        raise UsageError(
+            f"{output}: is, or may be, a file that is checked; write the report elsewhere"
+        )
 
 
 def wants_native(options: Mapping[str, Any]) -> bool:
@@ -52,14 +52,14 @@ def wants_native(options: Mapping[str, Any]) -> bool:
     """
     if not options["native"] and not any(map(_is_native, options["select"])):
         return False
-    from lab3_usd.judge.native import require_native  # noqa: PLC0415 - pxr, only when it is needed
+    from lab3_usd.judge.native import require_native
 
     require_native()
     return True
 
 
 def _is_native(rule: str) -> bool:
-    from lab3_usd.model.native import FAMILY  # noqa: PLC0415 - only with --select
+    from lab3_usd.model.native import FAMILY
 
     return family_of(rule) == FAMILY
 
@@ -87,7 +87,7 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
     written, given = options["write_baseline"], options["baseline"]
     if written is None and given is None:
         return report
-    from lab3_usd.commands.steps.baseline import (  # noqa: PLC0415 - rare
+    from lab3_usd.commands.steps.baseline import (
         without_known,
         write_baseline,
     )
@@ -108,7 +108,7 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
     form = format_named(options["form"])
     rules = None
     if form.manual or options["verbose"]:
-        from lab3_usd.check.manual import rules_in  # noqa: PLC0415 - only where it is quoted
+        from lab3_usd.check.manual import rules_in
 
         rules = rules_in(load_lab())
     to_terminal = options["output"] is None
@@ -127,7 +127,7 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
 
 
 def _changes(report: Report, options: Mapping[str, Any]) -> Changes:
-    from lab3_usd.fix.repairing import text_changes  # noqa: PLC0415 - pxr, only when needed
+    from lab3_usd.fix.repairing import text_changes
 
     return text_changes(report, load_lab(), options.get("starter"))
 
@@ -136,8 +136,8 @@ def _points(report: Report) -> dict[str, float]:
     """Return what each checkpoint is worth by the lab's rubric, where stages are told together."""
     if len(report.results) < 2 or all(each.checkpoint is None for each in report.results):  # noqa: PLR2004
         return {}
-    from lab3_usd.grade.rubric import load_rubric  # noqa: PLC0415 - for folders
-    from lab3_usd.spec.lab import RUBRIC  # noqa: PLC0415 - for folders
+    from lab3_usd.grade.rubric import load_rubric
+    from lab3_usd.spec.lab import RUBRIC
 
     points: dict[str, float] = {}
     lab = load_lab()
@@ -154,7 +154,7 @@ def write_report(text: str, output: str | None) -> None:
         sys.stdout.buffer.write(text.encode("utf-8", "replace"))
         sys.stdout.buffer.flush()
         return
-    from lab3_usd.files import write_whole  # noqa: PLC0415 - only with --output
+    from lab3_usd.files import write_whole
 
     write_whole(Path(output), text.encode("utf-8", "replace"), force=True)
 

@@ -30,7 +30,7 @@ def saves(folders: Iterable[str]) -> Iterator[frozenset[str]]:
 
     Folders are watched rather than files: whoever saves by renaming makes another file.
     """
-    from watchfiles import watch as file_events  # noqa: PLC0415 - an extra
+    from watchfiles import watch as file_events
 
     events = file_events(*folders, watch_filter=None, step=STEP, debounce=DEBOUNCE, recursive=False)
     for changes in events:
@@ -162,20 +162,20 @@ def prepare(options: Mapping[str, Any]) -> None:
             written again and again.
     """
     if options["write_baseline"] is not None:
-        message = "--watch and --write-baseline do not go together: write the baseline first"
-        raise UsageError(message)
+        raise UsageError(
+            "--watch and --write-baseline do not go together: write the baseline first"
+        )
     try:
-        import watchfiles  # noqa: F401, PLC0415 - an extra
+        import watchfiles  # noqa: F401 - an extra
     except ImportError as error:
-        message = "--watch needs a library: pip install 'lab3-usd[watch]'"
-        raise UsageError(message) from error
+        raise UsageError("--watch needs a library: pip install 'lab3-usd[watch]'") from error
     for name, value in _ENVIRONMENT.items():
         os.environ.setdefault(name, value)
 
 
 def watch(paths: Iterable[str], watched: Watched, options: Mapping[str, Any]) -> int:
     """Judge, report, and do both again after each save; return the exit code after Ctrl-C."""
-    from lab3_usd.stage.read.watched_files import (  # noqa: PLC0415 - pxr, after prepare
+    from lab3_usd.stage.read.watched_files import (
         text_in_memory,
     )
 
@@ -227,7 +227,7 @@ class _Session:
 
     def _used_by_shared(self) -> frozenset[str]:
         """Return the layers of the stages that all are judged with, of the starter."""
-        from lab3_usd.stage.read.watched_files import (  # noqa: PLC0415 - pxr, after prepare
+        from lab3_usd.stage.read.watched_files import (
             used_files,
         )
 
@@ -265,7 +265,7 @@ class _Session:
     def close(self) -> None:
         """Leave a page that is a report like any other."""
         if self._is_page and self._version:
-            from lab3_usd.report.html.templates import (  # noqa: PLC0415 - only for pages
+            from lab3_usd.report.html.templates import (
                 version_file,
             )
 
@@ -288,7 +288,7 @@ class _Session:
         return holds(name, changed)
 
     def _judge(self, name: str) -> None:
-        from lab3_usd.stage.read.watched_files import (  # noqa: PLC0415 - pxr, after prepare
+        from lab3_usd.stage.read.watched_files import (
             may_be_whole,
         )
 
@@ -309,8 +309,8 @@ class _Session:
 
     def _judged_once(self, name: str, *, is_over: bool) -> Report | None:
         """Return what is said of a stage or folder; None while the starter is being written."""
-        from lab3_usd.stage.read.opening import kept_open  # noqa: PLC0415 - pxr, after prepare
-        from lab3_usd.stage.read.watched_files import used_files  # noqa: PLC0415
+        from lab3_usd.stage.read.opening import kept_open
+        from lab3_usd.stage.read.watched_files import used_files
 
         path = Path(name)
         try:
@@ -348,7 +348,7 @@ class _Session:
             write_report(text, None)
 
     def _write_page(self, text: str) -> None:
-        from lab3_usd.report.html.templates import (  # noqa: PLC0415 - only for pages
+        from lab3_usd.report.html.templates import (
             live_page,
             version_file,
             version_script,
@@ -364,6 +364,6 @@ def _is_unreadable(report: Report) -> bool:
 
 
 def _forget(paths: Iterable[str]) -> None:
-    from lab3_usd.stage.read.watched_files import forget_files  # noqa: PLC0415 - pxr, after prepare
+    from lab3_usd.stage.read.watched_files import forget_files
 
     forget_files(paths)

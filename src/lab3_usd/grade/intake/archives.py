@@ -105,8 +105,9 @@ def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
             raise
         # Students would be lost with what follows in the archive of a class.
         if len(copy.digests) == taken or copy.archives:
-            message = f"{archive.name}: is damaged or no such archive; pack it again"
-            raise ArchiveError(message) from error
+            raise ArchiveError(
+                f"{archive.name}: is damaged or no such archive; pack it again"
+            ) from error
         copy.refuse(archive.name, "the archive is damaged; what follows in it is lost")
 
 
@@ -115,8 +116,7 @@ def _make_sure_of(archive: Path) -> None:
     try:
         archive.open("rb").close()
     except OSError as error:
-        message = f"{archive.name}: cannot be read ({error.strerror})"
-        raise ArchiveError(message) from error
+        raise ArchiveError(f"{archive.name}: cannot be read ({error.strerror})") from error
 
 
 def _from_zip(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
@@ -213,8 +213,9 @@ def _tar_entries(
                 total += max(member.size, 0)
             copy.limits.check_count(count)
             if total > copy.limits.total_size or total > allowed:
-                message = f"grows to more than {min(total, copy.limits.total_size) >> 20} MB"
-                raise TooLargeError(message)
+                raise TooLargeError(
+                    f"grows to more than {min(total, copy.limits.total_size) >> 20} MB"
+                )
             yield member.name, member, packed
 
 

@@ -286,7 +286,7 @@ def names_in(data: bytes | str) -> StudentNames:
     return StudentNames(found, fault)
 
 
-def _people(entry: Any) -> list[dict[Any, Any]]:  # noqa: ANN401 - whatever YAML holds
+def _people(entry: Any) -> list[dict[Any, Any]]:
     people = entry.get(":submitters") if isinstance(entry, dict) else None
     return [each for each in people if isinstance(each, dict)] if isinstance(people, list) else []
 

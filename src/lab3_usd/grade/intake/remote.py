@@ -50,7 +50,7 @@ def reason_of(error: Exception) -> str:
     return str(getattr(error, "strerror", None) or type(error).__name__)
 
 
-def fetch(storage: Any, root: str, target: Path, bounds: FetchLimits) -> Fetched:  # noqa: ANN401 - fsspec's
+def fetch(storage: Any, root: str, target: Path, bounds: FetchLimits) -> Fetched:
     """Copy the file or folder at `root` to `target`, and return what is no plain file there.
 
     Files that are not read are not fetched: an empty file of the same size replaces them.
@@ -62,8 +62,7 @@ def fetch(storage: Any, root: str, target: Path, bounds: FetchLimits) -> Fetched
     try:
         found = storage.find(root, detail=True)
     except Exception as error:
-        message = f"cannot be listed ({reason_of(error)})"
-        raise FetchError(message) from error
+        raise FetchError(f"cannot be listed ({reason_of(error)})") from error
     plain, left_out = _sorted_out(found, root, bounds.limits)
     if list(plain) != [""]:
         target.mkdir(parents=True, exist_ok=True)
@@ -125,7 +124,7 @@ def _make_room_for(place: Path) -> None:
     place.open("xb").close()
 
 
-def _copy(storage: Any, path: str, place: Path, room: int, bounds: FetchLimits) -> int:  # noqa: ANN401
+def _copy(storage: Any, path: str, place: Path, room: int, bounds: FetchLimits) -> int:
     copied = 0
     try:
         with storage.open(path, "rb") as stream, place.open("wb") as file:
@@ -138,16 +137,16 @@ def _copy(storage: Any, path: str, place: Path, room: int, bounds: FetchLimits) 
     except Exception as error:
         if is_no_room(error):
             raise
-        message = f"{path.rpartition('/')[2]}: cannot be fetched ({reason_of(error)})"
-        raise FetchError(message) from error
+        raise FetchError(
+            f"{path.rpartition('/')[2]}: cannot be fetched ({reason_of(error)})"
+        ) from error
     return copied
 
 
 def _check(copied: int, room: int, bounds: FetchLimits) -> None:
     bounds.limits.check_size(bounds.limits.total_size - room + copied)
     if bounds.stopped.is_set():
-        message = "took too long"
-        raise FetchError(message)
+        raise FetchError("took too long")
 
 
 _SLASHES = "://"
@@ -190,8 +189,9 @@ def entries_at(address: str) -> list[tuple[str, bool]]:
     try:
         found = at.storage.ls(at.root, detail=True)
     except Exception as error:
-        message = f"{address}: cannot be listed ({type(error).__name__}: {error})"
-        raise UsageError(message) from error
+        raise UsageError(
+            f"{address}: cannot be listed ({type(error).__name__}: {error})"
+        ) from error
     names = [(_name(each["name"]), each["type"] == "directory") for each in found]
     return sorted((name, is_folder) for name, is_folder in names if name)
 
@@ -219,19 +219,16 @@ def archive_at(address: str, scratch: Path, limits: Limits) -> Path | None:
     try:
         is_file = bool(at.storage.isfile(at.root))
     except Exception as error:
-        message = f"{address}: cannot be looked at ({reason_of(error)})"
-        raise UsageError(message) from error
+        raise UsageError(f"{address}: cannot be looked at ({reason_of(error)})") from error
     if not is_file:
         return None
     if not is_archive(name):
-        message = f"{address}: is neither a folder nor an archive of submissions"
-        raise UsageError(message)
+        raise UsageError(f"{address}: is neither a folder nor an archive of submissions")
     bounds = FetchLimits(limits, threading.Event(), whole=True)
     try:
         within(_HOUR, lambda: fetch(at.storage, at.root, scratch / name, bounds), bounds)
     except (FetchError, TooLargeError) as error:
-        message = f"{address}: {error}"
-        raise UsageError(message) from error
+        raise UsageError(f"{address}: {error}") from error
     return scratch / name
 
 
@@ -243,13 +240,11 @@ def _storage(address: str) -> StorageLocation:
     try:
         core = importlib.import_module("fsspec.core")
     except ImportError as error:
-        message = f"{address}: addresses need fsspec; install lab3-usd[cluster]"
-        raise UsageError(message) from error
+        raise UsageError(f"{address}: addresses need fsspec; install lab3-usd[cluster]") from error
     try:
         storage, root = core.url_to_fs(address)
     except Exception as error:
-        message = f"{address}: fsspec does not know it ({error})"
-        raise UsageError(message) from error
+        raise UsageError(f"{address}: fsspec does not know it ({error})") from error
     return StorageLocation(storage, str(root))
 
 
@@ -294,7 +289,7 @@ def within(
     get: Callable[[], Any],
     bounds: FetchLimits,
     stopped: Callable[[], bool] = lambda: False,
-) -> Any:  # noqa: ANN401 - what `get` returns
+) -> Any:
     """Return what `get` returns or raise what it raises; a storage that hangs is not waited for.
 
     Raises:
@@ -316,8 +311,7 @@ def within(
             break
         if stopped() or time.monotonic() > until:
             bounds.stopped.set()
-            message = f"cannot be fetched: took longer than {seconds:g} s"
-            raise FetchError(message)
+            raise FetchError(f"cannot be fetched: took longer than {seconds:g} s")
     if isinstance(answer, Exception):
         raise answer
     return answer

@@ -154,8 +154,7 @@ def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) ->
         _take(source, copy, alone=len(every) == 1)
     unread = [each for each in copy.refused if each.reason.startswith(_UNREAD)]
     if unread and not copy.digests:
-        message = f"{unread[0].path}: {unread[0].reason.removeprefix('it ')}"
-        raise ArchiveError(message)
+        raise ArchiveError(f"{unread[0].path}: {unread[0].reason.removeprefix('it ')}")
     folder = _submission_in(target)
     inside = folder.relative_to(target).as_posix()
     refused = tuple(
@@ -172,8 +171,7 @@ def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) ->
 
 def _take(source: Source, copy: SubmissionCopy, *, alone: bool) -> None:
     if source.fault:
-        message = f"{source.name or source.path.name}: {source.fault}"
-        raise ArchiveError(message)
+        raise ArchiveError(f"{source.name or source.path.name}: {source.fault}")
     for each in source.left_out:
         copy.refuse(each.path, each.reason)
     if os.path.isdir(source.path) and not source.path.is_symlink():  # noqa: PTH112 - never raises

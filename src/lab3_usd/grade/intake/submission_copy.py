@@ -51,14 +51,12 @@ class Limits(Struct, frozen=True):
     def check_count(self, files: int) -> None:
         """Raise TooLargeError where a submission holds more files than it may."""
         if files > self.files:
-            message = f"holds more than {self.files} files"
-            raise TooLargeError(message)
+            raise TooLargeError(f"holds more than {self.files} files")
 
     def check_size(self, total: int) -> None:
         """Raise TooLargeError where the files of a submission hold more bytes than they may."""
         if total > self.total_size:
-            message = f"holds more than {self.total_size >> 20} MB"
-            raise TooLargeError(message)
+            raise TooLargeError(f"holds more than {self.total_size >> 20} MB")
 
 
 _LONGEST_NAME = 200  # bytes; file systems end at 255

@@ -64,17 +64,14 @@ def _mode(path: Path, given: str) -> int:
     try:
         return path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError) as error:
-        message = f"{given}: there is no such folder or archive of submissions"
-        raise UsageError(message) from error
+        raise UsageError(f"{given}: there is no such folder or archive of submissions") from error
     except OSError as error:
-        message = f"{given}: cannot be read ({error.strerror})"
-        raise UsageError(message) from error
+        raise UsageError(f"{given}: cannot be read ({error.strerror})") from error
 
 
 def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:
     if not archive.is_file() or not is_archive(archive.name):
-        message = f"{given}: is neither a folder nor an archive of submissions"
-        raise UsageError(message)
+        raise UsageError(f"{given}: is neither a folder nor an archive of submissions")
     folder, empty_folder = scratch / "class", scratch / "empty_folder"
     for each in (folder, empty_folder):
         each.mkdir()
@@ -82,8 +79,7 @@ def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:
     try:
         unpack(archive, "", copy)
     except (ArchiveError, TooLargeError) as error:
-        message = f"{given}: {str(error).removeprefix(f'{archive.name}: ')}"
-        raise UsageError(message) from error
+        raise UsageError(f"{given}: {str(error).removeprefix(f'{archive.name}: ')}") from error
     left_out = _left_out(copy)
     _make_folders(folder, left_out)
     wrapper = _wrapper(folder, left_out)
@@ -212,8 +208,7 @@ def find_submissions(
         else _in(at, at.where, notify)
     )
     if not parts:
-        message = f"{at.given}: holds no submission: no folder, archive or stage"
-        raise UsageError(message)
+        raise UsageError(f"{at.given}: holds no submission: no folder, archive or stage")
     return tuple(_joined(parts))
 
 
@@ -239,13 +234,11 @@ def _elsewhere(source: Source, address: str) -> Source:
 
 def _in(at: ClassLocation, folder: Path, notify: Notify) -> list[SubmissionPart]:
     if not folder.is_dir():
-        message = f"{at.given}: there is no such folder or archive of submissions"
-        raise UsageError(message)
+        raise UsageError(f"{at.given}: there is no such folder or archive of submissions")
     try:
         entries = entries_in(folder)
     except OSError as error:
-        message = f"{at.given}: cannot be read ({error.strerror})"
-        raise UsageError(message) from error
+        raise UsageError(f"{at.given}: cannot be read ({error.strerror})") from error
     if is_submission(folder):
         name = at.name or folder.resolve().name or "submission"
         missing = tuple(_below(entry, refused) for entry, refused in at.left_out)

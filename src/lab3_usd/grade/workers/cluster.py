@@ -46,11 +46,10 @@ def packed(settings: PoolSettings) -> Shipment:
     Raises:
         UsageError: there is no starter, or it refers to files where other machines have none.
     """
-    from lab3_usd.stage.fence import files_of  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.fence import files_of
 
     if settings.starter is None:
-        message = "--cluster needs a starter"
-        raise UsageError(message)
+        raise UsageError("--cluster needs a starter")
     starter = settings.starter.resolve()
     paths = sorted({Path(path.partition("[")[0]) for path in files_of(starter)})
     root = Path(os.path.commonpath([starter.parent, *(path.parent for path in paths)]))
@@ -66,11 +65,10 @@ def packed(settings: PoolSettings) -> Shipment:
         there = unpacked(shipment, folder).starter
         found = len(files_of(there)) if there is not None else 0
         if found < len(files_of(starter)) or not _all_below(folder, there):
-            message = (
+            raise UsageError(
                 f"{settings.starter}: refers to files in a way that other machines cannot follow; "
                 "use paths relative to the starter, and no links"
             )
-            raise UsageError(message)
     return shipment
 
 
@@ -82,7 +80,7 @@ def _lab_files(settings: PoolSettings) -> Iterator[tuple[str, bytes]]:
 
 def _all_below(folder: Path, starter: Path | None) -> bool:
     """Whether a starter in a folder consists of files of that folder alone."""
-    from lab3_usd.stage.fence import files_of  # noqa: PLC0415 - pxr
+    from lab3_usd.stage.fence import files_of
 
     real = folder.resolve()
     return starter is not None and all(
@@ -150,11 +148,10 @@ def run_on_cluster(
     except Exception as error:
         if not isinstance(error, CancelledError) and type(error).__name__ != _KILLED:
             raise
-        message = (
+        raise WorkerError(
             f"{address}: the workers of the cluster have gone; start others and go on with "
             "--resume, which keeps what is graded"
-        )
-        raise WorkerError(message) from error
+        ) from error
     finally:
         client.close()
 
@@ -162,7 +159,7 @@ def run_on_cluster(
 class _Workers:
     """The workers of a cluster, which may all be away for a while."""
 
-    def __init__(self, client: Any) -> None:  # noqa: ANN401
+    def __init__(self, client: Any) -> None:
         self._client = client
         self._away_since: float | None = None
 
@@ -185,7 +182,7 @@ class _Workers:
             raise CancelledError
 
 
-def _sent(client: Any, shipment: Shipment) -> Any:  # noqa: ANN401
+def _sent(client: Any, shipment: Shipment) -> Any:
     """Send what every machine needs to the cluster, once.
 
     As the result of a task it can be made again: the scheduler keeps what that task is given. What
@@ -200,25 +197,24 @@ def _unchanged(shipment: Shipment) -> Shipment:
     return shipment
 
 
-def _await_worker(client: Any, address: str) -> None:  # noqa: ANN401
+def _await_worker(client: Any, address: str) -> None:
     try:
         client.wait_for_workers(1, timeout=_SECONDS_TO_CONNECT)
     except (TimeoutError, asyncio.TimeoutError) as error:  # not the same before Python 3.11
-        message = f"{address}: the cluster has no worker; start one with `dask worker {address}`"
-        raise UsageError(message) from error
+        raise UsageError(
+            f"{address}: the cluster has no worker; start one with `dask worker {address}`"
+        ) from error
 
 
-def _connect(address: str) -> Any:  # noqa: ANN401
+def _connect(address: str) -> Any:
     try:
         distributed = importlib.import_module("distributed")
     except ImportError as error:
-        message = "--cluster needs Dask; install lab3-usd[cluster]"
-        raise UsageError(message) from error
+        raise UsageError("--cluster needs Dask; install lab3-usd[cluster]") from error
     try:
         return distributed.Client(address, timeout=_SECONDS_TO_CONNECT)
     except (OSError, ValueError) as error:
-        message = f"{address}: there is no Dask scheduler ({error})"
-        raise UsageError(message) from error
+        raise UsageError(f"{address}: there is no Dask scheduler ({error})") from error
 
 
 def judge_here(shipment: Shipment, message: bytes) -> Answer:
@@ -228,13 +224,15 @@ def judge_here(shipment: Shipment, message: bytes) -> Answer:
         UsageError: this machine has another version of the package, or not the submission.
     """
     if tool_version() != shipment.version:
-        fault = f"a worker of the cluster has version {tool_version()}, not {shipment.version}"
-        raise UsageError(fault)
+        raise UsageError(
+            f"a worker of the cluster has version {tool_version()}, not {shipment.version}"
+        )
     task = decode(message, Task)
     for source in task.sources:
         if not source.address and not source.path.exists():
-            fault = f"{source.path} is not on every machine of the cluster; give an address"
-            raise UsageError(fault)
+            raise UsageError(
+                f"{source.path} is not on every machine of the cluster; give an address"
+            )
     return judge_in(_slot(shipment), task)
 
 

@@ -106,8 +106,7 @@ def decode(line: bytes, kind: type[_Message]) -> _Message:
     try:
         return msgspec.convert(json.loads(line), kind, dec_hook=lambda path, text: path(text))
     except RecursionError as error:
-        message = "nested too deep"
-        raise ValueError(message) from error
+        raise ValueError("nested too deep") from error
 
 
 def status_of(how: str) -> str:

@@ -48,7 +48,7 @@ def limit_resources(limits: Limits) -> bool:
     What it has already, the modules that judge, does not count.
     """
     try:
-        import resource  # noqa: PLC0415 - not on Windows
+        import resource
     except ImportError:
         return False
     held = True

@@ -93,7 +93,7 @@ def _serve(start: Start, tasks: BinaryIO, answers: BinaryIO) -> None:
 def _most_memory() -> int:
     """Return the most memory that this process had, in bytes; 0 where that is not known."""
     try:
-        import resource  # noqa: PLC0415 - not on Windows
+        import resource
     except ImportError:
         return 0
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -109,7 +109,7 @@ def _python() -> list[str]:
 def load_setup(settings: PoolSettings) -> GradingSetup:
     """Load what every submission is judged with."""
     # Imported here so that importing it is over before the files are fenced.
-    from lab3_usd.stage.fence import files_of  # noqa: PLC0415
+    from lab3_usd.stage.fence import files_of
 
     lab, starter = load_lab(), settings.starter
     return GradingSetup(

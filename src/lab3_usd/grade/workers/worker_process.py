@@ -267,8 +267,7 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never_sto
     except WorkerDiedError as error:
         last = log.read_text(errors="replace").strip().splitlines()
         end_worker(worker)
-        message = f"a worker does not start: {last[-1] if last else error}"
-        raise WorkerError(message) from error
+        raise WorkerError(f"a worker does not start: {last[-1] if last else error}") from error
     return worker
 
 

@@ -51,7 +51,7 @@ def _parse(document: str) -> Message:
     return dict(_by_line(document))
 
 
-def _flat(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Scalar]]:  # noqa: ANN401
+def _flat(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Scalar]]:
     """Yield the scalars below a value; a part that YAML repeats by an alias is entered once."""
     if isinstance(value, _SCALARS):
         yield path, value

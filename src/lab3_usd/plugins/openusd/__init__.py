@@ -21,7 +21,7 @@ _KINDS = {
 }
 
 
-def check(stage: Usd.Stage, _time: Any) -> list[UsdValidation.ValidationError]:  # noqa: ANN401
+def check(stage: Usd.Stage, _time: Any) -> list[UsdValidation.ValidationError]:
     """Return what the linter finds, each with its prim or property."""
     root = stage.GetRootLayer()
     return [

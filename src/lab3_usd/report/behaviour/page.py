@@ -354,7 +354,7 @@ def _branches(
 
 def _graph_drawings(path: Path, lab: Lab, computed: Mapping[str, int]) -> Iterator[tuple[str, str]]:
     """Yield title and drawing of each graph of a stage; none where it can no longer be read."""
-    from lab3_usd.stage.read.reader import read_stage  # noqa: PLC0415 - pxr, only for pages
+    from lab3_usd.stage.read.reader import read_stage
 
     try:
         pictures = list(stage_pictures(lab, None, read_stage(path, lab)))

@@ -25,8 +25,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     del rules
     if options.visibility not in VISIBILITIES:
         known = ", ".join(VISIBILITIES)
-        message = f"there is no visibility '{options.visibility}'; Gradescope knows {known}"
-        raise UsageError(message)
+        raise UsageError(f"there is no visibility '{options.visibility}'; Gradescope knows {known}")
     tests = [test for result in report.results for test in _stage_tests(result)]
     tests += [_submission_test(submission) for submission in report.submissions]
     document = {

@@ -49,8 +49,7 @@ def format_named(name: str) -> Format:
     """
     found = FORMATS.get(name)
     if found is None:
-        message = f"there is no format '{name}'; the formats are {', '.join(FORMATS)}"
-        raise UsageError(message)
+        raise UsageError(f"there is no format '{name}'; the formats are {', '.join(FORMATS)}")
     return found
 
 

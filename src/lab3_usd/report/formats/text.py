@@ -84,7 +84,7 @@ def _together(block: Block, page: Page) -> list[str]:
         lines += _submission_heading(block.submission, page)
     if page.options.verbosity == "quiet":
         return lines
-    from lab3_usd.report.text import fault_lines  # noqa: PLC0415 - only for folders
+    from lab3_usd.report.text import fault_lines
 
     lines += fault_lines(block, page)
     if block.submission is not None:

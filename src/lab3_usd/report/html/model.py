@@ -42,7 +42,7 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
 def _read(result: StageResult, lab: Lab) -> StageModel | None:
     if result.verdict == "unreadable":
         return None
-    from lab3_usd.stage.read.reader import read_stage  # noqa: PLC0415 - pxr, only for pages
+    from lab3_usd.stage.read.reader import read_stage
 
     try:
         return read_stage(Path(result.path), lab)

@@ -171,7 +171,7 @@ def live_page(page: str, path: Path, version: int) -> str:
 
     It allows itself scripts from disk, and still nothing from the network.
     """
-    from json import dumps  # noqa: PLC0415 - strings of JSON are strings of JavaScript
+    from json import dumps
 
     name = dumps(version_file(path).name).replace("<", "\\u003c")
     script = _SCRIPT.format(version=version, name=name, interval=_INTERVAL)

@@ -18,10 +18,11 @@ def png(picture: Picture, theme: Theme = "light") -> bytes:
         UsageError: the rasteriser is not installed.
     """
     try:
-        import resvg_py  # noqa: PLC0415 - an extra that few need
+        import resvg_py
     except ImportError as error:
-        message = "PNG needs a rasteriser: pip install 'lab3-usd[png]', or draw as svg"
-        raise UsageError(message) from error
+        raise UsageError(
+            "PNG needs a rasteriser: pip install 'lab3-usd[png]', or draw as svg"
+        ) from error
     chosen: Theme = "light" if theme == "auto" else theme
     zoom = min(1.0, LARGEST / max(picture.width, picture.height, 1.0))
     return bytes(resvg_py.svg_to_bytes(svg_string=svg_file(picture, chosen), zoom=zoom))

@@ -37,7 +37,7 @@ def plain_file(path: Path, stack: ExitStack, most: int) -> Path:
     """Return the file itself, unpacked into a folder for the time being where it is packed."""
     if path.suffix != PACKED:
         return path
-    from backports import zstd  # noqa: PLC0415 - of the extra
+    from backports import zstd
 
     folder = Path(stack.enter_context(TemporaryDirectory(prefix="lab3-bag-")))
     target = folder / path.stem
@@ -45,8 +45,7 @@ def plain_file(path: Path, stack: ExitStack, most: int) -> Path:
         with zstd.open(path, "rb") as packed, target.open("wb") as plain:
             _copy(cast("IO[bytes]", packed), plain, most)
     except (zstd.ZstdError, EOFError, OSError) as error:
-        message = f"{path.name} cannot be unpacked"
-        raise RecordingError(message) from error
+        raise RecordingError(f"{path.name} cannot be unpacked") from error
     return target
 
 
@@ -83,25 +82,23 @@ class Unpacker:
 
     def zstd(self, data: bytes, size: int) -> bytes:
         """Return what unpacks to no more than `size` bytes."""
-        from backports import zstd  # noqa: PLC0415 - of the extra
+        from backports import zstd
 
         try:
             plain: bytes = zstd.ZstdDecompressor().decompress(data, max_length=size + 1)
         except zstd.ZstdError as error:
-            message = "a compressed part is damaged"
-            raise RecordingError(message) from error
+            raise RecordingError("a compressed part is damaged") from error
         return self._counted(plain, size)
 
     def lz4(self, data: bytes, size: int) -> bytes:
         """Return what unpacks to no more than `size` bytes."""
-        from lz4.frame import LZ4FrameDecompressor  # noqa: PLC0415 - of the extra
+        from lz4.frame import LZ4FrameDecompressor
 
         return self._counted(LZ4FrameDecompressor().decompress(data, max_length=size + 1), size)
 
     def _counted(self, plain: bytes, size: int) -> bytes:
         if len(plain) > size:
-            message = "a compressed part is larger than it says, or than is read"
-            raise RecordingError(message)
+            raise RecordingError("a compressed part is larger than it says, or than is read")
         self.left -= len(plain)
         if self.left < 0:
             raise RecordingError(_too_large(self.most))
@@ -114,7 +111,7 @@ def bound_readers(unpacker: Unpacker, topics: int) -> Iterator[None]:
 
     The library has no bounds of its own; what is replaced here is what it looks up by name.
     """
-    from rosbags.rosbag2 import storage_mcap, storage_sqlite3  # noqa: PLC0415 - of the extra
+    from rosbags.rosbag2 import storage_mcap, storage_sqlite3
 
     libraries: tuple[Any, Any] = (storage_mcap, storage_sqlite3)
     unbound, parse = storage_mcap.DECOMPRESSORS, libraries[0].parse_qos
@@ -138,7 +135,7 @@ def _bound_parser(parse: Callable[[str], Any], most: int) -> Callable[[str], Any
     known: dict[str, Any] = {}
     times = 0
 
-    def parsed(text: str) -> Any:  # noqa: ANN401 - the library's records
+    def parsed(text: str) -> Any:
         nonlocal times
         times += 1
         if times > most:
@@ -176,8 +173,7 @@ def screen(path: Path) -> None:
         _check_index(path)
         return
     if _ODD & set(str(path)):  # which the library hands to SQLite as part of an address
-        message = f"{path.name} has %, ? or # in its name or folder; rename it"
-        raise RecordingError(message)
+        raise RecordingError(f"{path.name} has %, ? or # in its name or folder; rename it")
     _check_database(path)
 
 
@@ -192,8 +188,7 @@ def _check_index(path: Path) -> None:
                 return
             file.seek(at)
             at += _HEAD + int.from_bytes(file.read(_HEAD)[1:], "little")
-    message = f"{path.name} has an index of more than {MOST_RECORDS} records"
-    raise RecordingError(message)
+    raise RecordingError(f"{path.name} has an index of more than {MOST_RECORDS} records")
 
 
 def _check_database(path: Path) -> None:
@@ -206,17 +201,16 @@ def _check_database(path: Path) -> None:
         start = file.read(32)
     size, pages = int.from_bytes(start[16:18], "big"), int.from_bytes(start[28:32], "big")
     if path.stat().st_size < pages * (65536 if size == 1 else size):
-        message = f"{path.name} is cut off"
-        raise RecordingError(message)
+        raise RecordingError(f"{path.name} is cut off")
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)) as base:
             if base.execute(_COMPUTED).fetchone() is not None:
-                message = f"{path.name} holds what SQLite would have to compute; not opened"
-                raise RecordingError(message)
+                raise RecordingError(
+                    f"{path.name} holds what SQLite would have to compute; not opened"
+                )
             (count,) = base.execute("SELECT count(*) FROM topics").fetchone()
     except sqlite3.Error as error:
-        message = f"{path.name} is damaged or no recording: {error}"
-        raise RecordingError(message) from error
+        raise RecordingError(f"{path.name} is damaged or no recording: {error}") from error
     if count > MOST_TOPICS:
         raise RecordingError(too_many())
 
@@ -285,13 +279,12 @@ class Bag(Struct, frozen=True):
             for connection, arrival, data in _guarded(iter(reader.messages())):
                 count += 1
                 if count > self.most:
-                    message = f"has more than {self.most} messages"
-                    raise RecordingError(message)
+                    raise RecordingError(f"has more than {self.most} messages")
                 plain = self.unpacker.message(data) if self.by_message else data
                 yield Raw(arrival, connection.topic, connection.msgtype, plain)
 
 
-def _offered(qos: Any) -> Offered:  # noqa: ANN401 - the library's record
+def _offered(qos: Any) -> Offered:
     return Offered(qos.durability.name.lower(), qos.reliability.name.lower())
 
 
@@ -323,8 +316,7 @@ def layout_at(path: Path) -> Layout:
     if path.is_file():
         return Layout((path,))
     if not path.is_dir():
-        message = "there is no such recording"
-        raise RecordingError(message)
+        raise RecordingError("there is no such recording")
     return layout_of([each for each in path.iterdir() if each.is_file()])
 
 
@@ -341,13 +333,11 @@ def layout_of(files: Sequence[Path]) -> Layout:
         wanted = [PurePath(str(each)).name for each in names]
         missing = next((each for each in wanted if each not in there), None)
         if missing is not None:
-            message = f"{missing} is missing"
-            raise RecordingError(message)
+            raise RecordingError(f"{missing} is missing")
     else:
         wanted = sorted(each for each in there if is_file_of_bag(each))
     if not wanted:
-        message = "holds no .mcap and no .db3 file"
-        raise RecordingError(message)
+        raise RecordingError("holds no .mcap and no .db3 file")
     by_message = str(said.get("compression_mode", "")).lower() == "message"
     return Layout(tuple(there[each] for each in wanted), by_message)
 
@@ -358,26 +348,24 @@ def is_file_of_bag(name: str) -> bool:
 
 
 def _metadata(path: Path) -> dict[str, Any]:
-    from ruamel.yaml import YAML  # noqa: PLC0415 - of the extra
-    from ruamel.yaml.error import YAMLError  # noqa: PLC0415
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
 
     if path.stat().st_size > LARGEST_METADATA:
         raise RecordingError(too_many())
     try:
         document = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
     except (YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        message = "metadata.yaml cannot be read"
-        raise RecordingError(message) from error
+        raise RecordingError("metadata.yaml cannot be read") from error
     said = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
     return said if isinstance(said, dict) else {}
 
 
-def _reader(path: Path) -> Any:  # noqa: ANN401 - the library's reader
-    from rosbags.rosbag2 import Reader  # noqa: PLC0415 - of the extra
+def _reader(path: Path) -> Any:
+    from rosbags.rosbag2 import Reader
 
     if path.suffix not in ENDINGS:
-        message = f"{path.name} is neither .mcap nor .db3"
-        raise RecordingError(message)
+        raise RecordingError(f"{path.name} is neither .mcap nor .db3")
     screen(path)
 
     def start() -> Iterator[Any]:
@@ -403,6 +391,5 @@ def _guarded(items: Iterator[T]) -> Iterator[T]:
             raise
         except Exception as error:
             reason = " ".join(str(error).split())[:200] or type(error).__name__
-            message = f"is damaged or no recording: {reason}"
-            raise RecordingError(message) from error
+            raise RecordingError(f"is damaged or no recording: {reason}") from error
         yield item

@@ -137,32 +137,32 @@ def _image(data: bytes) -> Decoded | None:
     return Decoded(first, View(wide, tall))
 
 
-def _seconds(stamp: Any) -> float:  # noqa: ANN401 - the library's record
+def _seconds(stamp: Any) -> float:
     return float(stamp.sec + stamp.nanosec / _NANOSECONDS)
 
 
-def _head(said: Any) -> Header:  # noqa: ANN401
+def _head(said: Any) -> Header:
     return Header(_seconds(said.stamp), said.frame_id[:LONGEST])
 
 
-def _clock(message: Any) -> Decoded:  # noqa: ANN401
+def _clock(message: Any) -> Decoded:
     return Decoded(None, _seconds(message.clock))
 
 
-def _xyz(vector: Any) -> tuple[float, float, float]:  # noqa: ANN401
+def _xyz(vector: Any) -> tuple[float, float, float]:
     return (vector.x, vector.y, vector.z)
 
 
-def _wxyz(turn: Any) -> tuple[float, float, float, float]:  # noqa: ANN401
+def _wxyz(turn: Any) -> tuple[float, float, float, float]:
     return (turn.w, turn.x, turn.y, turn.z)
 
 
-def _twist(message: Any) -> Decoded | None:  # noqa: ANN401
+def _twist(message: Any) -> Decoded | None:
     told = (message.linear.x, message.linear.y, message.angular.z)
     return Decoded(None, told) if _finite(told) else None
 
 
-def _odometry(message: Any) -> Decoded | None:  # noqa: ANN401
+def _odometry(message: Any) -> Decoded | None:
     pose, twist = message.pose.pose, message.twist.twist
     said = (_xyz(pose.position), _wxyz(pose.orientation), _xyz(twist.linear), _xyz(twist.angular))
     if not all(map(_finite, said)):
@@ -170,7 +170,7 @@ def _odometry(message: Any) -> Decoded | None:  # noqa: ANN401
     return Decoded(_head(message.header), Odometry(message.child_frame_id[:LONGEST], *said))
 
 
-def _transforms(message: Any) -> Decoded | None:  # noqa: ANN401
+def _transforms(message: Any) -> Decoded | None:
     found = []
     for each in message.transforms:
         place = (_xyz(each.transform.translation), _wxyz(each.transform.rotation))
@@ -183,7 +183,7 @@ def _transforms(message: Any) -> Decoded | None:  # noqa: ANN401
     return Decoded(first, tuple(found))
 
 
-def _scan(message: Any) -> Decoded | None:  # noqa: ANN401
+def _scan(message: Any) -> Decoded | None:
     """Read a scan; of its rays only whether one comes back, as there is no room to compare with."""
     near, far = message.range_min, message.range_max
     ranges = message.ranges
@@ -193,12 +193,12 @@ def _scan(message: Any) -> Decoded | None:  # noqa: ANN401
     return Decoded(_head(message.header), Scan(*angles, seen)) if _finite(angles) else None
 
 
-def _info(message: Any) -> Decoded:  # noqa: ANN401
+def _info(message: Any) -> Decoded:
     view = View(message.width, message.height, tuple(map(float, message.k)))
     return Decoded(_head(message.header), view)
 
 
-def _goals(message: Any) -> Decoded:  # noqa: ANN401
+def _goals(message: Any) -> Decoded:
     listed = message.status_list
     return Decoded(None, tuple(Goal(bytes(e.goal_info.goal_id.uuid), e.status) for e in listed))
 
@@ -314,8 +314,7 @@ def gather(
     for raw in messages:
         _take(found, raw, topics, whole=raw.topic in (judged if found.until is None else lasting))
         if found.listed > most_listed:
-            message = f"has more than {most_listed} transforms and goals"
-            raise RecordingError(message)
+            raise RecordingError(f"has more than {most_listed} transforms and goals")
     found.recording.messages.sort(key=lambda each: each.at)
     return found
 

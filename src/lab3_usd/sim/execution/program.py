@@ -161,7 +161,7 @@ def _feed(node: Running, port: Port, state: Input, nodes: dict[str, Running]) ->
         return
 
 
-def value_of(port: Port, state: Input, node: Running) -> Any:  # noqa: ANN401 - of any type
+def value_of(port: Port, state: Input, node: Running) -> Any:
     """Return the value of an input without a wire: as saved, else the default."""
     if port.is_union:
         return state.literal if state.literal is not None else state.value

@@ -210,7 +210,7 @@ def _of_graph(graph: GraphSpec) -> Iterator[tuple[str, str]]:
         yield f"wire '{wire}'", wire.handout
 
 
-def _inside(data: Any, key: str) -> Iterator[tuple[str, str]]:  # noqa: ANN401 - whatever YAML holds
+def _inside(data: Any, key: str) -> Iterator[tuple[str, str]]:
     if isinstance(data, Mapping):
         for name, value in data.items():
             place = f"{key}: {name}" if key else str(name)
@@ -250,8 +250,7 @@ def refuse_faulty(lab: Lab) -> None:
     errors = [each for each in lab_faults(lab) if each.severity == "error"]
     if errors:
         more = f"; and {len(errors) - 1} more, see lab3 lab check" if len(errors) > 1 else ""
-        message = f"{errors[0]}{more}"
-        raise SpecError(message)
+        raise SpecError(f"{errors[0]}{more}")
 
 
 def _unused_files(lab: Lab) -> Iterator[LabFault]:

@@ -171,8 +171,7 @@ def _port(name: str, said: str | _PortEntry, usd_types: Mapping[str, str], where
     entry = _short_form(said, place) if isinstance(said, str) else said
     usd_type = usd_types.get(entry.type, entry.type)
     if usd_type != _RELATIONSHIP and not is_known_type(usd_type):
-        message = f"{place}: '{entry.type}' is no type of a port"
-        raise SpecError(message)
+        raise SpecError(f"{place}: '{entry.type}' is no type of a port")
     # The default need not be an allowed token: Isaac Sim's own QoS profile node breaks that.
     return Port(
         name=name,
@@ -187,7 +186,7 @@ def _port(name: str, said: str | _PortEntry, usd_types: Mapping[str, str], where
     )
 
 
-def _value(said: Any, usd_type: str, place: str) -> Value | None:  # noqa: ANN401
+def _value(said: Any, usd_type: str, place: str) -> Value | None:
     return None if said is None else typed_value(said, usd_type, place)
 
 
@@ -199,8 +198,7 @@ def _short_form(text: str, place: str) -> _PortEntry:
     try:
         return _PortEntry(ogn_type, json.loads(default))
     except ValueError as error:
-        message = f"{place}: default '{default}' is not JSON"
-        raise SpecError(message) from error
+        raise SpecError(f"{place}: default '{default}' is not JSON") from error
 
 
 def _named(
@@ -210,8 +208,7 @@ def _named(
     found = tuple(prefix + short for short in names)
     for name in found:
         if name not in ports:
-            message = f"{where} names the port '{name}', which the type does not have"
-            raise SpecError(message)
+            raise SpecError(f"{where} names the port '{name}', which the type does not have")
     return found
 
 
@@ -294,7 +291,7 @@ def assemble_types(folder: Path) -> IsaacTypes:
     return IsaacTypes(catalog, needs, releases, sensors, bodies, units, made.prims)
 
 
-def _tuples(data: Any) -> Any:  # noqa: ANN401 - whatever YAML holds
+def _tuples(data: Any) -> Any:
     """Make lists of values comparable with the values of ports."""
     if isinstance(data, dict):
         return {key: _tuples(each) for key, each in data.items()}
@@ -309,15 +306,13 @@ def _needs(
     for name, entries in needs.items():
         kind = catalog.types.get(name)
         if kind is None:
-            message = f"{where}: '{name}' is no node type"
-            raise SpecError(message)
+            raise SpecError(f"{where}: '{name}' is no node type")
         known = set(kind.ports)
         for release in releases.values():
             known |= set(release.types[name].gone if name in release.types else ())
         for short in (each for need in entries for each in _isaac_named(need)):
             if INPUT + short not in known:
-                message = f"{where}: {name} has no input '{short}'"
-                raise SpecError(message)
+                raise SpecError(f"{where}: {name} has no input '{short}'")
     return needs
 
 

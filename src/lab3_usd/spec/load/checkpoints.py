@@ -71,8 +71,7 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     said = record(data, _File, CHECKPOINTS)
     if "{id}" not in said.files:
         wrong = f"'{said.files}' does not hold {{id}}, which tells stages apart"
-        message = f"{CHECKPOINTS}: files: {wrong}"
-        raise SpecError(message)
+        raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
     return CheckpointFile(
         said.title,
         said.files,
@@ -85,14 +84,12 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
 
 def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
     if not specs:
-        message = f"{CHECKPOINTS}: checkpoints: there is none"
-        raise SpecError(message)
+        raise SpecError(f"{CHECKPOINTS}: checkpoints: there is none")
     found = {}
     for checkpoint_id, spec in specs.items():
         where = f"{CHECKPOINTS}: checkpoint '{checkpoint_id}'"
         if not _ID.fullmatch(str(checkpoint_id)):
-            message = f"{where}: an id is letters and digits, in quotation marks"
-            raise SpecError(message)
+            raise SpecError(f"{where}: an id is letters and digits, in quotation marks")
         found[checkpoint_id] = record(spec, CheckpointEntry, where)
     return found
 
@@ -144,8 +141,7 @@ def _checkpoint(
 def _check_known(names: Iterable[str], known: tuple[str, ...], where: str) -> None:
     for name in names:
         if name not in known:
-            message = f"{where}: there is no '{name}'; known are {', '.join(known)}"
-            raise SpecError(message)
+            raise SpecError(f"{where}: there is no '{name}'; known are {', '.join(known)}")
 
 
 def _check_new(checkpoint: Checkpoint, earlier: Iterable[Checkpoint], where: str) -> None:
@@ -154,5 +150,4 @@ def _check_new(checkpoint: Checkpoint, earlier: Iterable[Checkpoint], where: str
         taken = {other.file, *other.new, *other.new_sensors}
         for name in (checkpoint.file, *checkpoint.new, *checkpoint.new_sensors):
             if name in taken:
-                message = f"{where}: '{name}' is of checkpoint '{other.id}' already"
-                raise SpecError(message)
+                raise SpecError(f"{where}: '{name}' is of checkpoint '{other.id}' already")

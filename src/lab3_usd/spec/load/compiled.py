@@ -129,6 +129,6 @@ def load_isaac_types() -> IsaacTypes:
 
 
 def _assemble_types(folder: Path) -> IsaacTypes:
-    from lab3_usd.spec.load.catalog import assemble_types  # noqa: PLC0415 - not if compiled
+    from lab3_usd.spec.load.catalog import assemble_types
 
     return assemble_types(folder)

@@ -79,8 +79,7 @@ def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSp
 
 def _role(role: str, where: str) -> str:
     if not _ROLE.match(role):
-        message = f"{where}: '{role}' cannot be the name of a prim"
-        raise SpecError(message)
+        raise SpecError(f"{where}: '{role}' cannot be the name of a prim")
     return role
 
 
@@ -89,15 +88,15 @@ def _check_sources(wires: tuple[Wire, ...], where: str) -> None:
     fed: dict[PortRef, Wire] = {}
     for wire in wires:
         if wire.target in fed:
-            message = f"{where}: wire '{wire}': '{fed[wire.target]}' ends at that input already"
-            raise SpecError(message)
+            raise SpecError(
+                f"{where}: wire '{wire}': '{fed[wire.target]}' ends at that input already"
+            )
         fed[wire.target] = wire
 
 
 def _path(path: str, where: str) -> str:
     if not _PATH.match(path):
-        message = f"{where}: {path!r} is not the absolute path of a prim"
-        raise SpecError(message)
+        raise SpecError(f"{where}: {path!r} is not the absolute path of a prim")
     return path
 
 
@@ -105,8 +104,7 @@ def _node(role: str, entry: _NodeEntry, catalog: Catalog, graph: str) -> NodeSpe
     where = f"{graph}: {role}"
     node_type = catalog.types.get(entry.type)
     if node_type is None:
-        message = f"{where}: type '{entry.type}' is not in the catalog"
-        raise SpecError(message)
+        raise SpecError(f"{where}: type '{entry.type}' is not in the catalog")
     ports = {short: _input(node_type, short, where) for short in entry.named_ports()}
     _check_uses(entry, ports, node_type, where)
     settings = tuple(_settings(entry, ports, where))
@@ -114,8 +112,7 @@ def _node(role: str, entry: _NodeEntry, catalog: Catalog, graph: str) -> NodeSpe
     ports_set = [*(each.port for each in settings), *(each.port for each in targets)]
     for port, count in Counter(ports_set).items():
         if count > 1:
-            message = f"{where}: {port} is set twice"
-            raise SpecError(message)
+            raise SpecError(f"{where}: {port} is set twice")
     return NodeSpec(
         role=role,
         type=node_type,
@@ -134,8 +131,7 @@ def _node(role: str, entry: _NodeEntry, catalog: Catalog, graph: str) -> NodeSpe
 def _input(node_type: NodeType, short: str, where: str) -> Port:
     port = node_type.input(short)
     if port is None:
-        message = f"{where}: {node_type.type} has no input '{short}'"
-        raise SpecError(message)
+        raise SpecError(f"{where}: {node_type.type} has no input '{short}'")
     return port
 
 
@@ -145,12 +141,10 @@ def _check_uses(
     """Refuse an added port that every node has, and frames from anything but prims."""
     for short in entry.ports:
         if ports[short].name in node_type.ports:
-            message = f"{where}: {ports[short].name}: is on every node, it cannot be added"
-            raise SpecError(message)
+            raise SpecError(f"{where}: {ports[short].name}: is on every node, it cannot be added")
     for short in entry.frames_from:
         if not ports[short].is_target:
-            message = f"{where}: {ports[short].name}: is no relationship, it gives no frames"
-            raise SpecError(message)
+            raise SpecError(f"{where}: {ports[short].name}: is no relationship, it gives no frames")
 
 
 def _settings(entry: _NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Setting]:
@@ -159,12 +153,10 @@ def _settings(entry: _NodeEntry, ports: Mapping[str, Port], where: str) -> Itera
             port = ports[short]
             place = f"{where}: {port.name}"
             if port.is_execution or port.is_target:
-                message = f"{place}: is no value, but {port.ogn_type}"
-                raise SpecError(message)
+                raise SpecError(f"{place}: is no value, but {port.ogn_type}")
             checked = typed_value(value, port.usd_type, place)
             if port.allowed and checked not in port.allowed:
-                message = f"{place} is {value!r}, expected one of {', '.join(port.allowed)}"
-                raise SpecError(message)
+                raise SpecError(f"{place} is {value!r}, expected one of {', '.join(port.allowed)}")
             yield Setting(port.name, checked, section)
 
 
@@ -173,8 +165,7 @@ def _targets(entry: _NodeEntry, ports: Mapping[str, Port], where: str) -> Iterat
         for short, prims in values.items():
             port = ports[short]
             if not port.is_target:
-                message = f"{where}: {port.name}: is {port.ogn_type}, not a relationship"
-                raise SpecError(message)
+                raise SpecError(f"{where}: {port.name}: is {port.ogn_type}, not a relationship")
             checked = tuple(_path(path, f"{where}: {port.name}") for path in prims)
             yield Target(port.name, checked, section)
 
@@ -189,20 +180,16 @@ def _wire(text: str, section: str, nodes: Mapping[str, NodeSpec], graph: str) ->
     where = f"{graph}: wire '{text}'"
     match = _WIRE.match(text)
     if match is None:
-        message = f"{where}: is not written 'role.port -> role.port'"
-        raise SpecError(message)
+        raise SpecError(f"{where}: is not written 'role.port -> role.port'")
     for role in (match[1], match[3]):
         if role not in nodes:
-            message = f"{where}: there is no role '{role}'"
-            raise SpecError(message)
+            raise SpecError(f"{where}: there is no role '{role}'")
     source = nodes[match[1]].type.source(match[2])
     if source is None:
-        message = f"{where}: {nodes[match[1]].type.type} has no output '{match[2]}'"
-        raise SpecError(message)
+        raise SpecError(f"{where}: {nodes[match[1]].type.type} has no output '{match[2]}'")
     target = _wire_end(match[3], match[4], nodes, where)
     if not can_connect(source, target):
-        message = f"{where}: {source.ogn_type} cannot be wired to {target.ogn_type}"
-        raise SpecError(message)
+        raise SpecError(f"{where}: {source.ogn_type} cannot be wired to {target.ogn_type}")
     return Wire(PortRef(match[1], source.name), PortRef(match[3], target.name), section)
 
 
@@ -212,9 +199,7 @@ def _wire_end(role: str, short: str, nodes: Mapping[str, NodeSpec], where: str) 
     if target is None:
         ends_at_output = node_type.source(short) is not None
         what = "is an output, a wire ends at an input" if ends_at_output else "is not there"
-        message = f"{where}: '{short}' of {node_type.type} {what}"
-        raise SpecError(message)
+        raise SpecError(f"{where}: '{short}' of {node_type.type} {what}")
     if target.name not in (*node_type.ports, *nodes[role].grown):
-        message = f"{where}: {target.name} is there only once 'ports' of {role} names it"
-        raise SpecError(message)
+        raise SpecError(f"{where}: {target.name} is there only once 'ports' of {role} names it")
     return target

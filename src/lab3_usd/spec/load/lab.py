@@ -83,8 +83,7 @@ def _command(
 ) -> ros.Command:
     name = entry.get("kind")
     if not isinstance(name, str) or name not in kinds:
-        message = f"{where}: there is no kind {name!r}; known are {', '.join(kinds)}"
-        raise SpecError(message)
+        raise SpecError(f"{where}: there is no kind {name!r}; known are {', '.join(kinds)}")
     return record({**entry, "kind": kinds[name]}, ros.Command, f"{where} ({name})")
 
 
@@ -97,15 +96,13 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
     scene = record(data, SceneSpec, SCENE)
     wheels = scene.robot.wheels
     if wheels.left and wheels.left not in wheels.joints:
-        message = f"{SCENE}: robot: wheels: left: '{wheels.left}' is no joint of the wheels"
-        raise SpecError(message)
+        raise SpecError(f"{SCENE}: robot: wheels: left: '{wheels.left}' is no joint of the wheels")
     places: dict[str, str] = {}
     sensors = {}
     for sensor, spec in scene.sensors.items():
         where = f"{SCENE}: {sensor}"
         if spec.path in places:
-            message = f"{where}: '{spec.path}' is the path of {places[spec.path]}"
-            raise SpecError(message)
+            raise SpecError(f"{where}: '{spec.path}' is the path of {places[spec.path]}")
         places[spec.path] = sensor
         typed = {
             name: replace(each, value=typed_value(each.value, each.type, f"{where}: {name}"))
@@ -215,8 +212,7 @@ def _graph_files(folder: Path, names: list[str]) -> dict[str, dict[str, Any]]:
     for name in names:
         file = f"{name}.yaml"
         if not (folder / file).is_file():
-            message = f"{CHECKPOINTS}: asks for the graph '{name}', but there is no {file}"
-            raise SpecError(message)
+            raise SpecError(f"{CHECKPOINTS}: asks for the graph '{name}', but there is no {file}")
         found[name] = read_yaml(folder / file)
     return found
 
@@ -225,6 +221,5 @@ def _graph(name: str, data: Mapping[str, Any], catalog: Catalog) -> GraphSpec:
     file = f"{name}.yaml"
     spec = parse_graph(data, catalog, file)
     if spec.name != name:
-        message = f"{file}: describes the graph '{spec.name}', expected '{name}'"
-        raise SpecError(message)
+        raise SpecError(f"{file}: describes the graph '{spec.name}', expected '{name}'")
     return spec

@@ -30,10 +30,10 @@ def _bundled(folder: Path) -> Lab:
 
 @lru_cache(maxsize=4)
 def _load(folder: Path) -> Lab:
-    from lab3_usd.spec.contradictions.references import (  # noqa: PLC0415 - not for a compiled lab
+    from lab3_usd.spec.contradictions.references import (
         refuse_faulty,
     )
-    from lab3_usd.spec.load.lab import assemble  # noqa: PLC0415 - nor YAML's parser
+    from lab3_usd.spec.load.lab import assemble
 
     lab = assemble(folder)
     refuse_faulty(lab)

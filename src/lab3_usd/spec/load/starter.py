@@ -94,8 +94,7 @@ def load_starter_spec(folder: Path) -> StarterSpec:
         SpecError: a file cannot be read, or says something that no prim can be made of.
     """
     if not (folder / STARTER).is_file():
-        message = f"{folder} has no {STARTER}: give lab3 build a starter scene of yours"
-        raise SpecError(message)
+        raise SpecError(f"{folder} has no {STARTER}: give lab3 build a starter scene of yours")
     starter = record(read_yaml(folder / STARTER), _StarterFile, STARTER)
     scene = parse_scene(read_yaml(folder / SCENE))
     kinds: dict[str, _Data] = {}
@@ -104,8 +103,7 @@ def load_starter_spec(folder: Path) -> StarterSpec:
     prims = {prim.path: prim for prim in _prims(starter.prims, "", kinds)}
     for fact in _handout_facts(scene.robot):
         if fact.path not in prims:
-            message = f"{STARTER}: {fact.path} is missing, {SCENE} asks for it"
-            raise SpecError(message)
+            raise SpecError(f"{STARTER}: {fact.path} is missing, {SCENE} asks for it")
         prims[fact.path] = _with_fact(prims[fact.path], fact)
     return StarterSpec(
         doc=starter.doc,
@@ -121,8 +119,7 @@ def _like(item: _Data, kinds: Mapping[str, _Data], where: str) -> _Data:
     if not said.like:
         return item
     if said.like not in kinds:
-        message = f"{where}: is like '{said.like}', which is no kind above it"
-        raise SpecError(message)
+        raise SpecError(f"{where}: is like '{said.like}', which is no kind above it")
     kind = kinds[said.like]
     whole = {**kind, **item, "set": kind.get("set", {}) | said.attributes}
     del whole["like"]
@@ -137,8 +134,7 @@ def _prims(
         where = f"{STARTER}: {path}"
         prim = record(_like(item, kinds, where), _Prim, where)
         if not prim.type and not prim.over:
-            message = f"{where}: 'type' is missing"
-            raise SpecError(message)
+            raise SpecError(f"{where}: 'type' is missing")
         yield PrimSpec(
             path=path,
             type="" if prim.over else prim.type,

@@ -120,7 +120,7 @@ def _bound(prim: Usd.Prim, twin: Usd.Prim, name: str, terms: Terms) -> Iterator[
 
 def _material(shape: Usd.Prim, terms: Terms) -> str:
     """Return the path of the material by which a shape slides; '' for none."""
-    from pxr import UsdShade  # noqa: PLC0415 - only where a binding was added
+    from pxr import UsdShade
 
     material, _ = UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial(_PURPOSE)
     found = material.GetPrim() if material else None
@@ -180,7 +180,7 @@ def _is_robots(path: str, terms: Terms) -> bool:
     return path.startswith(f"{terms.root}/")
 
 
-def _value(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401 - what USD holds
+def _value(prim: Usd.Prim, name: str) -> Any:
     attribute = prim.GetAttribute(name)
     return attribute.Get() if attribute else None
 
@@ -319,8 +319,8 @@ def _type(was: str, twin: Usd.Prim, prim: Usd.Prim, terms: Terms) -> Iterator[Di
 
 
 def _schemas(
-    before: Any,  # noqa: ANN401 - pxr has no types
-    after: Any,  # noqa: ANN401
+    before: Any,
+    after: Any,
     prim: Usd.Prim,
     twin: Usd.Prim,
     terms: Terms,

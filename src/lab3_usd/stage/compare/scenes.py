@@ -162,7 +162,7 @@ def _unequal(was: Usd.Prim, now: Usd.Prim) -> list[str]:
     return [name for name in names if _content(was, name) != _content(now, name)]
 
 
-def _content(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401 - what USD holds
+def _content(prim: Usd.Prim, name: str) -> Any:
     relationship = prim.GetRelationship(name)
     if relationship:
         return targets_of(relationship)

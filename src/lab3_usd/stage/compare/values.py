@@ -126,7 +126,7 @@ _LARGEST = 3.4028234e38  # that a float holds: as a limit it is none, as infinit
 _NEAR_ZERO = 1e-3  # of the tolerance: below it a lone number is as good as zero
 
 
-def same_value(was: Any, now: Any, tolerance: float) -> bool:  # noqa: ANN401 - what USD holds
+def same_value(was: Any, now: Any, tolerance: float) -> bool:
     """Whether two values are the same up to a relative tolerance.
 
     Vectors are measured by their longest part; a rotation and its negative are the same; assets
@@ -143,7 +143,7 @@ def same_value(was: Any, now: Any, tolerance: float) -> bool:  # noqa: ANN401 - 
     return _same_numbers(was, now, tolerance)
 
 
-def _same_numbers(was: Any, now: Any, tolerance: float) -> bool:  # noqa: ANN401
+def _same_numbers(was: Any, now: Any, tolerance: float) -> bool:
     one, other = list(_numbers(was)), list(_numbers(now))
     if len(one) != len(other):
         return False
@@ -165,7 +165,7 @@ def _close(one: Sequence[float], other: Sequence[float], tolerance: float) -> bo
     return all(math.isclose(a, b, rel_tol=tolerance, abs_tol=near) for a, b in pairs)
 
 
-def _numbers(value: Any) -> Iterator[float]:  # noqa: ANN401
+def _numbers(value: Any) -> Iterator[float]:
     """Yield every number of a value; what holds none yields a value that equals nothing."""
     if isinstance(value, (int, float)):
         yield math.copysign(math.inf, value) if abs(value) >= _LARGEST else float(value)
@@ -203,12 +203,12 @@ def same_asset(was: Sdf.AssetPath, now: Sdf.AssetPath) -> bool:
         return first.name == second.name
 
 
-def _same_assets(was: Any, now: Any) -> bool:  # noqa: ANN401
+def _same_assets(was: Any, now: Any) -> bool:
     is_array = isinstance(now, Sdf.AssetPathArray) and len(was) == len(now)
     return is_array and all(map(same_asset, was, now))
 
 
-def display_value(value: Any) -> str:  # noqa: ANN401
+def display_value(value: Any) -> str:
     """Return a value for a message: short numbers, and long arrays by their length."""
     text = display(_short(plain_value(value)))
     if len(text) <= _LONGEST:

@@ -37,7 +37,7 @@ def set_value(session: EditSession, edit: SetValue) -> None:
     set_typed(session, edit.prim, edit.property, edit.type, catalog_value(edit.value, edit.type))
 
 
-def set_typed(session: EditSession, prim: str, name: str, type_name: str, value: Any) -> None:  # noqa: ANN401
+def set_typed(session: EditSession, prim: str, name: str, type_name: str, value: Any) -> None:
     """Give an attribute a value of usd-core."""
     spec = _attribute(session, prim, name, type_name)
     if spec.HasInfo("timeSamples"):
@@ -144,7 +144,7 @@ def set_targets(session: EditSession, edit: Retarget) -> None:
         _rewrite(spec.targetPathList, edit.targets, explicit=True)
 
 
-def _rewrite(items: Any, paths: Iterable[str], *, explicit: bool) -> None:  # noqa: ANN401
+def _rewrite(items: Any, paths: Iterable[str], *, explicit: bool) -> None:
     """Write a list of paths in the form that it has: explicit, or put before what is weaker."""
     found = [Sdf.Path(each) for each in paths]
     if items.isExplicit and found:
@@ -322,7 +322,7 @@ def _move(layer: Sdf.Layer, path: Sdf.Path, to: Sdf.Path) -> None:
     layer.Traverse(Sdf.Path.absoluteRootPath, follow)
 
 
-def _rename(items: Any, path: Sdf.Path, to: Sdf.Path) -> None:  # noqa: ANN401 - pxr has no types
+def _rename(items: Any, path: Sdf.Path, to: Sdf.Path) -> None:
     items.ModifyItemEdits(lambda each: each.ReplacePrefix(path, to))
 
 
@@ -333,7 +333,7 @@ def _rename_arcs(prim: Sdf.PrimSpec, path: Sdf.Path, to: Sdf.Path) -> None:
         getattr(prim, name).ModifyItemEdits(lambda each: _renamed_arc(each, path, to))
 
 
-def _renamed_arc(arc: Any, path: Sdf.Path, to: Sdf.Path) -> Any:  # noqa: ANN401
+def _renamed_arc(arc: Any, path: Sdf.Path, to: Sdf.Path) -> Any:
     """Return a reference or payload; one into another file stays."""
     if arc.assetPath:
         return arc

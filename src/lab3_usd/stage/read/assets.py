@@ -214,7 +214,7 @@ def is_in_scene(prim: Usd.Prim, hidden: Iterable[str]) -> bool:
 
 def blocked_path(asset: str) -> str:
     """Return a path that no computer can open and that still tells which asset was asked for."""
-    from urllib.parse import quote  # noqa: PLC0415 - only for what is blocked
+    from urllib.parse import quote
 
     return _BLOCKED + quote(asset, safe="")
 
@@ -223,6 +223,6 @@ def original_asset(path: str) -> str:
     """Return the asset that a blocked path stands for, any other path as it is."""
     if not path.startswith(_BLOCKED):
         return path
-    from urllib.parse import unquote  # noqa: PLC0415 - only for what is blocked
+    from urllib.parse import unquote
 
     return unquote(path[len(_BLOCKED) :])

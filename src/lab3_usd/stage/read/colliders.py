@@ -119,7 +119,7 @@ def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | 
 
 def _box_of_many(points: Vt.Vec3fArray, matrix: Gf.Matrix4d) -> _Box:
     """Return the box around many points, which usd-core works out without a loop here."""
-    from pxr import UsdGeom  # noqa: PLC0415 - takes as long to load as judging a stage
+    from pxr import UsdGeom
 
     mesh = UsdGeom.Mesh(_scratch().GetPrimAtPath("/points"))
     mesh.GetPointsAttr().Set(points)

@@ -32,14 +32,14 @@ _OPEN: dict[tuple[str, str], re.Pattern[str]] = {
 }
 
 
-def native_validation() -> Any:  # noqa: ANN401 - a module without types
+def native_validation() -> Any:
     """Return OpenUSD's module of validation.
 
     Raises:
         UsageError: the installed usd-core has none.
     """
     try:
-        from pxr import UsdValidation  # noqa: PLC0415 - only with --native
+        from pxr import UsdValidation
     except ImportError as error:
         version = ".".join(map(str, Usd.GetVersion()[1:]))
         raise UsageError(_NEEDED.format(version=version)) from error
@@ -91,13 +91,13 @@ def _one_line(text: str) -> str:
     return " ".join(_SESSION.sub("", text).split()).removesuffix(".")
 
 
-def _is_open(error: Any) -> bool:  # noqa: ANN401 - pxr has no types
+def _is_open(error: Any) -> bool:
     validator = str(error.GetValidator().GetMetadata().name).rpartition(":")[2]
     told = _OPEN.get((validator, str(error.GetName())))
     return told is not None and told.search(error.GetMessage()) is not None
 
 
-def _place(stage: Usd.Stage, error: Any) -> tuple[str, str | None]:  # noqa: ANN401
+def _place(stage: Usd.Stage, error: Any) -> tuple[str, str | None]:
     """Return where an error is: a prim, and a property of it or None."""
     for site in error.GetSites():
         if site.IsValid() and site.IsProperty():

@@ -109,8 +109,7 @@ class stage_errors:  # noqa: N801 - used as a function is; made of one it takes 
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         """Tell what is wrong with the file."""
         if isinstance(error, self._kinds):
-            message = f"{self._path}: {_reason(error)}"
-            raise StageError(message) from error
+            raise StageError(f"{self._path}: {_reason(error)}") from error
 
 
 @quiet()
@@ -123,8 +122,9 @@ def open_stage(path: Path) -> Usd.Stage:
     with stage_errors(path, Tf.ErrorException, RuntimeError, UnicodeError):
         stage = opener.get()(path)
         if stage is None:
-            message = f"{path}: usd-core opens no stage from it; save it again from Isaac Sim"
-            raise StageError(message)
+            raise StageError(
+                f"{path}: usd-core opens no stage from it; save it again from Isaac Sim"
+            )
         return held(stage)
 
 
@@ -154,17 +154,15 @@ def check_file(path: Path) -> None:
     """
     _check_name(path)
     if not path.exists():
-        message = f"{path}: there is no such file"
-        raise StageError(message)
+        raise StageError(f"{path}: there is no such file")
     if not path.is_file():
-        message = f"{path}: is not a file"
-        raise StageError(message)
+        raise StageError(f"{path}: is not a file")
     if path.suffix.lower() == ".uda":
-        message = f"{path}: '.uda' is not a USD ending; '.usda' is likely meant, rename the file"
-        raise StageError(message)
+        raise StageError(
+            f"{path}: '.uda' is not a USD ending; '.usda' is likely meant, rename the file"
+        )
     if path.suffix.lower() not in ENDINGS:
-        message = f"{path}: '{path.suffix}' is not a USD ending ({', '.join(ENDINGS)})"
-        raise StageError(message)
+        raise StageError(f"{path}: '{path.suffix}' is not a USD ending ({', '.join(ENDINGS)})")
     _check_text(path)
 
 
@@ -172,11 +170,9 @@ def _check_name(path: Path) -> None:
     """Refuse names that usd-core cannot open, whatever the file holds."""
     shown = os.fsencode(path).decode("utf-8", "replace")
     if shown != str(path):
-        message = f"{shown}: the name of the file or of a folder is not UTF-8; rename it"
-        raise StageError(message)
+        raise StageError(f"{shown}: the name of the file or of a folder is not UTF-8; rename it")
     if _ARGUMENTS in shown:
-        message = f"{shown}: USD reads '{_ARGUMENTS}' in a name as options; rename the file"
-        raise StageError(message)
+        raise StageError(f"{shown}: USD reads '{_ARGUMENTS}' in a name as options; rename the file")
 
 
 def _check_text(path: Path) -> None:
@@ -186,25 +182,25 @@ def _check_text(path: Path) -> None:
             if start.startswith(b"#usda"):
                 _check_bytes(path, start + file.read())
     except OSError as error:
-        message = f"{path}: cannot be read ({error.strerror})"
-        raise StageError(message) from error
+        raise StageError(f"{path}: cannot be read ({error.strerror})") from error
     if not start:
-        message = f"{path}: is empty; save the stage again from Isaac Sim"
-        raise StageError(message)
+        raise StageError(f"{path}: is empty; save the stage again from Isaac Sim")
 
 
 def _check_bytes(path: Path, data: bytes) -> None:
     """Refuse text that the parser would cut short or choke on."""
     if b"\0" in data:
         line = data.count(b"\n", 0, data.index(b"\0")) + 1
-        message = f"{path}: line {line} holds a NUL byte; the file is damaged, save it again"
-        raise StageError(message)
+        raise StageError(
+            f"{path}: line {line} holds a NUL byte; the file is damaged, save it again"
+        )
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        message = f"{path}: line {line} is not UTF-8 text; the file is damaged, save it again"
-        raise StageError(message) from error
+        raise StageError(
+            f"{path}: line {line} is not UTF-8 text; the file is damaged, save it again"
+        ) from error
 
 
 def _reason(error: Exception) -> str:

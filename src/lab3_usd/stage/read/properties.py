@@ -43,7 +43,7 @@ _HALF = "e"
 _QUATERNIONS = {Gf.Quatd, Gf.Quatf, Gf.Quath}
 
 
-def plain_value(value: Any) -> Value | None:  # noqa: ANN401 - whatever usd-core returns
+def plain_value(value: Any) -> Value | None:
     """Return the value without Gf, Sdf and Vt; None where there is none or nobody asks for it.
 
     Quaternions come in OGN's order x, y, z, w.
@@ -60,7 +60,7 @@ def plain_value(value: Any) -> Value | None:  # noqa: ANN401 - whatever usd-core
     return tuple(elements(value)) if kind in _VECTORS else _items(value)
 
 
-def stage_number(value: Any, otherwise: float) -> float:  # noqa: ANN401
+def stage_number(value: Any, otherwise: float) -> float:
     """Return a number that a stage says of itself, else the default.
 
     A damaged file may say anything; to usd-core that is nothing.
@@ -68,7 +68,7 @@ def stage_number(value: Any, otherwise: float) -> float:  # noqa: ANN401
     return float(value) if type(value) in _NUMBERS else otherwise
 
 
-def _items(value: Any) -> Value | None:  # noqa: ANN401
+def _items(value: Any) -> Value | None:
     try:
         count = len(value)
     except TypeError:
@@ -80,7 +80,7 @@ def _items(value: Any) -> Value | None:  # noqa: ANN401
     return tuple(item for item in items if item is not None)
 
 
-def elements(vector: Any) -> list[Any]:  # noqa: ANN401 - of any size and precision
+def elements(vector: Any) -> list[Any]:
     """Return the numbers of a vector of Gf's.
 
     Raises:
@@ -113,7 +113,7 @@ def hold_start_values(stage: Usd.Stage) -> None:
     with Sdf.ChangeBlock():
         for attribute, value in held:
             _write(session, attribute, value)
-        import json  # noqa: PLC0415 - few stages have samples
+        import json
 
         session.customLayerData = {_KEY: json.dumps([astuple(each) for each in changes])}
 
@@ -129,7 +129,7 @@ def changes_after_start(stage: Usd.Stage) -> tuple[AnimatedAttribute, ...]:
     written = stage.GetSessionLayer().customLayerData.get(_KEY)
     if written is None:
         return ()
-    import json  # noqa: PLC0415 - few stages have samples
+    import json
 
     return tuple(AnimatedAttribute(*each) for each in json.loads(written))
 
@@ -141,7 +141,7 @@ def _sampled(stage: Usd.Stage) -> Iterator[Usd.Attribute]:
                 yield attribute
 
 
-def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[AnimatedAttribute]:  # noqa: ANN401
+def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[AnimatedAttribute]:
     """Yield the first sample after the start that is not as the value there."""
     for time in attribute.GetTimeSamples():
         then = attribute.Get(time) if time > start else first
@@ -151,7 +151,7 @@ def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[Ani
             return
 
 
-def _alike(one: Any, other: Any) -> bool:  # noqa: ANN401 - plain values of any depth
+def _alike(one: Any, other: Any) -> bool:
     """Whether two values are the same up to float noise."""
     if isinstance(one, tuple) and isinstance(other, tuple):
         return len(one) == len(other) and all(map(_alike, one, other))
@@ -160,12 +160,12 @@ def _alike(one: Any, other: Any) -> bool:  # noqa: ANN401 - plain values of any 
     return bool(one == other) and one is not None
 
 
-def _text(value: Any) -> str:  # noqa: ANN401
+def _text(value: Any) -> str:
     known = plain_value(value)
     return "another value" if known is None else str(known)
 
 
-def _write(session: Sdf.Layer, attribute: Usd.Attribute, value: Any) -> None:  # noqa: ANN401
+def _write(session: Sdf.Layer, attribute: Usd.Attribute, value: Any) -> None:
     prim = Sdf.CreatePrimInLayer(session, attribute.GetPrim().GetPath())
     spec = Sdf.AttributeSpec(prim, attribute.GetName(), attribute.GetTypeName())
     spec.default = Sdf.ValueBlock() if value is None else value
@@ -176,7 +176,7 @@ _WITH_VARIABLES = {Sdf.AssetPath, Sdf.AssetPathArray}  # of which the stage make
 _VALUE, _SOURCES = "default", "connectionPaths"
 
 
-def authored_data(prim: Usd.Prim, name: str) -> Any:  # noqa: ANN401 - whatever usd-core returns
+def authored_data(prim: Usd.Prim, name: str) -> Any:
     """Return the value that a layer gives to one attribute of a prim, None where none does."""
     attribute = Usd.Prim.GetAttribute(prim, name)
     if not Usd.Attribute.HasAuthoredMetadata(attribute, _VALUE):
@@ -252,7 +252,7 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
         relationship = Usd.Prim.GetRelationship(self.prim, self.name)
         return tuple(map(str, Usd.Relationship.GetTargets(relationship)))
 
-    def custom_data(self, *keys: str) -> Any:  # noqa: ANN401
+    def custom_data(self, *keys: str) -> Any:
         """Return what the strongest layer has under nested keys of the custom data."""
         for spec in self.specs:
             value = spec.GetInfo("customData")

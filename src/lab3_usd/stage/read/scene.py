@@ -103,7 +103,7 @@ def _input(attribute: Usd.Attribute, time: Usd.TimeCode) -> Input:
     return Input(str(attribute.GetTypeName()), plain(attribute.Get(time)), literal, sources)
 
 
-def _value(prim: Usd.Prim, name: str, time: Usd.TimeCode = NO_TIME) -> Any:  # noqa: ANN401
+def _value(prim: Usd.Prim, name: str, time: Usd.TimeCode = NO_TIME) -> Any:
     attribute = prim.GetAttribute(name)
     return plain(attribute.Get(time)) if attribute else None
 
@@ -164,7 +164,7 @@ def _is_seen(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
     return image.ComputePurpose() not in UNSEEN and image.ComputeVisibility(time) != "invisible"
 
 
-def _affine(matrix: Any) -> Affine:  # noqa: ANN401 - pxr has no types
+def _affine(matrix: Any) -> Affine:
     """Return a matrix of USD, which multiplies rows from the left."""
     m = [list(matrix.GetRow(row)) for row in range(4)]
     rows = tuple(tuple(bounded(m[j][i]) for j in range(3)) for i in range(3))
@@ -176,7 +176,7 @@ def bounded(number: float) -> float:
     return max(-LARGEST, min(LARGEST, number)) if number == number else 0.0  # noqa: PLR0124 - NaN
 
 
-def plain(value: Any) -> Any:  # noqa: ANN401
+def plain(value: Any) -> Any:
     """Return a value of USD as Python's own; a quaternion comes as (w, x, y, z)."""
     if isinstance(value, float):
         return bounded(value)

@@ -70,7 +70,7 @@ def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
     return _composed(prim, authored_data(prim, ORDER))
 
 
-def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:  # noqa: ANN401
+def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:
     """Compose the operations of a prim.
 
     One without a value, or of a kind that USD does not have, moves nothing.
@@ -90,7 +90,7 @@ def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:  # noqa: ANN40
     return matrix, is_reset
 
 
-def _names(order: Any) -> list[str]:  # noqa: ANN401 - of any type where a file is damaged
+def _names(order: Any) -> list[str]:
     if not isinstance(order, Vt.TokenArray):
         return []
     # Iterating over a Vt type is five times as slow as asking for its elements.
@@ -117,32 +117,32 @@ def _inverse(matrix: Matrix) -> Matrix:
     return _matrix(Gf.Matrix4d(*matrix).GetInverse())
 
 
-def _translation(value: Any) -> Matrix:  # noqa: ANN401 - of any precision
+def _translation(value: Any) -> Matrix:
     x, y, z = _vector(value)
     if not (x or y or z):
         return IDENTITY
     return (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, y, z, 1.0)
 
 
-def _scaling(value: Any) -> Matrix:  # noqa: ANN401
+def _scaling(value: Any) -> Matrix:
     x, y, z = _vector(value)
     if x == y == z == 1.0:
         return IDENTITY
     return (x, 0.0, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 0.0, z, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
-def _vector(value: Any) -> tuple[float, float, float]:  # noqa: ANN401
+def _vector(value: Any) -> tuple[float, float, float]:
     x, y, z = elements(value)
     return _number(x), y, z  # which are of one type
 
 
-def _number(value: Any) -> float:  # noqa: ANN401
+def _number(value: Any) -> float:
     if type(value) is float:
         return value
     raise TypeError(value)  # UsdGeom takes no whole numbers either
 
 
-def _orientation(value: Any) -> Matrix:  # noqa: ANN401
+def _orientation(value: Any) -> Matrix:
     """Return the rotation of a quaternion.
 
     As in Gf, the imaginary part gives the axis and the real part the angle, whatever the length.
@@ -161,7 +161,7 @@ def _orientation(value: Any) -> Matrix:  # noqa: ANN401
     )
 
 
-def _matrix(value: Any) -> Matrix:  # noqa: ANN401
+def _matrix(value: Any) -> Matrix:
     return _SIXTEEN.unpack(Gf.Matrix4d(value))
 
 
@@ -181,7 +181,7 @@ def _about(axis: str) -> Callable[[Any], Matrix]:
 def _turns(order: str) -> Callable[[Any], Matrix]:
     """Return the maker of three turns; the first letter turns first."""
 
-    def make(value: Any) -> Matrix:  # noqa: ANN401
+    def make(value: Any) -> Matrix:
         degrees = _vector(value)
         first, second, third = (_turn(axis, degrees["XYZ".index(axis)]) for axis in order)
         return multiply(multiply(first, second), third)
@@ -193,7 +193,7 @@ def _along(axis: str, make: Callable[[Any], Matrix], rest: float) -> Callable[[A
     """Return the maker of an operation on one axis; the others keep `rest`."""
     index = "XYZ".index(axis)
 
-    def one(value: Any) -> Matrix:  # noqa: ANN401
+    def one(value: Any) -> Matrix:
         parts = [rest, rest, rest]
         parts[index] = _number(value)
         return make(Gf.Vec3d(*parts))

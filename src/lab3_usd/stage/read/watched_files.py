@@ -66,8 +66,7 @@ def _read_text(path: Path) -> Sdf.Layer | None:
     if data.startswith(_NOT_TEXT):
         return None
     if not data:
-        message = f"{path}: is empty; save it again"
-        raise StageError(message)
+        raise StageError(f"{path}: is empty; save it again")
     file_format = Sdf.FileFormat.FindByExtension(path.suffix.lower()[1:])
     layer = Sdf.Layer.New(file_format, str(path))
     layer.ImportFromString(data.decode())

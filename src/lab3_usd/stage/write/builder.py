@@ -52,12 +52,12 @@ def build_checkpoint(starter: Path | str | None, checkpoint: str, target: Path |
     starter, target = None if starter is None else Path(starter), Path(target)
     lab = load_lab()
     if checkpoint not in lab.checkpoints:
-        message = f"there is no checkpoint '{checkpoint}'; known are {', '.join(lab.checkpoints)}"
-        raise UsageError(message)
+        raise UsageError(
+            f"there is no checkpoint '{checkpoint}'; known are {', '.join(lab.checkpoints)}"
+        )
     form = "usda" if target.suffix == ENDINGS["usda"] else "usdc"
     if target.suffix not in {*ENDINGS.values(), ".usdc"}:
-        message = f"{target}: a stage ends in .usda (text), .usd or .usdc (binary)"
-        raise UsageError(message)
+        raise UsageError(f"{target}: a stage ends in .usda (text), .usd or .usdc (binary)")
     plan = {target: lab.checkpoints[checkpoint]}
     return build_files(lab, starter, plan, BuildOptions(form))[0]
 
@@ -133,22 +133,20 @@ def _check_targets(plan: dict[Path, Checkpoint], stage: Usd.Stage, options: Buil
     inputs = layer_files(stage).files if existing else frozenset()
     for target in existing:
         if target.resolve() in inputs:
-            message = f"{target}: is a file of the starter, which is never written; choose --out"
-            raise UsageError(message)
+            raise UsageError(
+                f"{target}: is a file of the starter, which is never written; choose --out"
+            )
         if target.is_dir():
-            message = f"{target}: is a folder; choose another one for --out"
-            raise UsageError(message)
+            raise UsageError(f"{target}: is a folder; choose another one for --out")
         if not options.force:
-            message = f"{target}: exists already; choose another folder or give --force"
-            raise UsageError(message)
+            raise UsageError(f"{target}: exists already; choose another folder or give --force")
 
 
 def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        message = f"{folder}: cannot be made ({error.strerror})"
-        raise StageError(message) from error
+        raise StageError(f"{folder}: cannot be made ({error.strerror})") from error
 
 
 def _checkpoint_layers(
@@ -208,16 +206,14 @@ def export_layer(layer: Sdf.Layer, target: Path, form: str) -> Path:
     try:
         temporary = temporary_beside(target, ".usd")
     except OSError as error:
-        message = f"{target}: cannot be written ({error.strerror})"
-        raise StageError(message) from error
+        raise StageError(f"{target}: cannot be written ({error.strerror})") from error
     try:
         written = layer.Export(str(temporary), "", {"format": form})
     except Tf.ErrorException:
         written = False
     if not written:
         temporary.unlink(missing_ok=True)
-        message = f"{target}: cannot be written; is the disk full?"
-        raise StageError(message)
+        raise StageError(f"{target}: cannot be written; is the disk full?")
     return temporary
 
 
@@ -235,7 +231,6 @@ def _put_in_place(files: Mapping[Path, Path]) -> None:
         except OSError as error:
             for path in made:
                 path.unlink(missing_ok=True)
-            message = f"{target}: cannot be written ({error.strerror})"
-            raise StageError(message) from error
+            raise StageError(f"{target}: cannot be written ({error.strerror})") from error
         if new:
             made.append(target)

@@ -163,7 +163,7 @@ def quaternion(rotate: Sequence[float]) -> Gf.Quatd:
     return Gf.Quatd(*(round(number, _DIGITS) + 0.0 for number in numbers))
 
 
-def usd_value(value: Any, value_type: Sdf.ValueTypeName) -> Any:  # noqa: ANN401 - pxr has no types
+def usd_value(value: Any, value_type: Sdf.ValueTypeName) -> Any:
     """Turn lists and tuples into the vector or array of a type; other values stay as they are."""
     if not isinstance(value, (list, tuple)):
         return value
@@ -173,7 +173,7 @@ def usd_value(value: Any, value_type: Sdf.ValueTypeName) -> Any:  # noqa: ANN401
     return make(*value)
 
 
-def catalog_value(value: Value, usd_type: str) -> Any:  # noqa: ANN401
+def catalog_value(value: Value, usd_type: str) -> Any:
     """Return a value of the catalog, whose quaternions are x, y, z, w."""
     if usd_type == _QUATERNION and isinstance(value, tuple):
         value = (value[3], *value[:3])

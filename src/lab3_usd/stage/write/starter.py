@@ -159,8 +159,9 @@ def build_starter(target: Path | str, *, force: bool = False) -> None:
     """
     target = Path(target)
     if target.suffix != _SUFFIX:
-        message = f"{target}: the starter is a text stage, give it a name that ends in {_SUFFIX}"
-        raise UsageError(message)
+        raise UsageError(
+            f"{target}: the starter is a text stage, give it a name that ends in {_SUFFIX}"
+        )
     text: str = starter_layer(lab_folder()).ExportToString()
     write_whole(target, text.encode(), force=force)
 
@@ -229,13 +230,13 @@ def _write_attribute(prim: Usd.Prim, spec: AttributeSpec) -> None:
     if spec.type is not None:
         attribute = _declare(prim, spec.name, spec.type)
     if not attribute:
-        message = f"{where} is not known to USD here, give its type as well"
-        raise SpecError(message)
+        raise SpecError(f"{where} is not known to USD here, give its type as well")
     try:
         attribute.Set(usd_value(spec.value, attribute.GetTypeName()))
     except (Tf.ErrorException, TypeError) as error:
-        message = f"{where} is {spec.value!r}, expected a {attribute.GetTypeName()}"
-        raise SpecError(message) from error
+        raise SpecError(
+            f"{where} is {spec.value!r}, expected a {attribute.GetTypeName()}"
+        ) from error
 
 
 def _declare(prim: Usd.Prim, name: str, declared: str) -> Usd.Attribute:
@@ -244,8 +245,7 @@ def _declare(prim: Usd.Prim, name: str, declared: str) -> Usd.Attribute:
     variability = Sdf.VariabilityVarying if kind == declared else Sdf.VariabilityUniform
     value_type = Sdf.ValueTypeNames.Find(kind)
     if not value_type:
-        message = f"{STARTER}: {prim.GetPath()}: {name}: '{kind}' is no type of USD"
-        raise SpecError(message)
+        raise SpecError(f"{STARTER}: {prim.GetPath()}: {name}: '{kind}' is no type of USD")
     return prim.CreateAttribute(name, value_type, False, variability)  # noqa: FBT003 - no keyword
 
 
