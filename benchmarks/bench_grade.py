@@ -24,7 +24,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
 from grade_files import LAB, stage, starter
 

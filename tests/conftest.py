@@ -9,10 +9,8 @@ from pathlib import Path
 import pytest
 from browser import Browser, started
 from parsed_once import yaml_parsed_once
+from places import REPOSITORY, SHARED
 from starter_once import starter_made_once
-
-REPOSITORY = Path(__file__).resolve().parents[1]
-SHARED = REPOSITORY.parent / "shared"
 
 
 def pytest_collection_finish() -> None:

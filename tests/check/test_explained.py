@@ -1,0 +1,63 @@
+"""Every point that is lost is explained: by a finding, or by name inside one."""
+
+from __future__ import annotations
+
+import pytest
+from breaking import correct_stage, judged, the_lab
+from explained import unexplained
+from places import SHARED
+from pxr import Usd
+from sabotage import graph_faults
+from scene_sabotage import scene_sabotage
+
+from lab3_usd.stage.read.opening import open_stage, quiet
+from lab3_usd.stage.read.reader import read_model
+
+CORPUS = SHARED / "corpus"
+FILES = sorted(path for path in CORPUS.rglob("*") if path.suffix in {".usd", ".usda", ".usdc"})
+EVERY = 8  # of the faults of the graphs; all of them take half a minute
+
+
+def left_open(stage: Usd.Stage, checkpoint: str = "05") -> list[str]:
+    lab = the_lab()
+    found = judged(stage, checkpoint)
+    with quiet():
+        model = read_model(stage, lab, "stage.usda")
+    return unexplained(lab, model, found.requirements, found.findings)
+
+
+@pytest.mark.parametrize("start", range(4))
+def test_what_a_fault_of_a_graph_costs_is_explained(start: int) -> None:
+    faults = list(graph_faults(the_lab(), the_lab().checkpoints["05"]))
+    for fault in faults[start :: EVERY * 4]:
+        stage = correct_stage("05")
+        fault.break_it(stage)
+        assert left_open(stage) == [], fault.name
+
+
+def test_what_a_fault_of_the_scene_costs_is_explained() -> None:
+    for fault in scene_sabotage()[::6]:
+        stage = correct_stage("05")
+        fault.apply(stage)
+        assert left_open(stage) == [], fault.name
+
+
+@pytest.mark.skipif(not FILES, reason="the corpus of real stages is not beside this checkout")
+@pytest.mark.parametrize("checkpoint", ["02", "05", "08"])
+def test_what_a_real_stage_loses_is_explained(checkpoint: str) -> None:
+    for path in FILES:
+        assert left_open(open_stage(path), checkpoint) == [], path.name
+
+
+def test_a_loss_that_nothing_names_is_noticed() -> None:
+    lab = the_lab()
+    stage = correct_stage("05")
+    graph = lab.graphs["ROS_OdomTF"]
+    stage.RemovePrim(f"{graph.path}/isaac_compute_transform_tree")
+    found = judged(stage, "05")
+    model = read_model(stage, lab, "stage.usda")
+    arguments = (lab, model, found.requirements)
+    assert unexplained(*arguments, found.findings) == []
+    told = [each for each in found.findings if each.rule != "T20"]
+    assert {each.partition("/")[0] for each in unexplained(*arguments, told)} == {"TF"}
+    assert len(unexplained(*arguments, ())) == sum(not each.met for each in found.requirements)

@@ -1,0 +1,75 @@
+"""Each rule that needs no spec against its case file: what triggers it, and what does not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import quick_yaml
+from foreign_robots import ROBOTS
+from linting import broken_robot, linted, said_by
+from places import TESTS
+
+from lab3_usd.check.registry import all_rules
+
+FOLDER = TESTS / "lint_cases"
+CASES = {path.stem: quick_yaml.load(path.read_text()) for path in sorted(FOLDER.glob("*.yaml"))}
+TRIGGERS = [
+    pytest.param(rule, {"robot": case.get("robot", "rover"), **entry}, id=f"{rule} {name}".strip())
+    for rule, case in CASES.items()
+    for name, entry in {"": case, **case.get("more", {})}.items()
+]
+ALIKE = [
+    pytest.param(rule, case.get("robot", "rover"), steps, id=f"{rule} {name}".strip())
+    for rule, case in CASES.items()
+    for name, steps in {"": case["clear"], **case.get("alike", {})}.items()
+]
+RULES = [rule.id for rule in all_rules().values() if rule.scope == "lint"]
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_nothing_is_said_of_a_robot_that_works(robot: str) -> None:
+    assert said_by(ROBOTS[robot]()) == []
+
+
+@pytest.mark.parametrize(("rule", "case"), TRIGGERS)
+def test_a_fault_is_said_once_at_its_place(rule: str, case: dict[str, Any]) -> None:
+    stage = broken_robot(case["robot"], case["break"])
+    assert said_by(stage, "error", "warning") == sorted(case["expect"])
+    notes = said_by(stage, "note")
+    assert [each for each in case.get("notes", []) if each not in notes] == []
+    assert rule in {each.split()[0] for each in (*case["expect"], *case.get("notes", []))}
+
+
+@pytest.mark.parametrize(("rule", "robot", "steps"), ALIKE)
+def test_what_is_only_alike_does_not_trigger_the_rule(
+    rule: str, robot: str, steps: list[dict[str, Any]]
+) -> None:
+    stage = broken_robot(robot, steps)
+    assert rule not in {each.split()[0] for each in said_by(stage)}
+
+
+def test_a_wire_from_a_prim_is_not_said_to_come_from_nowhere() -> None:
+    wire = ["/World/Clock/clock.inputs:timeStamp", "/World/Clock/time"]
+    (found,) = linted(broken_robot("rover", [{"connect": wire}])).findings
+    assert found.message == "inputs:timeStamp is wired from time, which is a prim and no port"
+
+
+def test_a_single_command_was_for_all_joints_before() -> None:
+    command = ["/World/Drive/move.inputs:velocityCommand", "double[]", [1.0]]
+    steps = [{"disconnect": command[0]}, {"declare": command}]
+    stage = broken_robot("rover", steps)
+    found = "K68 /World/Drive/move inputs:velocityCommand"
+    assert found in said_by(stage)
+    assert found not in said_by(stage, release="5.1")
+
+
+def test_two_topics_of_one_node_are_no_rivals_of_another() -> None:
+    steps = CASES["K40"]["more"]["two topics of one node"]["break"]
+    (found,) = linted(broken_robot("rover", steps)).findings
+    assert found.message == "inputs:semanticLabelsTopicName and inputs:topicName are both /rgb"
+    assert found.related == ()
+
+
+def test_every_rule_has_a_case() -> None:
+    assert list(CASES) == RULES

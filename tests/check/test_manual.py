@@ -1,0 +1,96 @@
+"""The manuals of the rules speak of the lab in force, and cite only its handout."""
+
+from __future__ import annotations
+
+import re
+
+from click.testing import CliRunner
+from places import REPOSITORY
+
+from lab3_usd.check.manual import PLAIN, in_words_of, rules_in
+from lab3_usd.check.registry import all_rules
+from lab3_usd.check.rule_runs import finding_of
+from lab3_usd.cli import lab3
+from lab3_usd.model.finding import Problem
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
+
+LAB = load_lab()
+JETBOT_FOLDER = REPOSITORY / "docs/examples/labs/jetbot"
+JETBOT = load_lab(JETBOT_FOLDER)
+LINT = "K"  # the family that knows no lab
+
+
+def names(lab: Lab) -> set[str]:
+    """The names that a lab alone has: prims, joints, graphs, files, folders and sections."""
+    robot = lab.scene.robot
+    folders = lab.submission.folders
+    return {
+        robot.path.rpartition("/")[2],
+        *robot.links,
+        *robot.wheels.joints,
+        *(each.name for each in lab.sensors.values()),
+        *(graph.path.rpartition("/")[2] for graph in lab.graphs.values()),
+        *lab.files.values(),
+        *(f"`{name}`" for name in (folders.stages, folders.starter, *folders.shown)),
+        lab.submission.stages.starter,
+        *lab.handout.names,
+        *", ".join(lab.handout.rules.values()).split(", "),
+    }
+
+
+OWN_WORDS = {  # which Isaac Sim and ROS have as well
+    *names(JETBOT),
+    *("base_link", "ROS_Clock", "ROS_Drive", "D1"),
+}
+
+
+def test_no_manual_names_anything_of_another_lab() -> None:
+    said = {
+        rule.id: name
+        for rule in rules_in(JETBOT).values()
+        for name in names(LAB) - OWN_WORDS
+        if rule.id[0] != LINT and re.search(rf"(?<![\w/.]){re.escape(name)}(?![\w.])", rule.manual)
+    }
+    assert said == {}
+
+
+def test_every_name_of_a_manual_is_known() -> None:
+    open_names = [
+        rule.id
+        for rule in all_rules().values()
+        if re.search(r"\{\w+\}", in_words_of(None, rule.manual))
+    ]
+    assert open_names == []
+
+
+def test_every_name_is_used_in_a_manual() -> None:
+    used = {name for each in all_rules().values() for name in re.findall(r"\{(\w+)\}", each.manual)}
+    assert set(PLAIN) - used - {f"stem{n}" for n in range(5)} - {"stage1", "stage4"} == set()
+
+
+def test_a_hint_names_the_sensor_and_its_link() -> None:
+    hints = {
+        lab.title: finding_of(all_rules()["L01"], Problem("/a", "missing"), lab).hint
+        for lab in (LAB, JETBOT)
+    }
+    assert "RTX Lidar > NVIDIA > Example Rotary 2D, rename the prim to `Lidar2D`" in str(
+        hints["Lab 3"]
+    )
+    assert "RTX Lidar, rename the prim to `Scanner` and drag it onto `mast`" in str(hints["Week 5"])
+
+
+def test_a_section_comes_from_the_lab_alone() -> None:
+    rule, problem = all_rules()["S19"], Problem("/a", "floats")
+    assert finding_of(rule, problem, LAB).handout == "A5"
+    assert finding_of(rule, problem, JETBOT).handout is None
+    assert finding_of(rule, problem, None).handout is None
+    own = Problem("/a", "floats", handout="B1")
+    assert finding_of(rule, own, LAB).handout == "B1"
+
+
+def test_the_manual_names_the_section_behind_a_rule() -> None:
+    said = CliRunner().invoke(lab3, ["rule", "S19"]).output
+    assert said.endswith("\n\nHandout: A5\n")
+    other = CliRunner().invoke(lab3, ["--lab", str(JETBOT_FOLDER), "rule", "S19"]).output
+    assert "Handout" not in other

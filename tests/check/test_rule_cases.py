@@ -1,0 +1,81 @@
+"""Each rule about graphs against its case file: what breaks it, what is said, what clears it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+import quick_yaml
+from breaking import broken, judged, place
+from places import TESTS
+
+from lab3_usd.check.checker import Judgement
+from lab3_usd.model.finding import ordered
+
+FOLDER = TESTS / "cases"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One fault: the steps that make it, and every error and warning that it gives."""
+
+    rule: str
+    name: str
+    checkpoint: str
+    steps: list[dict[str, Any]]
+    expect: list[str]
+    notes: list[str]
+
+
+def _cases() -> tuple[list[Case], list[Case]]:
+    triggers, clearing = [], []
+    for path in sorted(FOLDER.glob("*.yaml")):
+        content = quick_yaml.load(path.read_text())
+        checkpoint = content.get("checkpoint", "05")
+        entries = {"": content, **content.get("more", {})}
+        for name, entry in entries.items():
+            found = (entry.get("checkpoint", checkpoint), entry["break"], entry["expect"])
+            triggers.append(Case(path.stem, name, *found, entry.get("notes", [])))
+        clearing.append(Case(path.stem, "", checkpoint, content["clear"], [], []))
+    return triggers, clearing
+
+
+TRIGGERS, CLEARING = _cases()
+
+
+def _id(case: Case) -> str:
+    return f"{case.rule} {case.name}".strip()
+
+
+def _said(judgement: Judgement, *severities: str) -> list[str]:
+    findings = ordered(each for each in judgement.findings if each.severity in severities)
+    return sorted(f"{each.rule} {each.prim} {each.property or ''}".strip() for each in findings)
+
+
+def _placed(lines: list[str]) -> list[str]:
+    return sorted(" ".join(map(place, line.split())) for line in lines)
+
+
+@pytest.mark.parametrize("case", TRIGGERS, ids=_id)
+def test_a_fault_is_said_once_at_its_place(case: Case) -> None:
+    judgement = judged(broken(case.checkpoint, case.steps), case.checkpoint)
+    assert not judgement.crashes
+    assert _said(judgement, "error", "warning") == _placed(case.expect)
+    notes = _said(judgement, "note")
+    assert [note for note in _placed(case.notes) if note not in notes] == []
+
+
+@pytest.mark.parametrize("case", CLEARING, ids=_id)
+def test_what_is_only_alike_does_not_trigger_the_rule(case: Case) -> None:
+    judgement = judged(broken(case.checkpoint, case.steps), case.checkpoint)
+    assert not judgement.crashes
+    assert case.rule not in {each.rule for each in judgement.findings}
+
+
+def is_of_its_rule(case: Case) -> bool:
+    return case.rule in {line.split()[0] for line in [*case.expect, *case.notes]}
+
+
+def test_what_a_case_file_expects_is_of_its_own_rule() -> None:
+    assert [_id(case) for case in TRIGGERS if not is_of_its_rule(case)] == []

@@ -1,0 +1,77 @@
+"""The benchmark of grading measures what it says it does."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from places import REPOSITORY
+
+BENCH = REPOSITORY / "benchmarks" / "bench_grade.py"
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("bench_grade", BENCH)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "bench_grade", module)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_no_two_students_of_a_class_hand_in_the_same_bytes(
+    bench: ModuleType, tmp_path: Path
+) -> None:
+    bench.make_class(tmp_path, 3, ("00", "05", "06"))
+    files = sorted(tmp_path.rglob("*.usda"))
+    assert len(files) == 9
+    assert len({path.read_bytes() for path in files}) == 6  # 06 is 05 saved again
+
+
+def test_students_arrange_their_nodes_differently_and_keep_them_so(
+    bench: ModuleType, tmp_path: Path
+) -> None:
+    bench.make_class(tmp_path, 2, ("01", "05"))
+    first, later, other = (
+        bench.POSITION.search((tmp_path / student / "work" / name).read_text())[0]
+        for student, name in (
+            ("student0000", "Lab3_01_ros_clock.usda"),
+            ("student0000", "Lab3_05_odometry_tf.usda"),
+            ("student0001", "Lab3_01_ros_clock.usda"),
+        )
+    )
+    assert first == later != other
+
+
+def test_the_figures_are_printed(
+    bench: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(bench, "SMALL", 1)
+    monkeypatch.setattr(sys, "argv", ["bench_grade.py", "--count", "2"])
+    assert bench.main() == 0
+    said = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in said[1:4]] == [["1", "9"], ["2", "18"], ["2", "2"]]
+    assert "for each stage beyond the first" in said[6]
+
+
+def test_a_class_that_is_not_graded_clean_is_no_measure(
+    bench: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = [{"lost": [{"title": "ROS2 Context"}]}]
+    monkeypatch.setattr(bench, "grade_class", lambda _settings: rows)
+    with pytest.raises(RuntimeError, match="not graded as one"):
+        bench.measure(1, ("00",))
+
+
+def test_memory_of_this_process_is_known_where_the_platform_tells_it(bench: ModuleType) -> None:
+    import os
+
+    if not Path("/proc/self/statm").exists():
+        pytest.skip("this platform does not tell the memory of a process by file")
+    assert bench.resident(os.getpid()) > bench.MEGABYTE
+    assert bench.resident(2**22 + 1) == 0

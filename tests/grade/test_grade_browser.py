@@ -1,0 +1,162 @@
+"""The page of a class in a browser: it sorts, filters, needs no script for reading, and is seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser import CONTRASTS, DESKTOP, PHONE, Browser
+from class_pages import EVIL, ITEMS, page_of, row
+from msgspec import to_builtins
+
+from lab3_usd.grade.rubric import load_rubric
+from lab3_usd.grade.scoring import grade
+from lab3_usd.spec.load.loader import load_lab
+
+ROWS = [
+    row("ana", 9.5),
+    row("ben", 100.0),
+    row("eve", 50.0, name=EVIL, reason="<img src=x onerror='window.attacked=1'>", late=True),
+    row("gus", None, status="timeout", reason="ran out of time (20 s)"),
+    row("zoe", 50.0, lost=[{"item": "clock", "requirement": "ROS_Clock/wire/x", "title": EVIL}]),
+]
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("class") / "index.html"
+    path.write_text(page_of("Lab 3", ITEMS, ROWS), encoding="utf-8")
+    return path
+
+
+def students(chromium: Browser) -> list[str]:
+    """The students whose rows are shown, from top to bottom."""
+    return [cell.text for cell in chromium.shown("table.students tbody th")]
+
+
+def press(chromium: Browser, heading: str) -> None:
+    (button,) = [each for each in chromium.all("thead button") if each.text.startswith(heading)]
+    button.click()
+
+
+def test_it_loads_without_a_complaint_and_asks_for_nothing(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+    assert chromium.logs() == []
+    assert [each for each in chromium.requests() if each.startswith(("http:", "https:"))] == []
+    assert chromium.run("return window.attacked") is None
+
+
+def test_columns_sort_by_number_both_ways_and_keep_the_order_of_equals(
+    chromium: Browser, page: Path
+) -> None:
+    chromium.open(page)
+    assert students(chromium) == ["ana", "ben", "eve", "gus", "zoe"]
+    press(chromium, "Per cent")
+    assert students(chromium) == ["gus", "ana", "eve", "zoe", "ben"]
+    press(chromium, "Per cent")
+    assert students(chromium) == ["ben", "eve", "zoe", "ana", "gus"]
+    assert chromium.one("th[aria-sort]").text.startswith("Per cent")
+    press(chromium, "Student")
+    assert students(chromium) == ["ana", "ben", "eve", "gus", "zoe"]
+    assert len(chromium.all("th[aria-sort]")) == 1
+
+
+def test_the_table_is_filtered_by_text_and_status(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+    field = chromium.one(".filter input")
+    field.send_keys("Name of")
+    assert students(chromium) == ["ana", "ben", "gus", "zoe"]
+    assert chromium.one(".filter output").text == "4 of 5"
+    chromium.one(".filter select option:nth-child(3)").click()
+    assert students(chromium) == ["gus"]
+
+
+def test_links_lead_to_the_reports(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+    links = [link.get_attribute("href") for link in chromium.shown("table.students a")]
+    assert links[0] == (page.parent / "students" / "ana" / "report.html").as_uri()
+
+
+def test_everything_can_be_read_without_a_script(chromium: Browser, page: Path) -> None:
+    chromium.scripts(on=False)
+    try:
+        chromium.open(page)
+        assert len(chromium.shown("table.students tbody tr")) == len(ROWS)
+        assert chromium.shown(".filter") == []
+        assert chromium.all("thead button") == []
+    finally:
+        chromium.scripts(on=True)
+
+
+BESIDE_A_SCROLL_BAR = (DESKTOP[0] - 15, DESKTOP[1])
+
+
+@pytest.fixture
+def wide_class(tmp_path: Path) -> Path:
+    """The page of a class where the texts are long and every state of an item occurs."""
+    rubric = load_rubric(None, load_lab())
+    points = to_builtins(grade(rubric, ()))
+    items = [{"id": each.id, "title": each.title, "points": each.points} for each in rubric.items]
+
+    def of(state: str, earned: float) -> dict[str, Any]:
+        judged = [{**item, "state": state, "earned": earned} for item in points["items"]]
+        return {**points, "items": judged, "percent": 97.24, "earned": 97.24, "possible": 100.25}
+
+    rows = [
+        row("123456789012", name="N" * 250, late=True) | of("part", 14.59),
+        row("blocked") | of("blocked", 0.0),
+        row("open") | of("open", 0.0),
+        row("dev", status="empty", reason=f"{'x' * 90}: a link") | points | {"percent": 0.0},
+    ]
+    path = tmp_path / "index.html"
+    path.write_text(page_of("Lab 3", items, rows), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("size", [DESKTOP, BESIDE_A_SCROLL_BAR, (1100, 900)])
+def test_a_class_of_ten_items_fits_a_window_whatever_the_names_and_states(
+    chromium: Browser, wide_class: Path, size: tuple[int, int]
+) -> None:
+    chromium.open(wide_class, size)
+    tables = "return [...document.querySelectorAll('.scroll')]"
+    wide = chromium.run(f"{tables}.map((each) => each.scrollWidth - each.clientWidth)")
+    assert set(wide) == {0}
+    assert "a link" in chromium.shown("td.remarks")[3].text
+    heights = chromium.run("return document.querySelector('.students tbody th a').offsetHeight")
+    assert heights < 30
+
+
+def test_on_a_phone_a_student_is_a_card_with_the_points(chromium: Browser, page: Path) -> None:
+    chromium.open(page, PHONE)
+    assert len(chromium.shown("td.percent")) == len(chromium.shown("td.earned")) == len(ROWS)
+    right = chromium.run(
+        "return Math.max(...[...document.querySelectorAll('.students :is(td, th)')]"
+        ".map((cell) => cell.getBoundingClientRect().right))"
+    )
+    assert right <= PHONE[0]
+    assert chromium.shown("td.item") == []
+    press(chromium, "Per cent")
+    assert students(chromium)[0] == "gus"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_stands_out_from_its_ground(chromium: Browser, page: Path, scheme: str) -> None:
+    chromium.open(page, scheme=scheme)
+    assert [found for found in chromium.run(CONTRASTS) if found[0] < 4.5] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "scheme"),
+    [
+        ("class-desktop-dark", DESKTOP, "dark"),
+        ("class-phone", PHONE, "light"),
+    ],
+)
+def test_no_width_needs_sideways_scrolling(
+    chromium: Browser, page: Path, name: str, size: tuple[int, int], scheme: str
+) -> None:
+    chromium.open(page, size, scheme)
+    wide = chromium.run("return document.documentElement.scrollWidth - innerWidth")
+    assert wide <= 0
+    assert chromium.keep(name).stat().st_size > 1000

@@ -1,0 +1,62 @@
+"""Damaged and made-up stages: each is answered, and the tool itself never fails."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from types import ModuleType
+
+import pytest
+from fuzz_inputs import generate, written
+from places import REPOSITORY
+
+from lab3_usd.grade.workers import worker_process
+
+COUNT = 30
+FUZZ = REPOSITORY / "benchmarks" / "fuzz.py"
+
+
+@pytest.fixture(scope="module")
+def fuzz() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("fuzz", FUZZ)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_input_is_answered_and_the_tool_never_fails(
+    fuzz: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    counts = fuzz.fuzz(COUNT, seed=11)
+    said = capsys.readouterr().out
+    assert counts.total() == COUNT
+    assert counts["tool failed"] == 0, said
+    assert counts["unreadable"] > 0
+    assert counts["fail"] > 0
+
+
+def test_every_input_is_answered_where_workers_misbehave(
+    fuzz: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker_process, "_MAIN", fuzz.ODD.replace("SHARE", "0.4"))
+    counts = fuzz.fuzz(14, seed=4, seconds=1.5)
+    assert counts.total() == 14
+    assert counts["crashed"] + counts["timeout"] + counts["too large"] > 0
+    assert counts["unreadable"] + counts["fail"] > 0
+
+
+def test_the_same_seed_gives_the_same_inputs() -> None:
+    stages = written()
+    first, again = generate(stages, 5, 5), generate(written(), 5, 5)
+    assert first == again
+    assert first != generate(stages, 5, 6)
+
+
+def test_the_command_counts_its_inputs(
+    fuzz: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["fuzz.py", "--count", "6", "--seed", "3", "--jobs", "1"])
+    assert fuzz.main() == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("6 inputs, ")

@@ -1,0 +1,255 @@
+"""Rules that the repository keeps about itself and that no linter knows."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import operator
+import re
+import shutil
+import subprocess
+import sys
+from importlib.metadata import metadata
+from pathlib import Path
+
+import pytest
+import yaml
+from packaging.requirements import Requirement
+from packaging.version import Version
+from places import REPOSITORY
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = REPOSITORY
+SOURCES = sorted((ROOT / "src").rglob("*.py"))
+# The brackets keep this file from naming what it looks for.
+REGISTRY = re.compile(r"py[p]i\.|python[h]osted|index-[u]rl|find-[l]inks", re.IGNORECASE)
+NODE_TYPE = re.compile(r"isaac[s]im\.|omni\.[g]raph")
+MODULE_LINES = 500
+
+
+def module_id(path: Path) -> str:
+    return path.relative_to(ROOT / "src").as_posix()
+
+
+def makefile_variable(name: str) -> list[str]:
+    found = re.search(rf"^{name} := (.*)$", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+    assert found
+    return found[1].split()
+
+
+def our_dependencies() -> dict[str, Requirement]:
+    """Return what the package asks for at run time, extras left out."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    parsed = [Requirement(line) for line in project["dependencies"]]
+    return {each.name.lower(): each for each in parsed if each.marker is None}
+
+
+def pins(name: str) -> dict[str, set[Version]]:
+    """Return the versions that a file in `requirements/` pins for each package."""
+    versions: dict[str, set[Version]] = {}
+    for line in (ROOT / "requirements" / name).read_text().splitlines():
+        if line and not line.startswith("#"):
+            package, version = line.partition(";")[0].split("==")
+            versions.setdefault(package.lower(), set()).add(Version(version.strip()))
+    return versions
+
+
+@pytest.fixture(scope="module")
+def tracked() -> list[Path]:
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout: which files belong to it is not known")
+    listing = subprocess.run(
+        ["git", "ls-files", "-z"],  # noqa: S607 - git is where the user has it
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    paths = [ROOT / name for name in listing.stdout.split("\0") if name]
+    return [path for path in paths if path.is_file()]
+
+
+def test_no_file_names_a_package_registry(tracked: list[Path]) -> None:
+    naming = [
+        str(path.relative_to(ROOT))
+        for path in tracked
+        if REGISTRY.search(path.read_text(encoding="utf-8", errors="replace"))
+    ]
+    assert naming == []
+
+
+def test_python_names_no_node_type() -> None:
+    naming = [module_id(path) for path in SOURCES if NODE_TYPE.search(path.read_text())]
+    assert naming == []
+
+
+def is_set(node: ast.expr) -> bool:
+    """Whether an expression is written as a set, or as what operators make of one."""
+    if isinstance(node, ast.BinOp):
+        return is_set(node.left) or is_set(node.right)
+    return isinstance(node, ast.Set | ast.SetComp)
+
+
+def ordered_sets(tree: ast.AST) -> list[int]:
+    """Return the lines that take the elements of a set in the order in which they come."""
+    lines = []
+    for node in ast.walk(tree):
+        taken: list[ast.expr] = []
+        if isinstance(node, ast.For):
+            taken = [node.iter]
+        elif isinstance(node, ast.Call):
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            taken = node.args if name in {"tuple", "list", "join", "iter", "next"} else []
+        elif isinstance(node, ast.List | ast.Tuple):
+            taken = [each.value for each in node.elts if isinstance(each, ast.Starred)]
+        lines += [each.lineno for each in taken if is_set(each)]
+    return lines
+
+
+@pytest.mark.parametrize(
+    "code", ["tuple({a, b} - {c})", "for each in {*a}: pass", "', '.join({a for a in b})", "[*{a}]"]
+)
+def test_the_order_of_a_set_is_noticed(code: str) -> None:
+    assert ordered_sets(ast.parse(code)) == [1]
+
+
+def test_nothing_depends_on_the_order_of_a_set() -> None:
+    found = {module_id(path): ordered_sets(ast.parse(path.read_text())) for path in SOURCES}
+    assert {module: lines for module, lines in found.items() if lines} == {}
+
+
+def test_a_module_is_one_idea() -> None:
+    lines = {module_id(path): len(path.read_text().splitlines()) for path in SOURCES}
+    assert {name: count for name, count in lines.items() if count > MODULE_LINES} == {}
+
+
+def yaml_calls(tree: ast.AST) -> list[ast.Call]:
+    return [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and isinstance(node.func.value, ast.Name)
+        and node.func.value.id == "yaml"
+        and "load" in node.func.attr
+    ]
+
+
+def is_safe(call: ast.Call, module: object) -> bool:
+    """Say whether a call of `yaml.load` and the like can make nothing but plain data."""
+    assert isinstance(call.func, ast.Attribute)
+    if call.func.attr in {"safe_load", "safe_load_all"}:
+        return True
+    loaders = [keyword.value for keyword in call.keywords if keyword.arg == "Loader"]
+    if call.func.attr not in {"load", "load_all"} or not loaders:
+        return False
+    loader = operator.attrgetter(ast.unparse(loaders[0]))(module)
+    return issubclass(loader, (yaml.SafeLoader, getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
+
+
+def test_yaml_is_loaded_safely_everywhere() -> None:
+    calls = [(path, call) for path in SOURCES for call in yaml_calls(ast.parse(path.read_bytes()))]
+    unsafe = []
+    for path, call in calls:
+        name = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
+        if not is_safe(call, importlib.import_module(name)):
+            unsafe.append(f"{module_id(path)}:{call.lineno}")
+    assert calls
+    assert unsafe == []
+
+
+def test_readme_sets_up_with_two_commands() -> None:
+    named = re.findall(r"\bmake ([a-z][a-z-]*)", (ROOT / "README.md").read_text())
+    assert make_targets() & set(named) == {"demo", "test"}
+
+
+def make_targets() -> set[str]:
+    declared = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+    assert declared
+    return set(declared[1].split())
+
+
+def test_every_make_command_of_the_contributors_guide_exists() -> None:
+    guide = (ROOT / "CONTRIBUTING.md").read_text()
+    named = set(re.findall(r"^make ([a-z-]+)|`make ([a-z-]+)`", guide, flags=re.MULTILINE))
+    assert {first or second for first, second in named} <= make_targets()
+
+
+def test_the_makefile_tests_the_pythons_that_the_package_declares() -> None:
+    prefix = "Programming Language :: Python :: "
+    classifiers = metadata("lab3-usd").get_all("Classifier") or []
+    declared = [line.removeprefix(prefix) for line in classifiers if line.startswith(prefix)]
+    assert makefile_variable("SUPPORTED") == declared
+
+
+def test_lowest_pins_are_the_lower_bounds() -> None:
+    lowest = pins("lowest.txt")
+    for name, requirement in our_dependencies().items():
+        bounds = {each.version for each in requirement.specifier if each.operator == ">="}
+        assert {Version(bound) for bound in bounds} == lowest[name], name
+
+
+def test_pins_lie_within_the_bounds() -> None:
+    pinned = pins("run.txt")
+    for name, requirement in our_dependencies().items():
+        outside = [each for each in pinned[name] if each not in requirement.specifier]
+        assert outside == [], name
+
+
+def test_every_dependency_has_an_upper_bound() -> None:
+    for name, requirement in our_dependencies().items():
+        assert "<" in {each.operator for each in requirement.specifier}, name
+
+
+def test_hooks_before_a_commit_fetch_nothing() -> None:
+    config = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())
+    hooks = [hook for repo in config["repos"] for hook in repo["hooks"]]
+    assert [repo["repo"] for repo in config["repos"]] == ["local"]
+    assert {hook["language"] for hook in hooks} == {"system"}
+
+
+def find_python(folder: Path, *versions: str) -> subprocess.CompletedProcess[str]:
+    """Run `.ci/find-python` where `folder` is all there is on the PATH."""
+    return subprocess.run(
+        ["/bin/sh", str(ROOT / ".ci" / "find-python"), *versions],
+        env={"PATH": str(folder), "HOME": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+
+
+def put_program(path: Path, script: str) -> None:
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(0o755)
+
+
+def test_a_python_behind_a_broken_shim_is_not_found(tmp_path: Path) -> None:
+    put_program(tmp_path / "python3.12", "exit 127")
+    found = find_python(tmp_path)
+    assert (found.returncode, found.stdout) == (1, "")
+
+
+def test_a_python_without_a_version_in_its_name_is_found(tmp_path: Path) -> None:
+    put_program(tmp_path / "python3.13", "exit 127")
+    put_program(tmp_path / "python3", f'exec "{sys.executable}" "$@"')
+    assert Path(find_python(tmp_path).stdout.strip()).samefile(sys.executable)
+
+
+def test_a_python_of_another_version_than_asked_for_is_not_taken(tmp_path: Path) -> None:
+    put_program(tmp_path / "python3.9", f'exec "{sys.executable}" "$@"')
+    assert find_python(tmp_path, "3.9").returncode == 1
+
+
+def test_shell_scripts_are_clean() -> None:
+    shellcheck = shutil.which("shellcheck")
+    if not shellcheck:
+        pytest.skip("ShellCheck is not installed")
+    scripts = [str(ROOT / ".ci" / name) for name in ("run", "find-python")]
+    done = subprocess.run([shellcheck, *scripts], capture_output=True, text=True, check=False)
+    assert done.stdout == ""

@@ -1,0 +1,162 @@
+"""The package as it is installed elsewhere: wheel and source archive carry every data file."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from lab3_usd.spec.load.compiled import FILE, TYPES_FILE
+
+# One worker makes the archives and the environment, the others need not make them again.
+DATA = ("graphs", "maps", "schema")
+
+
+def run(*command: str | Path, cwd: Path) -> str:
+    """Run a command as a user's shell would, without the paths of this test run."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    done = subprocess.run(
+        [str(part) for part in command],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def build_wheel(source: Path, folder: Path) -> Path:
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check")
+    offline = ("--no-deps", "--no-index", "--no-build-isolation")
+    run(*pip, "wheel", "--quiet", *offline, "--wheel-dir", folder, source, cwd=folder)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def names_in(wheel: Path) -> set[str]:
+    with zipfile.ZipFile(wheel) as archive:
+        return {name for name in archive.namelist() if ".dist-info/" not in name}
+
+
+def modules_in(wheel: Path) -> set[str]:
+    """The compiled templates."""
+    return {name for name in names_in(wheel) if "/report/html/templates/compiled/" in name}
+
+
+def files_below(folder: Path) -> set[str]:
+    return {
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+@pytest.fixture(scope="session")
+def wheel(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_wheel(repository, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="session")
+def sdist(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sdist")
+    run(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder, cwd=repository)
+    (archive,) = folder.glob("*.tar.gz")
+    return archive
+
+
+@pytest.fixture(scope="session")
+def elsewhere(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A new environment with the wheel in it; the dependencies are those of this environment.
+
+    A path in a .pth file lends packages, but not this environment's own .pth files, so the
+    checkout stays out of reach.
+    """
+    folder = tmp_path_factory.mktemp("elsewhere")
+    run(sys.executable, "-m", "venv", "--without-pip", "env", cwd=folder)
+    python = folder / "env" / "bin" / "python"
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python)
+    run(*pip, "install", "--quiet", "--no-deps", "--no-index", "--no-compile", wheel, cwd=folder)
+    packages = run(
+        python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=folder
+    )
+    lent = {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}
+    (Path(packages.strip()) / "lent.pth").write_text("\n".join(sorted(lent)) + "\n")
+    return folder
+
+
+def test_wheel_carries_the_package_and_every_data_file(wheel: Path, repository: Path) -> None:
+    package = {f"lab3_usd/{name}" for name in files_below(repository / "src" / "lab3_usd")}
+    data = {
+        f"lab3_usd/_data/{folder}/{name}"
+        for folder in DATA
+        for name in files_below(repository / folder)
+    }
+    graphs = "lab3_usd/_data/graphs"
+    compiled = {f"{graphs}/{FILE}", f"{graphs}/isaac/{TYPES_FILE}"} | modules_in(wheel)
+    assert names_in(wheel) == package | data | compiled
+    templates = {name for name in package if name.endswith(".html.j2")}
+    assert len(modules_in(wheel)) >= len(templates)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "py.typed",
+        "_data/graphs/node_types.yaml",
+        "_data/graphs/checkpoints.yaml",
+        "_data/graphs/scene.yaml",
+        "_data/maps/turtlebot3_map.yaml",
+        "_data/maps/turtlebot3_map.pgm",
+    ],
+)
+def test_wheel_carries(name: str, wheel: Path) -> None:
+    assert f"lab3_usd/{name}" in names_in(wheel)
+
+
+def test_source_archive_makes_the_same_wheel(
+    sdist: Path, wheel: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    from_sdist = build_wheel(sdist, tmp_path_factory.mktemp("from_sdist"))
+    assert names_in(from_sdist) == names_in(wheel)
+
+
+def test_source_archive_carries_what_runs_its_tests(sdist: Path) -> None:
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"Makefile", ".ci/run", "requirements/run.txt", "tests/house/test_wheel.py"} <= names
+
+
+def test_the_installed_package_is_the_wheels(elsewhere: Path) -> None:
+    where = run("env/bin/python", "-c", "import lab3_usd; print(lab3_usd.__file__)", cwd=elsewhere)
+    assert Path(where.strip()).is_relative_to(elsewhere)
+
+
+def test_the_installed_package_reads_no_yaml_at_start(elsewhere: Path) -> None:
+    code = "import sys; from lab3_usd import load_lab; load_lab(); print('yaml' in sys.modules)"
+    assert run("env/bin/python", "-B", "-c", code, cwd=elsewhere).strip() == "False"
+
+
+def test_the_installed_package_compiles_no_template(elsewhere: Path) -> None:
+    code = (
+        "import sys; from lab3_usd.report.html.templates import fill; import jinja2;"
+        "jinja2.Environment.compile = None;"
+        "from lab3_usd.report.html.templates import environment;"
+        "print(len([environment().get_template(n) for n in ('report.html.j2', 'class.html.j2')]))"
+    )
+    assert run("env/bin/python", "-c", code, cwd=elsewhere).strip() == "2"
+
+
+def test_the_installed_command_builds_nine_checkpoints(elsewhere: Path) -> None:
+    (elsewhere / "work").mkdir()
+    run(elsewhere / "env" / "bin" / "lab3", "build", "--out", "X", cwd=elsewhere / "work")
+    built = sorted(path.name[:8] for path in (elsewhere / "work" / "X").iterdir())
+    assert built == [f"Lab3_0{number}_" for number in range(9)]

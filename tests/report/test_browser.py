@@ -1,0 +1,394 @@
+"""The HTML page in a browser: it loads by itself, its filter and links work, it can be read."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser import CONTRASTS, DESKTOP, PHONE, Browser
+from html_pages import CLOCK, DRIVE, LAB, TF, break_ten_times, judged, page, stages
+from pxr import Sdf, Usd
+from report_examples import SUBMISSION, hostile
+
+from lab3_usd.grade.gradebook import HTML, write_reports
+from lab3_usd.grade.rubric import load_rubric
+from lab3_usd.grade.scoring import grade
+from lab3_usd.report.formats.registry import render
+
+ATTACKS = (
+    "<script>window.attacked=1</script>",
+    "\"'><img src=x onerror=window.attacked=1>",
+    "</style></script><script>window.attacked=1</script>",
+    "</title></svg><svg onload=window.attacked=1>",
+)
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Pages of a clean stage, of one with ten faults, and of a faulty submission with its grade."""
+    folder = tmp_path_factory.mktemp("pages")
+    whole = stages(folder / "submission" / "work", break_ten_times)
+    about = SUBMISSION
+    reports = {
+        "clean": judged(stages(folder / "clean", None, "05")),
+        "faulty": judged([whole[5]]),
+        "submission": judged(
+            whole, type(about)(str(folder / "submission"), about.findings, about.checklist)
+        ),
+        "hostile": judged(stages(folder / "hostile", attack, "05")),
+    }
+    texts = {name: page(report) for name, report in reports.items()}
+    rubric = load_rubric(None, LAB)
+    points = grade(rubric, reports["submission"].results[:7], about.checklist, late=True)
+    graded = write_reports(reports["submission"], rubric, points, "Jane " + "Doe" * 60)
+    for name, text in {**texts, "graded": graded[HTML]}.items():
+        (folder / f"{name}.html").write_text(text, encoding="utf-8")
+    return {name: folder / f"{name}.html" for name in (*texts, "graded")}
+
+
+def attack(stage: Usd.Stage) -> None:
+    """Put markup into every string that a stage can bring onto the page."""
+    for path in (CLOCK, DRIVE, TF):
+        for prim in stage.GetPrimAtPath(path).GetChildren():
+            prim.SetDisplayName(ATTACKS[0])
+            for attribute in prim.GetAttributes():
+                if isinstance(attribute.Get(), str) and attribute.GetName().startswith("inputs:"):
+                    attribute.Set(ATTACKS[len(attribute.GetName()) % len(ATTACKS)])
+    context = stage.GetPrimAtPath(f"{CLOCK}/ros2_context")
+    context.GetAttribute("node:type").Set(ATTACKS[1])
+    context.CreateAttribute("isaac:nameOverride", Sdf.ValueTypeNames.String).Set(ATTACKS[2])
+    stage.GetPrimAtPath(f"{TF}/isaac_compute_transform_tree").GetAttribute("node:type").Set(
+        ATTACKS[3]
+    )
+    for name in ("base_link", "base_scan"):
+        prim = stage.GetPrimAtPath(f"/turtlebot3_burger/{name}")
+        prim.CreateAttribute("isaac:nameOverride", Sdf.ValueTypeNames.String).Set(ATTACKS[0])
+
+
+def select(chromium: Browser, label: str) -> None:
+    option = next(each for each in chromium.all("select option") if each.text.startswith(label))
+    option.click()
+
+
+def visible_messages(chromium: Browser) -> list[str]:
+    return [element.text for element in chromium.shown(".card h6")]
+
+
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded", "hostile"])
+def test_the_page_loads_without_an_error(
+    chromium: Browser, pages: dict[str, Path], name: str
+) -> None:
+    chromium.open(pages[name])
+    assert chromium.logs() == []
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    def __init__(self, *values: Any, asked: list[str], **named: Any) -> None:
+        self.asked = asked
+        super().__init__(*values, **named)
+
+    def do_GET(self) -> None:
+        self.asked.append(self.path)
+        super().do_GET()
+
+    def log_message(self, *_: Any) -> None:
+        """Say nothing on standard error."""
+
+
+def test_the_page_asks_for_nothing_but_itself(chromium: Browser, pages: dict[str, Path]) -> None:
+    asked: list[str] = []
+    path = pages["submission"]
+    handler = functools.partial(_Quiet, asked=asked, directory=str(path.parent))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        chromium.requests()
+        chromium.driver.get(f"http://127.0.0.1:{server.server_address[1]}/{path.name}")
+        chromium.one("a.crop").click()
+        chromium.keep("served", 900)
+        server.shutdown()
+    assert asked == [f"/{path.name}"]
+    sent = [each for each in chromium.requests() if not each.startswith(("data:", "about:"))]
+    assert len(sent) == 1
+
+
+def test_the_policy_stops_what_is_slipped_in(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["clean"])
+    chromium.run(
+        """
+        const put = (name, key, value) => {
+          const element = document.createElement(name);
+          element[key] = value;
+          document.body.append(element);
+        };
+        put("script", "textContent", "window.attacked = 1");
+        put("img", "src", "http://127.0.0.1:9/x.png");
+        put("div", "innerHTML", "<b onclick='window.attacked = 1' id='slipped'>x</b>");
+        document.getElementById("slipped").click();
+        """
+    )
+    refused = [message for message in chromium.logs() if "Content Security Policy" in message]
+    assert len(refused) == 3
+    assert chromium.run("return window.attacked") is None
+
+
+def test_every_severity_can_be_switched_off(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["faulty"])
+    assert len(chromium.shown(".card.error")) >= 9
+    chromium.one(".toggle.error").click()
+    assert chromium.shown(".card.error") == []
+    assert len(chromium.shown(".card.note")) == 1
+    assert [each.text for each in chromium.shown(".chapter h4")] == ["Section 8"]
+    total = len(chromium.all(".card"))
+    assert chromium.one("output").text == f"1 of {total}"
+    chromium.one(".tools button").click()
+    wait_for(lambda: len(chromium.shown(".card")) == total)
+
+
+def test_a_checkpoint_can_be_chosen(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["submission"])
+    select(chromium, "01")
+    assert chromium.shown(".card")
+    assert {card.get_attribute("data-in").split()[0] for card in chromium.shown(".card")} == {"1"}
+    drawn = {each.get_attribute("data-in") for each in chromium.shown("figure")}
+    assert drawn == {"1 2 3 4 5 6 7 8"}
+    assert [each.text for each in chromium.shown("tr[data-in] th")] == ["/klock"]
+
+
+def test_a_checkpoint_in_the_list_chooses_itself(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["submission"])
+    chromium.one("a[data-stage='2']").click()
+    assert chromium.one("select").get_property("value") == "2"
+    assert all("2" in card.get_attribute("data-in") for card in chromium.shown(".card"))
+
+
+def test_all_words_of_a_search_must_be_in_the_card(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    chromium.open(pages["faulty"])
+    chromium.one("input[type=search]").send_keys("WHEELRADIUS differential")
+    assert len(visible_messages(chromium)) == 1
+    chromium.one("input[type=search]").send_keys(" klock")
+    assert visible_messages(chromium) == []
+    assert chromium.one(".nothing").is_displayed()
+
+
+def is_in_view(chromium: Browser, element: Any) -> bool:
+    place = chromium.run(
+        "const r = arguments[0].getBoundingClientRect();"
+        "return [r.left, r.top, r.right, r.bottom, innerWidth, innerHeight]",
+        element,
+    )
+    return bool(place[0] >= 0 and place[1] >= 0 and place[2] <= place[4] and place[3] <= place[5])
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_a_finding_lights_its_port(
+    chromium: Browser, pages: dict[str, Path], size: tuple[int, int]
+) -> None:
+    chromium.open(pages["faulty"], size)
+    link = next(each for each in chromium.all(".card h6 a") if "wheelRadius" in each.text)
+    before = chromium.run(
+        "return getComputedStyle(document.getElementById(arguments[0]).querySelector('.hit')).fill",
+        link.get_attribute("href").partition("#")[2],
+    )
+    link.click()
+    lit = chromium.one(":target")
+    assert "wheelRadius" in lit.get_attribute("id")
+    assert "lit" in lit.get_attribute("class")
+    after = chromium.run("return getComputedStyle(document.querySelector(':target .hit')).fill")
+    assert after != before
+    assert is_in_view(chromium, lit)
+
+
+def test_a_port_shows_its_finding_even_where_the_filter_hides_it(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    chromium.open(pages["faulty"])
+    chromium.one("input[type=search]").send_keys("no such word")
+    assert chromium.shown(".card") == []
+    port = next(each for each in chromium.all(".picture a") if "topicName" in each.text)
+    chromium.run("arguments[0].scrollIntoView({block: 'center', inline: 'center'})", port)
+    port.click()
+    card = chromium.one(".card:target")
+    wait_for(card.is_displayed)
+    assert "topicName" in card.find_element("css selector", "h6").text
+    wait_for(lambda: chromium.driver.switch_to.active_element == card)
+    assert is_in_view(chromium, card)
+
+
+def wait_for(condition: Any) -> None:
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    WebDriverWait(None, 30).until(lambda _: condition())
+
+
+def test_the_address_of_a_finding_can_be_sent_to_somebody(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    chromium.open(pages["faulty"], at="b0-f3")
+    assert is_in_view(chromium, chromium.one("#b0-f3"))
+
+
+def test_the_page_is_used_with_the_keyboard(chromium: Browser, pages: dict[str, Path]) -> None:
+    from selenium.webdriver.common.keys import Keys
+
+    chromium.open(pages["faulty"])
+    chromium.one("body").send_keys(Keys.TAB)
+    assert chromium.driver.switch_to.active_element.text == "Skip to the findings"
+    chromium.run(
+        "window.seen = []; addEventListener('focusin', ({target: e}) => window.seen.push("
+        "e.className.baseVal ?? (e.className || e.name || e.tagName)))"
+    )
+    chromium.driver.switch_to.active_element.send_keys(Keys.TAB * 200)
+    expected = {"severity", "words", "rule", "crop", "show", "frame", "scroll picture"}
+    seen = set(chromium.run("return window.seen"))
+    assert expected <= seen
+    link = chromium.one(".picture a")
+    chromium.run("arguments[0].focus()", link)
+    assert chromium.driver.switch_to.active_element == link
+    link.send_keys(Keys.ENTER)
+    wait_for(lambda: chromium.all(".card:target"))
+
+
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded"])
+def test_everything_to_press_has_a_name(
+    chromium: Browser, pages: dict[str, Path], name: str
+) -> None:
+    chromium.open(pages[name])
+    chromium.command("Accessibility.enable")
+    nodes = chromium.command("Accessibility.getFullAXTree")["nodes"]
+    roles = {"link", "button", "checkbox", "searchbox", "combobox", "region", "table"}
+    named = [
+        (node["role"]["value"], node.get("name", {}).get("value", ""))
+        for node in nodes
+        if not node["ignored"] and node["role"]["value"] in roles - {"table"}
+    ]
+    assert {role for role, _ in named} >= {"link", "region"}
+    assert [role for role, text in named if not text.strip()] == []
+
+
+def test_the_page_is_read_without_scripts(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.scripts(on=False)
+    try:
+        chromium.open(pages["submission"])
+        assert len(chromium.shown(".card")) == len(chromium.all(".card")) >= 10
+        assert len(chromium.shown("figure")) == len(chromium.all("figure"))
+        assert not chromium.one(".tools").is_displayed()
+        chromium.one(".card a.show").click()
+        assert chromium.one(":target").is_displayed()
+    finally:
+        chromium.scripts(on=True)
+
+
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded"])
+def test_every_text_has_enough_contrast(
+    chromium: Browser, pages: dict[str, Path], name: str
+) -> None:
+    chromium.open(pages[name])
+    chromium.run("for (const each of document.querySelectorAll('details')) each.open = true")
+    for scheme in ("light", "dark"):
+        chromium.scheme(scheme)
+        found = chromium.run(CONTRASTS)
+        assert len(found) > 60
+        assert [(scheme, kind) for ratio, kind in found if ratio < 4.5] == []
+
+
+def test_light_and_dark_differ(chromium: Browser, pages: dict[str, Path]) -> None:
+    grounds = []
+    for scheme in ("light", "dark"):
+        chromium.open(pages["clean"], scheme=scheme)
+        grounds.append(chromium.run("return getComputedStyle(document.body).backgroundColor"))
+    assert len(set(grounds)) == 2
+
+
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded", "hostile"])
+def test_nothing_runs_out_of_the_window(
+    chromium: Browser, pages: dict[str, Path], name: str
+) -> None:
+    chromium.open(pages[name])
+    widths = []
+    for size in (DESKTOP, PHONE, (320, 568)):
+        chromium.resize(size)
+        widths.append(chromium.run("return document.documentElement.scrollWidth"))
+    assert widths == [1280, 390, 320]
+
+
+def test_a_wide_picture_can_be_fitted(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["clean"])
+    button = chromium.one("figcaption button")
+    picture = button.find_element("xpath", "ancestor::figure//*[@class='scroll picture']")
+    assert chromium.run("return arguments[0].scrollWidth > arguments[0].clientWidth", picture)
+    button.click()
+    assert chromium.run("return arguments[0].scrollWidth <= arguments[0].clientWidth", picture)
+    assert button.text == "Full size"
+
+
+def test_a_picture_that_can_still_be_read_is_fitted_at_once(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    chromium.open(pages["clean"])
+    found = chromium.run(
+        "return [...document.querySelectorAll('figure')].map((figure) => {"
+        " const picture = figure.querySelector('.picture');"
+        " const hint = figure.querySelector('figcaption small');"
+        " return [picture.clientWidth / picture.querySelector('svg').width.baseVal.value,"
+        " picture.scrollWidth <= picture.clientWidth, Boolean(hint && !hint.hidden)]; })"
+    )
+    assert {share >= 0.75 for share, _, _ in found} == {True, False}
+    assert [fits for _, fits, _ in found] == [share >= 0.75 for share, _, _ in found]
+    assert [hint for _, _, hint in found] == [not fits for _, fits, _ in found]
+
+
+def test_on_paper_everything_is_there_and_nothing_is_cut(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    chromium.open(pages["faulty"], (794, 1123))
+    chromium.scheme("light", "print")
+    assert chromium.shown(".tools") == []
+    assert len(chromium.shown(".card")) == len(chromium.all(".card"))
+    widths = chromium.run(
+        "return [...document.querySelectorAll('.picture svg')]"
+        ".map((drawn) => drawn.getBoundingClientRect().width)"
+    )
+    assert max(widths) <= 794
+    chromium.scheme("light")
+
+
+def test_markup_in_a_stage_stays_text(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["hostile"])
+    chromium.run("for (const each of document.querySelectorAll('details')) each.open = true")
+    assert chromium.run("return window.attacked") is None
+    assert len(chromium.all("script")) == 1
+    assert chromium.all("img") == []
+    text = chromium.run("return document.body.textContent")
+    assert all(each in text for each in ATTACKS[:2])
+    chromium.keep("hostile", 2400)
+
+
+@pytest.mark.parametrize("text", ATTACKS)
+def test_markup_in_a_report_stays_text(chromium: Browser, tmp_path: Path, text: str) -> None:
+    path = tmp_path / "hostile.html"
+    path.write_text(render("html", hostile(text)), encoding="utf-8")
+    chromium.open(path)
+    assert chromium.logs() == []
+    assert chromium.run("return window.attacked") is None
+    assert f"found {text}" in visible_messages(chromium)
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "scheme"),
+    [
+        ("submission", DESKTOP, "light"),
+        ("graded", PHONE, "dark"),
+    ],
+)
+def test_the_page_is_kept_as_a_picture(
+    chromium: Browser, pages: dict[str, Path], name: str, size: tuple[int, int], scheme: str
+) -> None:
+    chromium.open(pages[name], size, scheme)
+    kept = chromium.keep(f"{name}-{size[0]}-{scheme}")
+    assert kept.read_bytes().startswith(b"\x89PNG")

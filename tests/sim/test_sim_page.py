@@ -1,0 +1,149 @@
+"""The page of a dry run: what it shows, that it is safe, and how it looks in a browser."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from breaking import broken, correct_stage, the_lab
+from browser import CONTRASTS, DESKTOP, PHONE, Browser
+from click.testing import CliRunner
+
+from lab3_usd.commands.check import command as check_command
+from lab3_usd.commands.sim import command
+from lab3_usd.model.dry_run import Frame
+from lab3_usd.report.behaviour.page import render, tree_lines
+from lab3_usd.sim.dry_run import DryRun, dry_run
+
+EVIL = "<script>window.attacked=1</script>"
+
+
+def run_of(folder: Path, checkpoint: str, *steps: dict[str, object]) -> DryRun:
+    path = folder / f"Lab3_{checkpoint}.usda"
+    broken(checkpoint, list(steps)).GetRootLayer().Export(str(path))
+    return dry_run(path, the_lab(), checkpoint)
+
+
+@pytest.fixture(scope="module")
+def right(tmp_path_factory: pytest.TempPathFactory) -> DryRun:
+    return run_of(tmp_path_factory.mktemp("right"), "05")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory, right: DryRun) -> Path:
+    path = tmp_path_factory.mktemp("page") / "sim.html"
+    path.write_text(render(right.behaviour, right.replay, the_lab()), encoding="utf-8")
+    return path
+
+
+def test_the_command_writes_the_page(tmp_path: Path) -> None:
+    stage = tmp_path / "Lab3_01.usda"
+    correct_stage("01").GetRootLayer().Export(str(stage))
+    CliRunner().invoke(command, [str(stage), "--page", str(tmp_path / "sim.html")])
+    text = (tmp_path / "sim.html").read_text(encoding="utf-8")
+    assert "640 times" in text
+    before = stage.read_bytes()
+    done = CliRunner().invoke(command, [str(stage), "--page", str(stage)])
+    assert "ending of a stage" in str(done.exception)
+    assert stage.read_bytes() == before
+
+
+def test_moments_have_the_robot_the_scan_and_odometry(right: DryRun) -> None:
+    seen = right.replay
+    assert seen is not None
+    first, last = seen.moments[0], seen.moments[-1]
+    assert first.robot[:2] == pytest.approx((1.8, 0.0), abs=1e-3)
+    assert last.odometry == pytest.approx(last.robot, abs=1e-6)
+    ahead = max(x for x, y in first.points if abs(y) < 0.02)
+    assert ahead == pytest.approx(2.35, abs=1e-3)  # the wall ahead, in the world
+    assert seen.computed["/World/ROS_Clock/ros2_publish_clock"] == 640
+
+
+def test_the_first_line_says_what_it_is(page: Path) -> None:
+    body = page.read_text(encoding="utf-8").partition("<main>")[2]
+    assert "dry run from published node source, not Isaac Sim" in body[:200]
+
+
+def test_a_stage_without_robot_or_topics_has_a_page_as_well(tmp_path: Path) -> None:
+    gone = run_of(tmp_path, "05", {"deactivate": "/turtlebot3_burger"})
+    assert "Checks" in render(gone.behaviour, gone.replay, the_lab())
+    (tmp_path / "none.usda").write_text("no stage")
+    none = dry_run(tmp_path / "none.usda", the_lab(), "05")
+    assert "unreadable" in render(none.behaviour, none.replay, the_lab())
+
+
+def test_names_of_a_stage_are_no_markup(tmp_path: Path) -> None:
+    frame = "ROS_OdomTF/ros2_publish_raw_transform_tree.inputs:childFrameId"
+    found = run_of(tmp_path, "05", {"set": [frame, EVIL]})
+    text = render(found.behaviour, found.replay, the_lab())
+    assert EVIL not in text
+    assert "&lt;script&gt;" in text
+
+
+def test_a_ring_of_frames_ends() -> None:
+    ring = [Frame("a", "b", static=False), Frame("b", "a", static=False)]
+    assert list(tree_lines(ring)) == ["a", "└── b", "    └── a (again)"]
+    assert list(tree_lines([Frame("odom", "base", static=True)])) == ["odom", "└── base (static)"]
+
+
+def test_it_loads_without_a_complaint_and_asks_for_nothing(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+    assert chromium.logs() == []
+    assert [each for each in chromium.requests() if each.startswith(("http:", "https:"))] == []
+
+
+def test_the_slider_moves_the_robot_and_the_scan(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+
+    def shown() -> set[str]:
+        groups = chromium.shown("[data-moment]")
+        return {each.get_attribute("data-moment") for each in groups}
+
+    (first,) = shown()
+    slider = chromium.one("#moment")
+    assert slider.get_attribute("value") == first
+    chromium.run("arguments[0].value = 3; arguments[0].dispatchEvent(new Event('input'))", slider)
+    assert shown() == {"3"}
+    assert re.match(r"\d\.\d s, \w+", chromium.run("return document.querySelector('output').value"))
+
+
+def test_the_main_picture_needs_no_script(chromium: Browser, page: Path) -> None:
+    chromium.scripts(on=False)
+    try:
+        chromium.open(page)
+        assert chromium.shown(".room .scan")
+        assert chromium.shown(".at")
+        assert not chromium.shown(".time")
+    finally:
+        chromium.scripts(on=True)
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_it_fits_and_can_be_read(chromium: Browser, page: Path, size: tuple[int, int]) -> None:
+    chromium.open(page, size)
+    assert chromium.run("return document.documentElement.scrollWidth") <= size[0]
+    for scheme in ("light", "dark"):
+        chromium.scheme(scheme)
+        found = chromium.run(CONTRASTS)
+        assert len(found) > 60
+        assert [(scheme, kind) for ratio, kind in found if ratio < 4.5] == []
+    chromium.keep(f"sim-{size[0]}")
+
+
+def test_a_report_with_a_dry_run_shows_its_maps(chromium: Browser, tmp_path: Path) -> None:
+    for number, name in (("01", "Lab3_01_ros_clock"), ("05", "Lab3_05_odometry_tf")):
+        correct_stage(number).GetRootLayer().Export(str(tmp_path / f"{name}.usda"))
+    page = tmp_path / "report.html"
+    done = CliRunner().invoke(
+        check_command, [str(tmp_path), "--sim", "--format", "html", "--output", str(page)]
+    )
+    assert done.exit_code in {0, 1}
+    chromium.open(page, PHONE, "dark")
+    assert chromium.logs() == []
+    assert chromium.run("return document.documentElement.scrollWidth") == PHONE[0]
+    assert len(chromium.shown(".maps .room")) == 2
+    assert len(chromium.shown(".maps .scan")) == 1
+    plain = tmp_path / "plain.html"
+    CliRunner().invoke(check_command, [str(tmp_path), "--format", "html", "--output", str(plain)])
+    assert ".maps" not in plain.read_text(encoding="utf-8")

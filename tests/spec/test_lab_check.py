@@ -1,0 +1,431 @@
+"""`lab3 lab check`: each contradiction in the description of a lab, with both places."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import quick_yaml
+from click.testing import CliRunner
+from places import REPOSITORY
+
+from lab3_usd.cli import lab3
+from lab3_usd.data import data_folder
+from lab3_usd.errors import SpecError
+from lab3_usd.spec.load.loader import load_lab
+
+ROOT = REPOSITORY
+Case = tuple[str, Callable[[Any], object], str]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A copy of the bundled lab."""
+    there = tmp_path / "lab"
+    shutil.copytree(data_folder("graphs"), there, ignore=shutil.ignore_patterns("__pycache__"))
+    return there
+
+
+def edited(folder: Path, file: str, edit: Callable[[Any], object]) -> None:
+    said = quick_yaml.load((folder / file).read_text())
+    edit(said)
+    (folder / file).write_text(quick_yaml.dump(said))
+
+
+def checked(folder: Path | None) -> tuple[int, list[str]]:
+    """Run the command, and return its exit code and the findings."""
+    result = CliRunner().invoke(lab3, ["lab", "check", *([] if folder is None else [str(folder)])])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result.exit_code, result.output.splitlines()[:-1]
+
+
+def test_the_bundled_lab_does_not_contradict_itself() -> None:
+    assert checked(None) == (0, [])
+
+
+def test_the_second_lab_does_not_contradict_itself() -> None:
+    assert checked(ROOT / "docs" / "examples" / "labs" / "jetbot") == (0, [])
+
+
+def line(text: str) -> Callable[[Any], Any]:
+    """Return what finds a line of the checklists."""
+    return lambda said: next(
+        each for lines in said["checklist"].values() for each in lines if each["text"] == text
+    )
+
+
+ERRORS: dict[str, Case] = {
+    "files that must differ": (
+        "submission.yaml",
+        lambda said: said["stages"]["differ"].append("09"),
+        "submission.yaml: stages: differ: there is no checkpoint '09' (checkpoints.yaml has 00, ",
+    ),
+    "stages of a checklist": (
+        "submission.yaml",
+        lambda said: line("Starter USD opened successfully")(said).update(stages="A"),
+        (
+            "submission.yaml: checklist: Isaac Sim: 'Starter USD opened "
+            "successfully': stages: there "
+            "is no checkpoint 'A' (checkpoints.yaml has"
+        ),
+    ),
+    "deliverable of a checklist": (
+        "submission.yaml",
+        lambda said: line("Video link submitted")(said).update(deliverables=["film"]),
+        (
+            "submission.yaml: checklist: Submission: 'Video link submitted': "
+            "deliverables: there is no "
+            "deliverable 'film' (deliverables: report, images, video,"
+        ),
+    ),
+    "saved output of a checklist": (
+        "submission.yaml",
+        lambda said: line("/map publishes")(said).update(shown=["topic_hz /map"]),
+        (
+            "submission.yaml: checklist: ROS2: '/map publishes': shown: no command of "
+            "ros.yaml saves "
+            "'topic_hz /map' (ros.yaml: commands with kind topic_hz: /camera/image_raw, /clock, "
+        ),
+    ),
+    "topic in the words of a checklist": (
+        "submission.yaml",
+        lambda said: line("/map publishes")(said).update(text="/mapp publishes"),
+        (
+            "submission.yaml: checklist: ROS2: '/mapp publishes': '/mapp' is no topic, '/map' is "
+            "(ros.yaml: topics: /map)"
+        ),
+    ),
+    "requirement of a checklist": (
+        "submission.yaml",
+        lambda said: line("Lidar sensor exists")(said).update(requirements=["Lidar/prim"]),
+        (
+            "submission.yaml: checklist: Isaac Sim: 'Lidar sensor exists': "
+            "requirements: 'Lidar/prim' "
+            "fits no requirement of checkpoint 08 (groups: ROS_Clock,"
+        ),
+    ),
+    "rule of a checklist": (
+        "submission.yaml",
+        lambda said: line("Robot reaches a goal")(said).update(rules=["E99"]),
+        (
+            "submission.yaml: checklist: Localization: 'Robot reaches a goal': rules: "
+            "there is no rule "
+            "E99 (see lab3 rules)"
+        ),
+    ),
+    "checkpoint of a topic": (
+        "ros.yaml",
+        lambda said: said["topics"]["/tf"].update({"from": "5"}),
+        "ros.yaml: topics: /tf: from: there is no checkpoint '5' (checkpoints.yaml has",
+    ),
+    "checkpoint of a lifecycle node": (
+        "ros.yaml",
+        lambda said: said["lifecycle"]["nodes"]["/amcl"].update({"from": "7"}),
+        "ros.yaml: lifecycle: nodes: /amcl: from: there is no checkpoint '7' (checkpoints.yaml has",
+    ),
+    "checkpoint of a node": (
+        "ros.yaml",
+        lambda said: said["nodes"]["/behavior_server"].update({"from": "8"}),
+        "ros.yaml: nodes: /behavior_server: from: there is no checkpoint '8' (checkpoints.yaml has",
+    ),
+    "checkpoint of the goal": (
+        "ros.yaml",
+        lambda said: said["goal"].update({"from": "8"}),
+        "ros.yaml: goal: from: there is no checkpoint '8' (checkpoints.yaml has",
+    ),
+    "checkpoint of a command": (
+        "ros.yaml",
+        lambda said: said["commands"][1].update({"from": "1"}),
+        "ros.yaml: command 2 (node_list ): from: there is no checkpoint '1' (checkpoints.yaml has",
+    ),
+    "checkpoint of localization": (
+        "checkpoints.yaml",
+        lambda said: said["frames"]["localization"].update({"from": "7"}),
+        (
+            "checkpoints.yaml: frames: localization: from: there is no checkpoint '7' "
+            "(checkpoints.yaml has"
+        ),
+    ),
+    "checkpoint of the robot's pose": (
+        "scene.yaml",
+        lambda said: said["robot"].update(pose_is_error_until="5"),
+        "scene.yaml: robot: pose_is_error_until: there is no checkpoint '5' (checkpoints.yaml has",
+    ),
+    "checkpoint of an item": (
+        "rubric.yaml",
+        lambda said: said["items"]["amcl"].update(checkpoint="7"),
+        "rubric.yaml: items: amcl: checkpoint: there is no checkpoint '7' (checkpoints.yaml has",
+    ),
+    "topic in the words of an item": (
+        "rubric.yaml",
+        lambda said: said["items"]["clock"].update(title="/clocks is publishing"),
+        "rubric.yaml: items: clock: title: '/clocks' is no topic, '/clock' is (ros.yaml: topics: ",
+    ),
+    "group of an item": (
+        "rubric.yaml",
+        lambda said: said["items"]["scan"].update(groups=["ROS_Lidar"]),
+        "rubric.yaml: scan: 'ROS_Lidar' in 'groups' is nothing that checkpoint 03 asks for",
+    ),
+    "frame that nobody publishes": (
+        "checkpoints.yaml",
+        lambda said: said["frames"]["edges"].append("base_footprint -> imu"),
+        (
+            "checkpoints.yaml: frames: edges: base_footprint -> imu: no node of a "
+            "graph publishes the "
+            "frame 'imu' (frames are published by ROS_OdomTF.yaml: "
+            "ros2_publish_raw_transform_tree: "
+            "childFrameId, ROS_OdomTF.yaml: isaac_compute_transform_tree: targetPrims)"
+        ),
+    ),
+    "frame below another one": (
+        "checkpoints.yaml",
+        lambda said: said["frames"]["edges"].__setitem__(0, "odometry -> base_footprint"),
+        (
+            "checkpoints.yaml: frames: edges: odometry -> base_footprint: the graphs publish "
+            "'base_footprint' below 'odom' (ROS_OdomTF.yaml: ros2_publish_raw_transform_tree: "
+        ),
+    ),
+    "two parents": (
+        "checkpoints.yaml",
+        lambda said: said["frames"]["edges"].append("odom -> base_scan"),
+        (
+            "checkpoints.yaml: frames: edges: odom -> base_scan: 'base_scan' has two parents, "
+            "'base_footprint' and 'odom' (checkpoints.yaml: frames: edges: "
+            "base_footprint -> base_scan"
+        ),
+    ),
+    "required and forbidden": (
+        "checkpoints.yaml",
+        lambda said: said["frames"]["forbidden"].update(parent="odom", child="base_footprint"),
+        (
+            "checkpoints.yaml: frames: edges: odom -> base_footprint: is required and forbidden "
+            "(checkpoints.yaml: frames: forbidden)"
+        ),
+    ),
+    "frame of a chain": (
+        "checkpoints.yaml",
+        lambda said: said["frames"]["localization"]["chain"].append("base_scn"),
+        (
+            "checkpoints.yaml: frames: localization: chain: 'base_scn' is no frame of the tree, "
+            "'base_scan' is (checkpoints.yaml: frames: edges)"
+        ),
+    ),
+    "frame id of a graph": (
+        "ROS_Camera.yaml",
+        lambda said: said["nodes"]["ros2_camera_helper"]["set"]["E8"].update(frameId="Camera_2"),
+        (
+            "ROS_Camera.yaml: ros2_camera_helper: frameId: 'Camera_2' is no frame of the tree, "
+            "'Camera_1' is (checkpoints.yaml: frames: edges)"
+        ),
+    ),
+    "frame that a graph publishes too much": (
+        "checkpoints.yaml",
+        lambda said: said["frames"]["edges"].remove("base_footprint -> caster_back_link"),
+        (
+            "ROS_OdomTF.yaml: isaac_compute_transform_tree: targetPrims: 'caster_back_link' is no "
+            "frame of the tree (checkpoints.yaml: frames: edges)"
+        ),
+    ),
+    "frame of a message": (
+        "ros.yaml",
+        lambda said: said["topics"]["/scan"]["fields"].update({"header.frame_id": "scan"}),
+        (
+            "ros.yaml: topics: /scan: fields: header.frame_id: 'scan' is no frame of the tree, "
+            "'base_scan' is (checkpoints.yaml: frames: edges)"
+        ),
+    ),
+    "frame of Nav2": (
+        "ros.yaml",
+        lambda said: said["navigation"]["frames"][3].update(frame="odm"),
+        (
+            "ros.yaml: navigation: frames: local_costmap.global_frame: 'odm' is no "
+            "frame of the tree, "
+            "'odom' is (checkpoints.yaml: frames: edges)"
+        ),
+    ),
+    "frame of a command": (
+        "ros.yaml",
+        lambda said: next(c for c in said["commands"] if c["kind"] == "tf2_echo").update(to="foot"),
+        "ros.yaml: command 33 (tf2_echo): to: 'foot' is no frame of the tree (checkpoints.yaml: ",
+    ),
+    "frame of the robot": (
+        "scene.yaml",
+        lambda said: said["robot"].update(base_frame="base_foot"),
+        "scene.yaml: robot: base_frame: 'base_foot' is no frame of the tree, 'base_footprint' is",
+    ),
+    "topic that nobody publishes": (
+        "ROS_Lidar2D.yaml",
+        lambda said: said["nodes"]["ros2_rtx_lidar_helper"]["set"]["D8"].update(topicName="/scn"),
+        (
+            "ros.yaml: topics: /scan: no node of a graph publishes '/scan' (ROS_Lidar2D.yaml: "
+            "ros2_rtx_lidar_helper: topicName is '/scn')"
+        ),
+    ),
+    "scan of Nav2": (
+        "ros.yaml",
+        lambda said: said["navigation"].update(scan_topic="/scan_front"),
+        (
+            "ros.yaml: navigation: scan_topic: no node of a graph publishes '/scan_front' "
+            "(ROS_Lidar2D.yaml: ros2_rtx_lidar_helper: topicName is '/scan')"
+        ),
+    ),
+    "velocity of Nav2": (
+        "ros.yaml",
+        lambda said: said["navigation"].update(velocity_topic="/cmd_vel_nav"),
+        (
+            "ros.yaml: navigation: velocity_topic: no node of a graph subscribes to '/cmd_vel_nav' "
+            "(ROS_Drive.yaml: ros2_subscribe_twist: topicName is '/cmd_vel')"
+        ),
+    ),
+    "map of Nav2": (
+        "ros.yaml",
+        lambda said: said["navigation"].update(map_topic="/maps"),
+        "ros.yaml: navigation: map_topic: '/maps' is none of the topics (ros.yaml: topics)",
+    ),
+    "message of another type": (
+        "ros.yaml",
+        lambda said: said["topics"]["/scan"].update(type="sensor_msgs/msg/PointCloud2"),
+        (
+            "ros.yaml: topics: /scan: 'type' is sensor_msgs/msg/PointCloud2, but the "
+            "graph's messages "
+            "are sensor_msgs/msg/LaserScan (ROS_Lidar2D.yaml: ros2_rtx_lidar_helper: topicName)"
+        ),
+    ),
+    "topic before its graph": (
+        "ros.yaml",
+        lambda said: said["topics"]["/scan"].update({"from": "02"}),
+        (
+            "ros.yaml: topics: /scan: 'from' is 02, but the graph comes with checkpoint 03 "
+            "(ROS_Lidar2D.yaml: ros2_rtx_lidar_helper: topicName)"
+        ),
+    ),
+    "topic of a command": (
+        "ros.yaml",
+        lambda said: said["commands"][3].update(of="/clocks"),
+        "ros.yaml: command 4 (topic_type): of: '/clocks' is none of the topics (ros.yaml: topics)",
+    ),
+    "node of a command": (
+        "ros.yaml",
+        lambda said: next(c for c in said["commands"] if c["kind"] == "lifecycle").update(of="/x"),
+        "ros.yaml: command 27 (lifecycle): of: '/x' is none of the lifecycle nodes (ros.yaml: ",
+    ),
+    "section that the handout does not have": (
+        "ROS_Clock.yaml",
+        lambda said: said["wires"].update(B9=said["wires"].pop("B4")),
+        (
+            "ROS_Clock.yaml: wire 'ros2_context.context -> "
+            "ros2_publish_clock.context': the handout "
+            "has no section B9 (checkpoints.yaml: handout: sections)"
+        ),
+    ),
+}
+ONLY_BY_COMMAND = ("requirement of a checklist", "rule of a checklist", "group of an item")
+WARNINGS: dict[str, Case] = {
+    "no points for a checkpoint": (
+        "rubric.yaml",
+        lambda said: said["items"].pop("qos"),
+        (
+            "warning checkpoints.yaml: checkpoints: '06': no item of the rubric gives "
+            "points for it "
+            "(rubric.yaml: items)"
+        ),
+    ),
+    "a section that no item names": (
+        "checkpoints.yaml",
+        lambda said: said["handout"]["sections"].update(J=8),
+        (
+            "warning checkpoints.yaml: handout: sections: J: no item names section J8 (name it in "
+            "checkpoints.yaml: handout: by_hand if nothing shows it)"
+        ),
+    ),
+    "a section that no item counts": (
+        "rubric.yaml",
+        lambda said: [
+            said["items"][name].update(groups=["ROS_*"])
+            for name in ("scan", "camera", "qos", "amcl", "nav2")
+        ],
+        (
+            "warning rubric.yaml: items: no item counts section D3 of the handout "
+            "(checkpoint 03 asks "
+            "for Lidar2D/prim)"
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ERRORS)
+def test_a_contradiction_is_named_with_both_places(case: str, folder: Path) -> None:
+    file, edit, expected = ERRORS[case]
+    edited(folder, file, edit)
+    status, found = checked(folder)
+    assert status == 1
+    assert any(each.startswith(f"error {expected}") for each in found), found
+
+
+@pytest.mark.parametrize("case", [each for each in ERRORS if each not in ONLY_BY_COMMAND])
+def test_a_lab_that_contradicts_itself_is_not_loaded(case: str, folder: Path) -> None:
+    file, edit, _ = ERRORS[case]
+    edited(folder, file, edit)
+    with pytest.raises(SpecError):
+        load_lab(folder)
+
+
+@pytest.mark.parametrize("case", WARNINGS)
+def test_what_is_left_out_is_a_warning(case: str, folder: Path) -> None:
+    file, edit, expected = WARNINGS[case]
+    edited(folder, file, edit)
+    status, found = checked(folder)
+    assert (status, found[0]) == (1, expected)
+    assert load_lab(folder).title == "Lab 3"
+
+
+def test_a_graph_that_no_checkpoint_adds_is_a_warning(folder: Path) -> None:
+    shutil.copy(folder / "ROS_Clock.yaml", folder / "ROS_Old.yaml")
+    expected = "ROS_Old.yaml: graph: no checkpoint adds this graph (checkpoints.yaml: checkpoints)"
+    assert checked(folder) == (1, [f"warning {expected}"])
+
+
+def test_a_lab_without_a_rubric_is_told(folder: Path) -> None:
+    (folder / "rubric.yaml").unlink()
+    expected = "warning rubric.yaml: items: is missing, so that lab3 grade needs --rubric"
+    assert checked(folder) == (1, [expected])
+
+
+def test_the_first_of_several_contradictions_refuses_the_lab(folder: Path) -> None:
+    edited(folder, "submission.yaml", lambda said: said["stages"]["differ"].extend(["A", "B"]))
+    with pytest.raises(SpecError, match=r"differ: there is no .*; and 1 more, see lab3 lab check$"):
+        load_lab(folder)
+
+
+def test_a_frame_of_a_switched_off_output_is_none(folder: Path) -> None:
+    """The second frame of a stereo pair counts only where its image is wired."""
+    edited(
+        folder,
+        "ROS_Camera.yaml",
+        lambda said: said["wires"]["E9"].append(
+            "isaac_create_render_product.renderProductPath -> "
+            "ros2_camera_info_helper.renderProductPathRight"
+        ),
+    )
+    _, found = checked(folder)
+    assert found[0].startswith("error ROS_Camera.yaml: ros2_camera_info_helper: frameIdRight: ")
+
+
+def test_a_file_that_is_no_lab_is_said_at_once(folder: Path) -> None:
+    (folder / "scene.yaml").write_text("[]")
+    result = CliRunner().invoke(lab3, ["lab", "check", str(folder)])
+    assert str(result.exception) == "scene.yaml: is not a mapping of names to values"
+
+
+def test_a_folder_that_is_not_there_is_said(tmp_path: Path) -> None:
+    result = CliRunner().invoke(lab3, ["lab", "check", str(tmp_path / "gone")])
+    assert "there is no such folder" in str(result.exception)
+
+
+def test_the_lab_of_the_option_is_checked(folder: Path) -> None:
+    edited(folder, "checkpoints.yaml", lambda said: said.update(title="Week 5"))
+    result = CliRunner().invoke(lab3, ["--lab", str(folder), "lab", "check"])
+    assert result.output == "Week 5: 0 errors, 0 warnings\n"

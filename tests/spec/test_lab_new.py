@@ -1,0 +1,391 @@
+"""`lab3 lab new`: a lab described after a stage, by which the stage passes."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from another_robot import own_node, write_stage
+from click.testing import CliRunner
+from msgspec.structs import replace
+from places import REPOSITORY, SHARED, TESTS
+from pxr import Usd
+
+from lab3_usd.cli import lab3
+from lab3_usd.describe.checkpoints import file_names
+from lab3_usd.describe.yaml_text import document
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
+
+CORPUS = SHARED / "corpus" / "stages"
+JETBOT = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
+PASSING = [
+    "keenan88-isaacsim_ros2_greenhouse__arm_only--5363ff6ad0.usd",
+    "keenan88-isaacsim_ros2_greenhouse__drive_wheel_test--4ddf70052f.usd",
+    "keenan88-isaacsim_ros2_greenhouse__greenhouse_worker_v1--43142adfe0.usd",
+    "keenan88-isaacsim_ros2_greenhouse__greenhouse_worker_v1--c6008358f9.usd",
+    "keenan88-isaacsim_ros2_greenhouse__greenhouse_worker_v1--c734468427.usd",
+]
+
+
+def ran(*arguments: object) -> tuple[int, str]:
+    result = CliRunner().invoke(lab3, [*map(str, arguments)])
+    problem = result.exception
+    if problem is not None and not isinstance(problem, SystemExit):
+        raise problem
+    return result.exit_code, result.output
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The stage of checkpoint 05, which the bundled lab builds."""
+    folder = tmp_path_factory.mktemp("built")
+    return Path(ran("build", "--only", "05", "--out", folder)[1].strip())
+
+
+@pytest.fixture(scope="module")
+def described(built: Path) -> Path:
+    """The lab that is described after it."""
+    folder = built.parent / "lab"
+    assert ran("lab", "new", folder, "--from", built)[0] == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pair(described: Path) -> tuple[Lab, Lab]:
+    """The described lab, and the bundled one."""
+    return load_lab(described), load_lab()
+
+
+@pytest.fixture(scope="module")
+def jetbot(tmp_path_factory: pytest.TempPathFactory) -> Lab:
+    """The lab that is described after the last stage of the second lab."""
+    folder = tmp_path_factory.mktemp("jetbot")
+    stage = ran("--lab", JETBOT, "build", "--out", folder)[1].split()[-1]
+    assert ran("lab", "new", folder / "lab", "--from", stage)[0] == 0
+    return load_lab(folder / "lab")
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> tuple[Path, Path]:
+    """A stage of another robot, and the lab that is described after it."""
+    stage, folder = write_stage(tmp_path), tmp_path / "lab"
+    assert ran("lab", "new", folder, "--from", stage)[0] == 0
+    return stage, folder
+
+
+def test_the_stage_passes_by_the_lab_described_after_it(built: Path, described: Path) -> None:
+    status, shown = ran("--lab", described, "check", "--quiet", built)
+    assert (status, "checkpoint 05, pass, 191 of 191 met" in shown) == (0, True)
+
+
+def test_the_described_lab_does_not_contradict_itself(described: Path) -> None:
+    assert ran("lab", "check", described) == (0, "Lab3 05 odometry tf: 0 errors, 0 warnings\n")
+
+
+def test_the_graphs_are_those_of_the_lab_that_built_the_stage(pair: tuple[Lab, Lab]) -> None:
+    new, old = pair
+    for name, graph in old.graphs.items():
+        found = new.graphs[name]
+        assert found.path == graph.path
+        assert {str(wire) for wire in found.wires} == {str(wire) for wire in graph.wires}
+        assert {role: node.type.type for role, node in found.nodes.items()} == {
+            role: node.type.type for role, node in graph.nodes.items()
+        }
+
+
+def test_values_are_described_where_they_are_no_defaults(pair: tuple[Lab, Lab]) -> None:
+    new, old = pair
+    for name, graph in old.graphs.items():
+        for role, node in graph.nodes.items():
+            away = {
+                each.port: each.value
+                for each in node.settings
+                if each.value != node.type.ports[each.port].default
+            }
+            found = new.graphs[name].nodes[role].settings
+            assert {each.port: each.value for each in found} == away
+
+
+def test_targets_are_described_with_those_that_give_frames(pair: tuple[Lab, Lab]) -> None:
+    new, old = pair
+    for name, graph in old.graphs.items():
+        for role, node in graph.nodes.items():
+            found = new.graphs[name].nodes[role]
+            assert found.frames_from == node.frames_from
+            assert {each.port: each.prims for each in found.targets} == {
+                each.port: each.prims for each in node.targets
+            }
+
+
+def test_the_tree_is_the_one_that_the_stage_publishes(pair: tuple[Lab, Lab]) -> None:
+    new, old = pair
+    assert set(new.frames.edges) == set(old.frames.edges)
+
+
+@pytest.mark.parametrize("key", ["path", "base_frame"])
+def test_the_robot_is_described(key: str, pair: tuple[Lab, Lab]) -> None:
+    new, old = pair
+    assert getattr(new.scene.robot, key) == getattr(old.scene.robot, key)
+
+
+def test_masses_and_wheels_are_measured(pair: tuple[Lab, Lab]) -> None:
+    new, old = (lab.scene.robot for lab in pair)
+    masses = {name: link.mass for name, link in old.links.items() if link.mass}
+    found = {name: new.links[name].mass for name in masses}
+    assert found == pytest.approx(masses, rel=1e-6)
+    assert replace(new.wheels, handout=old.wheels.handout) == old.wheels
+
+
+@pytest.mark.parametrize("name", ["lidar", "camera"])
+def test_sensors_are_described_with_what_is_required_of_them(
+    name: str, pair: tuple[Lab, Lab]
+) -> None:
+    new, old = (lab.sensors[name] for lab in pair)
+    assert (new.kind, new.path, new.type) == (old.kind, old.path, old.type)
+    assert new.pose.translate == old.pose.translate
+    assert new.pose.rotate == old.pose.rotate
+    for attribute, said in old.attributes.items():
+        found = new.attributes[attribute]
+        assert (found.value, found.required) == (said.value, said.required)
+
+
+def test_a_student_s_mistake_is_found_by_the_described_lab(
+    built: Path, described: Path, tmp_path: Path
+) -> None:
+    stage = Usd.Stage.Open(str(built))
+    clock = stage.GetPrimAtPath("/World/ROS_Clock/ros2_publish_clock")
+    clock.GetAttribute("inputs:timeStamp").ClearConnections()
+    stage.GetPrimAtPath("/turtlebot3_burger/base_link").GetAttribute("physics:mass").Set(2.0)
+    wrong = tmp_path / built.name
+    stage.Export(str(wrong))
+    found = check_stage(wrong, lab=load_lab(described)).findings
+    assert {each.rule for each in found if each.severity == "error"} == {"W01", "S04"}
+
+
+def test_the_stages_that_the_described_lab_builds_pass_by_it(
+    described: Path, tmp_path: Path
+) -> None:
+    starter = tmp_path / "starter.usda"
+    ran("starter", "-o", starter)
+    made = ran("--lab", described, "build", starter, "--out", tmp_path / "out")[1].split()
+    assert Path(made[-1]).name == "Lab3_05_odometry_tf.usda"
+    shown = ran("--lab", described, "check", "--quiet", *made)[1]
+    assert shown.count(", pass, ") == len(made) == 6
+
+
+def test_a_stage_of_another_robot_passes_by_its_lab(robot: tuple[Path, Path]) -> None:
+    stage, folder = robot
+    assert ran("lab", "check", folder)[0] == 0
+    shown = ran("--lab", folder, "check", "--quiet", stage)[1]
+    assert "checkpoint yard, pass, 69 of 69 met" in shown
+
+
+def test_another_robot_is_measured(robot: tuple[Path, Path]) -> None:
+    lab = load_lab(robot[1])
+    said = lab.scene.robot
+    assert (said.path, said.articulation.target) == (
+        "/World/Carter",
+        "/World/Carter/chassis",
+    )
+    assert {name: link.mass for name, link in said.links.items()} == {
+        "chassis": 30.0,
+        "left": 2.0,
+        "right": 2.0,
+    }
+    assert said.wheels.joints == {"left_motor": "left", "right_motor": "right"}
+    assert (said.wheels.distance, said.wheels.axle) == (0.5, (0.0, 1.0, 0.0))
+    assert said.pose.translate == (2.0, -1.0, 0.0)
+
+
+def test_a_sensor_of_another_kind_is_described(robot: tuple[Path, Path]) -> None:
+    (imu,) = load_lab(robot[1]).sensors.values()
+    assert (imu.kind, imu.path) == ("imu", "/World/Carter/chassis/Imu")
+    assert imu.pose.translate == (0.1, 0.0, 0.05)
+    assert imu.attributes["sensorPeriod"].value == 0.01
+
+
+def test_topics_are_those_of_the_graphs(robot: tuple[Path, Path]) -> None:
+    topics = load_lab(robot[1]).ros.topics
+    assert {name: each.type for name, each in topics.items()} == {
+        "/carter/cmd_vel": "geometry_msgs/msg/Twist",
+        "/imu": "sensor_msgs/msg/Imu",
+    }
+    assert topics["/carter/cmd_vel"].subscribed
+
+
+def test_the_domain_is_that_of_the_graphs(jetbot: Lab) -> None:
+    assert jetbot.ros.system.domain == 5
+
+
+def test_a_lab_described_after_a_stage_of_the_second_lab_is_like_it(jetbot: Lab) -> None:
+    second = load_lab(JETBOT)
+    assert set(jetbot.frames.edges) == set(second.frames.edges)
+    for name, graph in second.graphs.items():
+        wires = {str(wire) for wire in graph.wires}
+        assert {str(wire) for wire in jetbot.graphs[name].wires} == wires
+    places = {each.path: each.pose.translate for each in second.sensors.values()}
+    assert {s.path: s.pose.translate for s in jetbot.sensors.values()} == places
+
+
+def test_a_node_of_an_unknown_type_is_described_by_its_ports(tmp_path: Path) -> None:
+    stage, folder = write_stage(tmp_path, own_node()), tmp_path / "lab"
+    assert ran("lab", "new", folder, "--from", stage)[0] == 0
+    lab = load_lab(folder)
+    kind = lab.catalog.types["acme.filters.LowPass"]
+    assert {name: port.ogn_type for name, port in kind.ports.items()} == {
+        "inputs:execIn": "execution",
+        "inputs:signal": "union",
+        "inputs:cutoff": "double",
+    }
+    assert "imu.angVel -> filter.signal" in map(str, lab.graphs["Inertia"].wires)
+
+
+def test_a_frame_that_no_tree_has_leaves_the_tree_unasked(built: Path, tmp_path: Path) -> None:
+    stage = Usd.Stage.Open(str(built))
+    graph = "/turtlebot3_burger/base_footprint/Camera_1/ROS_Camera"
+    helper = stage.GetPrimAtPath(f"{graph}/ros2_camera_helper")
+    helper.GetAttribute("inputs:frameId").Set("lens")
+    other = tmp_path / built.name
+    stage.Export(str(other))
+    shown = ran("lab", "new", tmp_path / "lab", "--from", other)[1]
+    place = "ROS_Camera.yaml: ros2_camera_helper: frameId"
+    assert f"left out: {place}: 'lens' is no frame of the tree that the stage" in shown
+    assert not load_lab(tmp_path / "lab").checkpoints["05"].frames
+
+
+@pytest.mark.parametrize("name", PASSING)
+@pytest.mark.skipif(not CORPUS.is_dir(), reason="the stages of others are not here")
+def test_stages_of_others_pass_by_their_labs(name: str, tmp_path: Path) -> None:
+    status, shown = ran("lab", "new", tmp_path / "lab", "--from", CORPUS / name)
+    assert (status, ", pass, " in shown) == (0, True), shown
+    assert ran("lab", "check", tmp_path / "lab")[0] == 0
+
+
+def test_a_base_above_its_root_is_where_the_described_lab_has_it(
+    repository: Path, tmp_path: Path
+) -> None:
+    carter = tmp_path / "carter.usda"
+    shutil.copyfile(repository / "docs" / "examples" / "carter.usda", carter)
+    lab = tmp_path / "lab"
+    assert ran("lab", "new", lab, "--from", carter)[0] == 0
+    assert ran("--lab", lab, "check", carter)[1].endswith(" 0 errors, 0 warnings, 0 notes\n")
+    stage = Usd.Stage.Open(str(carter))
+    base = stage.GetPrimAtPath("/World/Carter/chassis_link")
+    base.GetAttribute("xformOp:translate").Set((1.0, 0.0, 0.14))
+    stage.GetRootLayer().Save()
+    said = ran("--lab", lab, "check", carter)[1]
+    assert "note S22 starts-elsewhere /World/Carter/chassis_link.xformOp:translate" in said
+
+
+def test_a_rig_that_nothing_moves_is_described_by_its_body(tmp_path: Path) -> None:
+    rig = TESTS / "labs" / "rig"
+    stage = ran("--lab", rig, "build", "--only", "rear", "-o", tmp_path)[1].strip()
+    assert ran("lab", "new", tmp_path / "lab", "--from", stage)[0] == 0
+    robot = load_lab(tmp_path / "lab").scene.robot
+    assert (robot.path, robot.base_frame) == ("/Yard/Rig", "post")
+    assert robot.articulation.target == ""
+    assert ran("--lab", tmp_path / "lab", "check", stage)[1].endswith(" 0 warnings, 0 notes\n")
+
+
+def test_a_stage_that_does_not_pass_is_said_with_its_errors(built: Path, tmp_path: Path) -> None:
+    other = tmp_path / built.name
+    layer = (
+        f'(\n    subLayers = [@{built}@, @gone.usda@]\n    upAxis = "Z"\n    metersPerUnit = 1\n)'
+    )
+    other.write_text(f"#usda 1.0\n{layer}\n")
+    status, shown = ran("lab", "new", tmp_path / "lab", "--from", other)
+    assert status == 1
+    assert "error F03 /: sublayer gone.usda cannot be found" in shown
+    assert (tmp_path / "lab" / "scene.yaml").is_file()
+
+
+def refusal(folder: Path, stage: Path) -> str:
+    result = CliRunner().invoke(lab3, ["lab", "new", str(folder), "--from", str(stage)])
+    return str(result.exception)
+
+
+def test_a_folder_that_exists_is_kept(built: Path, tmp_path: Path) -> None:
+    assert refusal(tmp_path, built) == f"{tmp_path} exists; name a folder that does not"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_stage_without_a_graph_leaves_nothing_behind(tmp_path: Path) -> None:
+    starter = tmp_path / "starter.usda"
+    ran("starter", "-o", starter)
+    assert refusal(tmp_path / "lab", starter) == "the stage has no Action Graph"
+    assert list(tmp_path.iterdir()) == [starter]
+
+
+def test_a_stage_without_a_robot_is_refused(tmp_path: Path) -> None:
+    stage = Usd.Stage.Open(str(write_stage(tmp_path)))
+    for path in ("/World/Carter", "/World/Inertia", "/World/Wheels/motors"):
+        stage.RemovePrim(path)
+    stage.Save()
+    said = "the stage has no robot: it has no articulation root, and no graph names a prim"
+    assert refusal(tmp_path / "lab", tmp_path / "carter_yard.usda") == said
+
+
+def test_a_stage_that_is_not_there_is_said(tmp_path: Path) -> None:
+    gone = tmp_path / "gone.usda"
+    assert refusal(tmp_path / "lab", gone) == f"{gone}: there is no such file"
+
+
+@pytest.mark.parametrize(
+    ("stem", "pattern", "ids"),
+    [
+        ("Lab3_05_odometry", "Lab3_{id}_{name}", ("03", "04", "05")),
+        ("Lab3_01_odometry", "Lab3_{id}_{name}", ("start", "ROSTF", "01")),
+        ("carter_yard", "carter_{id}", ("start", "ROSTF", "yard")),
+        ("room(v2)", "room({id})", ("start", "ROSTF", "v2")),
+        ("start", "{id}", ("startx", "ROSTF", "start")),
+    ],
+)
+def test_the_last_checkpoint_has_the_name_of_the_stage(
+    stem: str, pattern: str, ids: tuple[str, ...]
+) -> None:
+    found = file_names(stem, ("ROS_TF", "Odometry"))
+    assert (found.pattern, tuple(each.upper() for each in found.ids)) == (
+        pattern,
+        tuple(each.upper() for each in ids),
+    )
+    last = found.pattern.replace("{id}", found.ids[-1]).replace("{name}", found.names[-1])
+    assert last == stem
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "on",
+        "No",
+        "~/lab",
+        "07",
+        "1e3",
+        "a: b",
+        "# no comment",
+        "- x",
+        "two\nlines",
+        "Ü ß",
+        "",
+        " x",
+        "odom -> base",
+        "/scan",
+        "omni:sensor",
+        1e-05,
+        1e22,
+        -0.0,
+        3,
+        True,
+        [],
+        {},
+        [[1.0, 2.0], ["y"]],
+        {"y": {"00": ["a", {"b": True}]}},
+        ["long " * 12, "longer " * 12],
+    ],
+)
+def test_what_is_written_is_read_again(value: object) -> None:
+    text = document("A head.", {"key": value, "n": {"inner": value}}, {"n.inner": "A note."})
+    assert yaml.safe_load(text) == {"key": value, "n": {"inner": value}}

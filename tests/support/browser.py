@@ -1,0 +1,146 @@
+"""A headless Chromium for tests of pages, skipped visibly where there is none."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+from places import TESTS
+
+ARTIFACTS = TESTS / "artifacts"
+SWITCHES = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
+    "--force-prefers-reduced-motion",
+)
+DESKTOP = (1280, 900)
+PHONE = (390, 844)
+# Text and the colour behind it, as far as the page sets them; pictures have their own test.
+CONTRASTS = """
+const number = (text) => text.match(/[\\d.]+/g).map(Number);
+const light = (colour) => {
+  const [r, g, b] = colour.slice(0, 3).map((v) => v / 255)
+    .map((v) => (v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const found = [];
+for (const element of document.querySelectorAll("body *")) {
+  const own = [...element.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+  if (!own || !element.checkVisibility() || element.closest("script, svg")) continue;
+  let behind = element;
+  while (behind && number(getComputedStyle(behind).backgroundColor)[3] === 0) {
+    behind = behind.parentElement;
+  }
+  const ground = number(getComputedStyle(behind || document.body).backgroundColor);
+  const ink = number(getComputedStyle(element).color);
+  const [low, high] = [light(ink), light(ground)].sort((a, b) => a - b);
+  found.push([(high + 0.05) / (low + 0.05), element.className || element.tagName]);
+}
+return found;
+"""
+
+
+@contextmanager
+def started() -> Iterator[Browser]:
+    """Start Chromium with an empty profile; the test skips where it or its driver is missing."""
+    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if program is None or driver is None:
+        pytest.skip("there is no browser: install chromium and chromium-driver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = program
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    with TemporaryDirectory() as profile:
+        for switch in (*SWITCHES, f"--user-data-dir={profile}"):
+            options.add_argument(switch)
+        running = webdriver.Chrome(
+            options=options, service=webdriver.ChromeService(executable_path=driver)
+        )
+        try:
+            yield Browser(running)
+        finally:
+            running.quit()
+
+
+class Browser:
+    """What the tests ask of a browser; `driver` is selenium's."""
+
+    def __init__(self, driver: Any) -> None:
+        self.driver = driver
+
+    def open(
+        self, path: Path, size: tuple[int, int] = DESKTOP, scheme: str = "light", at: str = ""
+    ) -> None:
+        """Open a page in a window of this size, as if for the first time."""
+        self.resize(size)
+        self.scheme(scheme)
+        self.driver.get("about:blank")
+        self.logs()
+        self.requests()
+        self.driver.get(path.as_uri() + (f"#{at}" if at else ""))
+
+    def resize(self, size: tuple[int, int]) -> None:
+        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1}
+        self.command("Emulation.setDeviceMetricsOverride", mobile=size[0] < 500, **metrics)
+
+    def scheme(self, scheme: str, media: str = "") -> None:
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        self.command("Emulation.setEmulatedMedia", media=media, features=features)
+
+    def scripts(self, *, on: bool) -> None:
+        self.command("Emulation.setScriptExecutionDisabled", value=not on)
+
+    def command(self, name: str, **values: Any) -> Any:
+        return self.driver.execute_cdp_cmd(name, values)
+
+    def run(self, script: str, *values: Any) -> Any:
+        return self.driver.execute_script(script, *values)
+
+    def all(self, selector: str) -> list[Any]:
+        return list(self.driver.find_elements("css selector", selector))
+
+    def shown(self, selector: str) -> list[Any]:
+        return [element for element in self.all(selector) if element.is_displayed()]
+
+    def one(self, selector: str) -> Any:
+        return self.driver.find_element("css selector", selector)
+
+    def logs(self) -> list[str]:
+        """Return what the console says since the last call."""
+        return [entry["message"] for entry in self.driver.get_log("browser")]
+
+    def requests(self) -> list[str]:
+        """Return the addresses that were asked for since the last call."""
+        found = []
+        for entry in self.driver.get_log("performance"):
+            message = json.loads(entry["message"])["message"]
+            if message["method"] == "Network.requestWillBeSent":
+                found.append(message["params"]["request"]["url"])
+        return found
+
+    def keep(self, name: str, most: int = 2400) -> Path:
+        """Keep a picture of the page, down to `most` pixels, among the artifacts."""
+        width, height = self.run(
+            "return [innerWidth, Math.ceil(document.documentElement.scrollHeight)]"
+        )
+        clip = {"x": 0, "y": 0, "width": width, "height": min(height, most), "scale": 1}
+        taken = self.command("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
+        ARTIFACTS.mkdir(exist_ok=True)
+        target = ARTIFACTS / f"{name}.png"
+        target.write_bytes(base64.b64decode(taken["data"]))
+        return target

@@ -1,0 +1,43 @@
+"""Pages of a class for tests: rows as grading makes them, and a text that is markup everywhere."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lab3_usd.report.html.class_page import class_page
+
+ITEMS = [
+    {"id": "clock", "title": "/clock is publishing", "points": 10.0, "optional": False},
+    {"id": "tree", "title": "The TF tree is connected", "points": 5.0, "optional": False},
+]
+
+
+EVIL = "<script>alert(1)</script>\x1b[2J{{ 7 * 7 }}\" onmouseover='x'"
+
+
+def page_of(title: str, items: list[dict[str, Any]], rows: list[dict[str, Any]]) -> str:
+    return "".join(class_page(title, items, rows))
+
+
+def row(student: str, percent: float | None = 100.0, **changes: Any) -> dict[str, Any]:
+    states = {"clock": ("full", 10.0, 10.0), "tree": ("blocked", 0.0, 0.0)}
+    items = [
+        {"id": name, "state": state, "earned": earned, "possible": possible, "because": ""}
+        for name, (state, earned, possible) in states.items()
+    ]
+    return {
+        "student": student,
+        "name": f"Name of {student}",
+        "folder": student,
+        "status": "graded",
+        "reason": "",
+        "because": [],
+        "late": False,
+        "percent": percent,
+        "earned": 10.0,
+        "possible": 10.0,
+        "items": items,
+        "lost": [],
+        "reports": ["report.html"],
+        **changes,
+    }
