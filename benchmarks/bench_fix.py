@@ -34,8 +34,8 @@ def outcomes(checkpoint: str, every: int = 1) -> list[Outcome]:
     lab = load_lab()
     with tempfile.TemporaryDirectory() as folder:
         found = (
-            repaired(checkpoint, each, Path(folder), lab)
-            for each in second_faults(checkpoint)[::every]
+            repaired(checkpoint, fault, Path(folder), lab)
+            for fault in second_faults(checkpoint)[::every]
         )
         return [each for each in found if each is not None]
 
@@ -43,7 +43,7 @@ def outcomes(checkpoint: str, every: int = 1) -> list[Outcome]:
 def table(found: Sequence[Outcome]) -> str:
     """Return the figures by kind of fault."""
     columns = ("faults", "pass", "share", "median", "most", "elsewhere", "lost")
-    lines = [f"{'kind':<10}" + "".join(f"{each:>10}" for each in columns)]
+    lines = [f"{'kind':<10}" + "".join(f"{column:>10}" for column in columns)]
     for kind in [*dict.fromkeys(each.fault.kind for each in found), "all"]:
         some = [each for each in found if kind in {each.fault.kind, "all"}]
         passed = [each for each in some if each.passes]

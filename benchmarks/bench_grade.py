@@ -125,7 +125,7 @@ def watched() -> Iterator[dict[str, int]]:
     def watch() -> None:
         while not done.wait(0.1):
             most["parent"] = max(most["parent"], resident(os.getpid()))
-            workers = [resident(each) for each in children(os.getpid())]
+            workers = [resident(child) for child in children(os.getpid())]
             most["workers"] = max([most["workers"], *workers])
 
     thread = threading.Thread(target=watch)

@@ -63,7 +63,7 @@ def measured(scene: Scene, drive: Sequence[Session]) -> Figure:
 
 def without_scan(scene: Scene) -> Scene:
     """Return the scene without the graph of the lidar."""
-    kept = tuple(each for each in scene.graphs if not each.path.endswith(LIDAR_GRAPH))
+    kept = tuple(graph for graph in scene.graphs if not graph.path.endswith(LIDAR_GRAPH))
     return Scene(scene.meters_per_unit, scene.up, kept, scene.prims, scene.missing)
 
 

@@ -137,7 +137,7 @@ def main() -> None:
                     title = f"{'text' if ending == '.usda' else 'binary'}, saved {way}"
                     median = statistics.median(times)
                     figures = (times[0], median, times[-1], ASKED)
-                    print(f"{title:<34}" + "".join(f"{each:>8.0f}" for each in figures))
+                    print(f"{title:<34}" + "".join(f"{figure:>8.0f}" for figure in figures))
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ def main() -> None:
         found = pool.map(fault, range(len(all_faults())), chunksize=8)
         numbers = range(options.first, options.first + options.edits)
         edits: list[Silence] = pool.map(silent, numbers, chunksize=8)
-    said = [*wrong(found), *(f"no fault is like {each}" for each in idle_rows(found))]
+    said = [*wrong(found), *(f"no fault is like {row}" for row in idle_rows(found))]
     said += unexplained(edits)
     if options.edits >= ALL:
         said += [f"no edit is like {each}" for each in idle_silence(edits)]
@@ -59,7 +59,7 @@ def main() -> None:
     if made["page"](found) != made["PAGE"].read_text(encoding="utf-8"):
         said.append("the page is not true: python docs/make_wrong_wires.py")
     agree = sum(each.agree for each in found)
-    changed = sum(bool(each.changes) for each in edits)
+    changed = sum(bool(edit.changes) for edit in edits)
     print(f"{len(found)} faults: both judges see {agree}, only the rules {len(found) - agree}")
     print(f"{len(edits)} edits: {changed} change what the robot does")
     print(f"{time.monotonic() - start:.0f} seconds", *said, sep="\n")

@@ -78,7 +78,7 @@ def sweep(checkpoint: str, every: int = 1, start: int = 0) -> Iterator[Outcome]:
             judged = judge(lab, asked, read_model(stage, lab, clean.name))
             if judged.crashes:
                 raise RuntimeError(judged.crashes)
-            told = tuple(each for each in judged.findings if each.severity != "note")
+            told = tuple(finding for finding in judged.findings if finding.severity != "note")
             yield Outcome(fault, told)
 
 
@@ -93,9 +93,9 @@ def scene_faults(asked: Checkpoint) -> Iterator[Fault]:
 def table(outcomes: Sequence[Outcome]) -> str:
     """Return the figures by kind of fault."""
     lines = [f"{'kind':<10}{'faults':>8}{'found':>8}{'at place':>10}{'mean':>8}"]
-    kinds = [*dict.fromkeys(each.fault.kind for each in outcomes), "all"]
+    kinds = [*dict.fromkeys(outcome.fault.kind for outcome in outcomes), "all"]
     for kind in kinds:
-        some = [each for each in outcomes if kind in {each.fault.kind, "all"}]
+        some = [outcome for outcome in outcomes if kind in {outcome.fault.kind, "all"}]
         count, errors = len(some), sum(len(each.errors) for each in some)
         found, placed = sum(each.found for each in some), sum(each.at_place for each in some)
         lines.append(f"{kind:<10}{count:>8}{found:>8}{placed:>10}{errors / count:>8.3f}")
@@ -115,10 +115,10 @@ def main() -> None:
     for checkpoint in chosen:
         outcomes = list(sweep(checkpoint))
         print(f"checkpoint {checkpoint}\n{table(outcomes)}\n")
-        for each in outcomes if options.verbose else ():
-            if len(each.errors) != 1 or not each.at_place:
-                print(each.fault.name, each.fault.sites)
-                for error in each.errors:
+        for outcome in outcomes if options.verbose else ():
+            if len(outcome.errors) != 1 or not outcome.at_place:
+                print(outcome.fault.name, outcome.fault.sites)
+                for error in outcome.errors:
                     print(f"    {error.rule} {error.prim} {error.property}: {error.message}")
 
 

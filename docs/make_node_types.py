@@ -134,7 +134,7 @@ def allowed_tokens(tokens: Any) -> list[str]:
     """Return the tokens that a port takes, which files list in three ways."""
     if isinstance(tokens, str):
         return [each.strip() for each in tokens.split(",")]
-    return [str(each) for each in (tokens.values() if isinstance(tokens, dict) else tokens)]
+    return [str(token) for token in (tokens.values() if isinstance(tokens, dict) else tokens)]
 
 
 def rename_lines(clone: Path) -> Iterator[str]:

@@ -54,13 +54,15 @@ class Validator(NamedTuple):
 def by_lint(path: Path) -> Said:
     """Return the errors and warnings of the linter; its notes do not count."""
     findings = lint_stage(path).findings
-    return Counter((each.rule, each.prim) for each in findings if each.severity != "note")
+    return Counter(
+        (finding.rule, finding.prim) for finding in findings if finding.severity != "note"
+    )
 
 
 def by_openusd(path: Path) -> Said:
     """Return what the validators of usd-core say, of any severity."""
     errors = native_errors(Usd.Stage.Open(str(path)), path.name)
-    return Counter((each.validator, each.prim) for each in errors)
+    return Counter((error.validator, error.prim) for error in errors)
 
 
 @cache
@@ -89,7 +91,7 @@ def by_simready(path: Path) -> Said:
 
 def _by_engine(package: str, path: Path) -> Said:
     issues = _engine(package).validate(str(path)).issues()
-    return Counter((each.rule.__name__, str(getattr(each.at, "path", "/"))) for each in issues)
+    return Counter((issue.rule.__name__, str(getattr(issue.at, "path", "/"))) for issue in issues)
 
 
 def by_rep(path: Path) -> Said:
@@ -97,7 +99,9 @@ def by_rep(path: Path) -> Said:
     from compliance_checker import ComplianceChecker
 
     checker = ComplianceChecker.from_path(str(path), include_export=True, include_extended=True)
-    return Counter((each.check_id, each.prim_path) for each in checker.run().violations)
+    return Counter(
+        (violation.check_id, violation.prim_path) for violation in checker.run().violations
+    )
 
 
 VALIDATORS = (
@@ -149,15 +153,15 @@ def control(validator: Validator) -> str:
 
 def table() -> Iterator[str]:
     """Yield the lines of the table."""
-    columns = [column(each) for each in VALIDATORS]
-    yield _row("fault", [each.title for each in VALIDATORS])
+    columns = [column(validator) for validator in VALIDATORS]
+    yield _row("fault", [validator.title for validator in VALIDATORS])
     yield _row("---", ["---"] * len(columns))
     for name in FAULTS:
         yield _row(name, [cells[name] for cells in columns])
     seen = [sum(cell != "-" for cell in cells.values()) for cells in columns]
     yield _row(f"**faults seen, of {len(FAULTS)}**", [f"**{each}**" for each in seen])
-    yield _row(CONTROL, [control(each) for each in VALIDATORS])
-    yield _row("version", [version(each.package) for each in VALIDATORS])
+    yield _row(CONTROL, [control(validator) for validator in VALIDATORS])
+    yield _row("version", [version(validator.package) for validator in VALIDATORS])
 
 
 def _row(first: str, cells: Iterable[str]) -> str:
@@ -172,9 +176,9 @@ def page() -> str:
 
 def missing() -> Iterator[str]:
     """Yield the packages that are not installed."""
-    for each in VALIDATORS:
-        if installed(each.package) is None:
-            yield each.package
+    for validator in VALIDATORS:
+        if installed(validator.package) is None:
+            yield validator.package
 
 
 def installed(package: str) -> str | None:

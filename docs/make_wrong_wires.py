@@ -54,7 +54,7 @@ def page(found: Sequence[Verdicts]) -> str:
         [VALUES, *_told(found, " wrong", "/")],
         [KNOWN, *(f"| {row.title} | {row.happens} | {row.reason} |" for row in known_rows())],
     )
-    return "\n".join([INTRODUCTION, *("\n".join(each) + "\n" for each in tables)])
+    return "\n".join([INTRODUCTION, *("\n".join(table) + "\n" for table in tables)])
 
 
 def _told(found: Sequence[Verdicts], end: str, mark: str) -> Iterator[str]:
@@ -73,7 +73,7 @@ def is_shown(fault: str) -> bool:
 
 def main() -> None:
     """Drive every stage of the page and write it."""
-    found = [verdicts(each) for each in all_faults() if is_shown(each.name)]
+    found = [verdicts(fault) for fault in all_faults() if is_shown(fault.name)]
     PAGE.write_text(page(found), encoding="utf-8")
 
 

@@ -60,7 +60,7 @@ class LazyGroup(click.Group):
         if name not in COMMANDS and not name.startswith("-"):
             from difflib import get_close_matches
 
-            close = " or ".join(f"'{each}'" for each in get_close_matches(name, COMMANDS))
+            close = " or ".join(f"'{match}'" for match in get_close_matches(name, COMMANDS))
             hint = f"did you mean {close}?" if close else "lab3 --help lists all"
             raise click.UsageError(f"there is no command '{name}'; {hint}")
         return super().resolve_command(ctx, args)

@@ -167,7 +167,7 @@ def _counted(graph: GraphModel) -> str:
 def _attributes(before: GraphModel, after: GraphModel, form: GraphForm) -> Iterator[StageChange]:
     if before.path != after.path:
         yield StageChange("graph", "changed", after.path, "path", before.path, after.path)
-    unwritten = {each.name: each.unwritten for each in form.attributes}
+    unwritten = {attribute.name: attribute.unwritten for attribute in form.attributes}
     for name in sorted({*before.attributes, *after.attributes}):
         was = before.attributes.get(name, unwritten.get(name))
         now = after.attributes.get(name, unwritten.get(name))
@@ -217,16 +217,16 @@ def _new_inputs(node: Node) -> Iterator[StageChange]:
 
 
 def _input(was: Node, now: Node, name: str, pairs: StagePairs) -> Iterator[StageChange]:
-    sources = {pairs.source(each): None for each in was.sources(name)}
+    sources = {pairs.source(source): None for source in was.sources(name)}
     yield from (
-        StageChange("wire", "removed", now.path, name, was=each)
-        for each in sources
-        if each not in now.sources(name)
+        StageChange("wire", "removed", now.path, name, was=source)
+        for source in sources
+        if source not in now.sources(name)
     )
     yield from (
-        StageChange("wire", "added", now.path, name, now=each)
-        for each in now.sources(name)
-        if each not in sources
+        StageChange("wire", "added", now.path, name, now=source)
+        for source in now.sources(name)
+        if source not in sources
     )
     before, after = was.value(name), now.value(name)
     is_hidden = was.sources(name) and now.sources(name)  # the wires bring the value
@@ -293,14 +293,20 @@ def _stage_changes(before: StageModel, after: StageModel) -> Iterator[StageChang
         was, now = getattr(before, name), getattr(after, name)
         if was != now:
             yield StageChange("scene", "changed", "/", name, str(was), str(now))
-    absent = [{(each.prim, each.asset) for each in stage.unresolved} for stage in (before, after)]
+    absent = [
+        {(unresolved_asset.prim, unresolved_asset.asset) for unresolved_asset in stage.unresolved}
+        for stage in (before, after)
+    ]
     for prim, asset in absent[0] - absent[1]:
         yield StageChange("scene", "removed", prim, "asset not found", was=asset)
     for prim, asset in absent[1] - absent[0]:
         yield StageChange("scene", "added", prim, "asset not found", now=asset)
-    moves = [{(each.prim, each.property): each for each in s.moving} for s in (before, after)]
+    moves = [
+        {(attribute.prim, attribute.property): attribute for attribute in s.moving}
+        for s in (before, after)
+    ]
     for key in moves[0].keys() | moves[1].keys():
-        told = [each[key].then if key in each else "" for each in moves]
+        told = [move[key].then if key in move else "" for move in moves]
         if told[0] != told[1]:
             yield StageChange("scene", "changed", key[0], f"{key[1]} (animated)", *told)
 
@@ -354,4 +360,4 @@ def _frame_changes(before: StageModel, after: StageModel, lab: Lab) -> Iterator[
 
 def _transforms(stage: StageModel, lab: Lab) -> Counter[tuple[str, str]]:
     edges = published_edges(stage, lab)
-    return Counter((each.child, f"{each.parent} -> {each.child} on {each.topic}") for each in edges)
+    return Counter((edge.child, f"{edge.parent} -> {edge.child} on {edge.topic}") for edge in edges)

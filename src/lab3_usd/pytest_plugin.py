@@ -80,7 +80,7 @@ class RequirementItem(pytest.Item):
         """Fail with the findings that say why the requirement is not met."""
         if not self.requirement.met:
             group = f"/{self.requirement.group}"
-            told = [each for each in self.result.findings if group in f"{each.prim}/"]
+            told = [finding for finding in self.result.findings if group in f"{finding.prim}/"]
             raise UnmetError([self.requirement.title, *map(sentence, told)])
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException]) -> str:  # type: ignore[override]
@@ -99,8 +99,12 @@ class NoFaultsItem(pytest.Item):
 
     def runtest(self) -> None:
         """Fail with every error of the stage, and every rule that crashed."""
-        errors = [sentence(each) for each in self.result.findings if each.severity == "error"]
-        crashes = [f"rule {each.rule} failed itself: {each.error}" for each in self.result.crashes]
+        errors = [
+            sentence(finding) for finding in self.result.findings if finding.severity == "error"
+        ]
+        crashes = [
+            f"rule {crash.rule} failed itself: {crash.error}" for crash in self.result.crashes
+        ]
         if errors or crashes:
             raise UnmetError([*errors, *crashes])
 

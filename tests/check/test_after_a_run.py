@@ -53,7 +53,7 @@ def faults(stage: Usd.Stage, checkpoint: str) -> list[tuple[str, str]]:
 
 
 def notes(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
-    return [each for each in findings_of(stage, checkpoint) if each.rule == "S22"]
+    return [finding for finding in findings_of(stage, checkpoint) if finding.rule == "S22"]
 
 
 def judged(stage: Usd.Stage, checkpoint: str) -> Judgement:
@@ -71,8 +71,8 @@ def test_a_robot_saved_after_it_turned_is_right(degrees: float) -> None:
 @pytest.mark.parametrize("checkpoint", ["01", "02", "05", "08"])
 def test_a_run_costs_no_requirement(checkpoint: str) -> None:
     found = judged(driven(built(checkpoint), (-2, 1, 0.001), 200, rolled=77), checkpoint)
-    assert [each.id for each in found.requirements if not each.met] == []
-    assert [each.rule for each in found.findings if each.severity != "note"] == []
+    assert [requirement.id for requirement in found.requirements if not requirement.met] == []
+    assert [finding.rule for finding in found.findings if finding.severity != "note"] == []
 
 
 @pytest.mark.parametrize("degrees", [0.0, 90.0, 180.0])
@@ -107,7 +107,7 @@ def test_bodies_count_where_joints_tie_them_not_where_they_are_saved() -> None:
 def test_a_base_that_is_mounted_backward_drives_backward() -> None:
     stage = built("02")
     put(f"{JOINTS}/base_joint", "physics:localRot0", Gf.Quatf(0, 0, 0, 1))(stage)
-    found = {(each.rule, each.severity) for each in findings_of(stage, "02")}
+    found = {(finding.rule, finding.severity) for finding in findings_of(stage, "02")}
     assert found == {("S09", "warning"), ("S17", "error")}  # the lidar goes with the base
 
 

@@ -25,7 +25,7 @@ def unwire(prim: str, port: str) -> Change:
 def wire(prim: str, port: str, *sources: str) -> Change:
     def change(stage: Usd.Stage) -> None:
         stage.GetPrimAtPath(prim).GetAttribute(port).SetConnections(
-            [Sdf.Path(each) for each in sources]
+            [Sdf.Path(source) for source in sources]
         )
 
     return change
@@ -62,7 +62,7 @@ def around(stage: Usd.Stage) -> None:
 def errors(change: Change) -> list[Finding]:
     stage = broken("02", [])
     change(stage)
-    return [each for each in judged(stage, "02").findings if each.severity == "error"]
+    return [finding for finding in judged(stage, "02").findings if finding.severity == "error"]
 
 
 DRIVES = {
@@ -113,7 +113,7 @@ def test_a_fault_that_stops_the_robot_promises_nothing(change: Change) -> None:
 def hint_of(rule: str, checkpoint: str, *places: str) -> str:
     stage = broken(checkpoint, [])
     STEPS["connect"](stage, *places)
-    (found,) = [each for each in judged(stage, checkpoint).findings if each.rule == rule]
+    (found,) = [finding for finding in judged(stage, checkpoint).findings if finding.rule == rule]
     return found.hint or ""
 
 

@@ -29,9 +29,9 @@ def told(change: Change, *targets: str, checkpoint: str = "05") -> list[tuple[st
     port = stage.GetPrimAtPath(NODE).GetRelationship("inputs:targetPrim")
     port.SetTargets(list(targets))
     return [
-        (each.rule, each.severity, each.prim)
-        for each in judged(stage, checkpoint).findings
-        if each.severity != "note" and each.rule in {"R01", "R02", "S11"}
+        (finding.rule, finding.severity, finding.prim)
+        for finding in judged(stage, checkpoint).findings
+        if finding.severity != "note" and finding.rule in {"R01", "R02", "S11"}
     ]
 
 
@@ -66,7 +66,9 @@ def test_while_the_base_is_articulated_its_target_is_right(change: Change) -> No
 def test_the_warning_costs_no_requirement() -> None:
     stage = correct_stage("05")
     ON_ROOT(stage)
-    lost = [each.id for each in judged(stage, "05").requirements if not each.met]
+    lost = [
+        requirement.id for requirement in judged(stage, "05").requirements if not requirement.met
+    ]
     assert "ROS_Drive/target/articulation_controller.targetPrim" not in lost
 
 
@@ -87,7 +89,9 @@ def test_the_builder_names_the_target_that_works(
     port = stage.GetPrimAtPath(NODE).GetRelationship("inputs:targetPrim")
     assert [str(path) for path in port.GetTargets()] == [target]
     assert check_stage(built, "02").verdict == "pass"
-    assert [each.rule for each in check_stage(built, "02").findings if each.rule == "R02"] == []
+    assert [
+        finding.rule for finding in check_stage(built, "02").findings if finding.rule == "R02"
+    ] == []
 
 
 def test_building_on_an_articulated_root_warns(

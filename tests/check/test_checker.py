@@ -49,7 +49,7 @@ def test_the_checkpoint_given_rules_over_the_file_name(tmp_path: Path) -> None:
     assert check_stage(path, "02").checkpoint == "02"
     result = check_stage(path)
     assert result.checkpoint == "01"
-    assert [each.rule for each in result.findings if each.severity != "note"] == ["G04"]
+    assert [finding.rule for finding in result.findings if finding.severity != "note"] == ["G04"]
 
 
 def test_a_file_without_a_number_needs_a_checkpoint(tmp_path: Path) -> None:
@@ -73,8 +73,8 @@ def test_what_is_built_passes_with_every_requirement_met(
         build_checkpoint(None, checkpoint, tmp_path / f"stage{ending}"), checkpoint
     )
     assert result.verdict == "pass"
-    assert [each for each in result.findings if each.severity != "note"] == []
-    assert [each.id for each in result.requirements if not each.met] == []
+    assert [finding for finding in result.findings if finding.severity != "note"] == []
+    assert [requirement.id for requirement in result.requirements if not requirement.met] == []
     assert result.score.earned == result.score.possible == len(result.requirements)
 
 
@@ -83,7 +83,7 @@ def test_a_file_that_cannot_be_read_is_a_result(tmp_path: Path) -> None:
     path.write_text("#usda 1.0\ndef Xform {")
     result = check_stage(path)
     assert (result.verdict, result.score.possible) == ("unreadable", 0.0)
-    assert [(each.rule, each.severity, each.prim) for each in result.findings] == [
+    assert [(finding.rule, finding.severity, finding.prim) for finding in result.findings] == [
         ("F01", "error", "/")
     ]
 
@@ -91,7 +91,7 @@ def test_a_file_that_cannot_be_read_is_a_result(tmp_path: Path) -> None:
 def test_a_warning_alone_lets_a_stage_pass(tmp_path: Path) -> None:
     steps = [{"copy": ["ROS_Clock/ros2_context", "ROS_Clock/ros2_context_01"]}]
     result = check_stage(saved(broken("01", steps), tmp_path / "Lab3_01.usda"))
-    assert [each.severity for each in result.findings] == ["warning"]
+    assert [finding.severity for finding in result.findings] == ["warning"]
     assert result.verdict == "pass"
 
 
@@ -99,7 +99,7 @@ def test_an_error_fails_a_stage_and_lowers_its_score(tmp_path: Path) -> None:
     steps = [{"disconnect": "ROS_Clock/ros2_publish_clock.inputs:timeStamp"}]
     result = check_stage(saved(broken("01", steps), tmp_path / "Lab3_01.usda"))
     assert result.verdict == "fail"
-    unmet = [each.id for each in result.requirements if not each.met]
+    unmet = [requirement.id for requirement in result.requirements if not requirement.met]
     assert unmet == ["ROS_Clock/wire/ros2_publish_clock.timeStamp"]
     assert result.score.earned == result.score.possible - 1
 
@@ -131,7 +131,7 @@ def test_an_error_fails_a_stage_and_lowers_its_score(tmp_path: Path) -> None:
 )
 def test_the_score_counts_what_a_fault_costs(step: dict[str, object], unmet: set[str]) -> None:
     requirements = judged(broken("02", [step]), "02").requirements
-    assert {each.id for each in requirements if not each.met} == unmet
+    assert {requirement.id for requirement in requirements if not requirement.met} == unmet
 
 
 TARGETS = "ROS_OdomTF/isaac_compute_transform_tree.inputs:targetPrims"
@@ -151,13 +151,13 @@ LINKS = ["base_link", "base_scan", "caster_back_link", "wheel_left_link", "wheel
 )
 def test_each_frame_that_is_published_counts(targets: list[str], unmet: set[str]) -> None:
     requirements = judged(broken("05", [{"targets": [TARGETS, *targets]}]), "05").requirements
-    assert {each.id for each in requirements if not each.met} == unmet
+    assert {requirement.id for requirement in requirements if not requirement.met} == unmet
 
 
 def test_frames_below_another_parent_do_not_count() -> None:
     parent = TARGETS.replace("targetPrims", "parentPrim")
     requirements = judged(broken("05", [{"targets": [parent, "/World"]}]), "05").requirements
-    unmet = {each.id for each in requirements if not each.met}
+    unmet = {requirement.id for requirement in requirements if not requirement.met}
     frames = {f"TF/frame/{frame}" for frame in [*LINKS, "Camera_1"]}
     assert unmet == {"ROS_OdomTF/target/isaac_compute_transform_tree.parentPrim"} | frames
 
@@ -172,13 +172,13 @@ def test_a_stand_in_meets_the_requirement_of_its_wire() -> None:
             ]
         },
     ]
-    assert all(each.met for each in judged(broken("01", steps), "01").requirements)
+    assert all(requirement.met for requirement in judged(broken("01", steps), "01").requirements)
 
 
 def test_requirements_are_named_once_and_the_same_in_every_stage() -> None:
-    whole = [each.id for each in judged(correct_stage("05"), "05").requirements]
+    whole = [requirement.id for requirement in judged(correct_stage("05"), "05").requirements]
     assert len(set(whole)) == len(whole)
-    bare = [each.id for each in judged(correct_stage("00"), "05").requirements]
+    bare = [requirement.id for requirement in judged(correct_stage("00"), "05").requirements]
     assert bare == whole
 
 
@@ -218,7 +218,7 @@ def test_a_rule_that_crashes_is_never_a_pass(
     monkeypatch.setattr(checker, "rules_of", with_crash)
     path = saved(correct_stage("01"), tmp_path / "Lab3_01.usda")
     result = check_stage(path)
-    assert [(each.rule, each.error) for each in result.crashes] == [
+    assert [(crash.rule, crash.error) for crash in result.crashes] == [
         ("W99", "KeyError: 'no such thing'")
     ]
     assert result.verdict == "fail"

@@ -37,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
 
 def items(folder: Path) -> dict[tuple[str, str], ChecklistItem]:
     lines = checked(folder).submission.checklist
-    return {(each.section, each.text): each for each in lines}
+    return {(line.section, line.text): line for line in lines}
 
 
 def item(folder: Path, text: str) -> ChecklistItem:
@@ -65,7 +65,7 @@ def test_the_check_off_is_the_handouts(shared: Path) -> None:
 
 
 def test_everything_that_decides_a_line_exists(folder: Path) -> None:
-    final = [each.id for each in check_stage(folder / stage_name(LAST)).requirements]
+    final = [requirement.id for requirement in check_stage(folder / stage_name(LAST)).requirements]
     for line in SPEC.checklist:
         assert set(line.rules) <= set(all_rules()), line.text
         assert set(line.deliverables) <= set(SPEC.deliverables), line.text
@@ -73,7 +73,7 @@ def test_everything_that_decides_a_line_exists(folder: Path) -> None:
             assert [each for each in final if fnmatchcase(each, pattern)], f"{line.text}: {pattern}"
         for name in line.shown:
             kind, _, target = name.partition(" ")
-            commands = {(each.kind.name, each.target) for each in ROS.commands}
+            commands = {(command.kind.name, command.target) for command in ROS.commands}
             assert (kind, target) in {*commands, ("goals", "")}, f"{line.text}: {name}"
             assert kind in Evidence.__struct_fields__, f"{line.text}: {name}"
 

@@ -19,12 +19,12 @@ def test_both_judges_agree_on_some_of_all_faults() -> None:
 
 def test_no_edit_of_some_changes_the_robot_in_silence() -> None:
     edits = [silent(each) for each in range(100, 105)]
-    assert any(each.changes for each in edits)
+    assert any(edit.changes for edit in edits)
     assert unexplained(edits) == []
 
 
 def test_each_row_is_about_a_fault_and_each_fault_in_one_row_at_most() -> None:
-    rows, names = known_rows(), [each.name for each in all_faults()]
+    rows, names = known_rows(), [fault.name for fault in all_faults()]
     assert [row.title for row in rows if not any(map(row.holds, names))] == []
     assert [name for name in names if sum(row.holds(name) for row in rows) > 1] == []
 

@@ -18,12 +18,12 @@ def told(*steps: dict[str, Any]) -> tuple[Finding, ...]:
     """Errors and warnings of checkpoint 05 after these steps."""
     judgement = judged(broken("05", list(steps)), "05")
     assert not judgement.crashes
-    return ordered(each for each in judgement.findings if each.severity != "note")
+    return ordered(finding for finding in judgement.findings if finding.severity != "note")
 
 
 def the_only(*steps: dict[str, Any]) -> Finding:
     findings = told(*steps)
-    assert [(each.rule, each.prim) for each in findings[1:]] == []
+    assert [(finding.rule, finding.prim) for finding in findings[1:]] == []
     return findings[0]
 
 
@@ -207,7 +207,7 @@ def test_a_transform_that_nobody_may_publish_is_told_once(parent: str) -> None:
         {"set": [f"{raw}.inputs:parentFrameId", parent]},
         {"set": [f"{raw}.inputs:childFrameId", "odom"]},
     )
-    assert [each.rule[0] for each in findings] == ["T"]
+    assert [finding.rule[0] for finding in findings] == ["T"]
 
 
 def test_a_graph_at_the_wrong_path_is_known_by_its_content() -> None:
@@ -234,7 +234,9 @@ def test_why_a_node_is_absent_is_said(step: dict[str, Any], reason: str) -> None
 def test_a_node_in_another_graph_is_named_and_not_added_again() -> None:
     node, other = "ROS_Drive/ros2_subscribe_twist", "/World/Listening"
     steps = [{"define": [other, "OmniGraph"]}, {"move": [node, f"{other}/ros2_subscribe_twist"]}]
-    found = [each for each in judged(broken("02", steps), "02").findings if each.rule == "N01"]
+    found = [
+        finding for finding in judged(broken("02", steps), "02").findings if finding.rule == "N01"
+    ]
     assert [each.related for each in found] == [(f"{other}/ros2_subscribe_twist",)]
     assert_words(found[0], f"{other}/ros2_subscribe_twist is in another graph")
     assert found[0].fix is None
@@ -308,7 +310,7 @@ def test_a_cut_wire_is_not_sought_in_wires_of_another_source() -> None:
             ]
         },
     )
-    assert [(each.rule, each.related) for each in findings] == [("W01", ()), ("W05", ())]
+    assert [(finding.rule, finding.related) for finding in findings] == [("W01", ()), ("W05", ())]
 
 
 def test_one_wire_gone_astray_explains_one_cut_wire() -> None:
@@ -322,8 +324,8 @@ def test_one_wire_gone_astray_explains_one_cut_wire() -> None:
             ]
         },
     )
-    assert [each.rule for each in findings] == ["W01", "W01"]
-    assert [len(each.related) for each in findings] == [0, 1]
+    assert [finding.rule for finding in findings] == ["W01", "W01"]
+    assert [len(finding.related) for finding in findings] == [0, 1]
 
 
 def test_literals_in_the_array_are_two_missing_nodes() -> None:
@@ -334,7 +336,10 @@ def test_literals_in_the_array_are_two_missing_nodes() -> None:
         {"declare": [f"{array}.inputs:input0", "token", "wheel_left_joint"]},
         {"declare": [f"{array}.inputs:input1", "token", "wheel_right_joint"]},
     )
-    assert [(each.rule, each.prim) for each in findings] == [("N01", DRIVE), ("N01", DRIVE)]
+    assert [(finding.rule, finding.prim) for finding in findings] == [
+        ("N01", DRIVE),
+        ("N01", DRIVE),
+    ]
 
 
 PUBLISHER = "ROS_OdomTF/ros2_publish_transform_tree"
@@ -366,7 +371,7 @@ def test_another_mistake_at_the_publisher_hides_no_missing_frame() -> None:
         {"set": [f"{PUBLISHER}.inputs:queueSize", 3]},
         {"targets": [f"{COMPUTED}.inputs:targetPrims", *(f"{ROBOT}/{link}" for link in links)]},
     )
-    assert [(each.rule, each.prim) for each in findings] == [
+    assert [(finding.rule, finding.prim) for finding in findings] == [
         ("T01", place(COMPUTED)),
         ("P01", place(PUBLISHER)),
     ]
@@ -377,7 +382,7 @@ def test_a_missing_node_silences_its_wires_though_not_others() -> None:
         {"remove": "ROS_OdomTF/isaac_compute_odometry"},
         {"disconnect": "ROS_OdomTF/ros2_publish_odometry.inputs:timeStamp"},
     )
-    assert [each.rule for each in findings] == ["N01", "W01"]
+    assert [finding.rule for finding in findings] == ["N01", "W01"]
 
 
 def test_two_mistakes_are_two_findings() -> None:
@@ -385,7 +390,7 @@ def test_two_mistakes_are_two_findings() -> None:
         {"disconnect": "ROS_Clock/ros2_publish_clock.inputs:timeStamp"},
         {"swap": [f"{LEFT}.inputs:value", f"{RIGHT}.inputs:value"]},
     )
-    assert [each.rule for each in findings] == ["W01", "P07"]
+    assert [finding.rule for finding in findings] == ["W01", "P07"]
 
 
 def test_two_mistakes_at_one_node_are_two_findings() -> None:
@@ -393,7 +398,7 @@ def test_two_mistakes_at_one_node_are_two_findings() -> None:
         {"disconnect": f"{CONTROLLER}.inputs:execIn"},
         {"set": [f"{CONTROLLER}.inputs:wheelRadius", 0.033]},
     )
-    assert [(each.rule, each.property) for each in findings] == [
+    assert [(finding.rule, finding.property) for finding in findings] == [
         ("W01", "inputs:execIn"),
         ("P01", "inputs:wheelRadius"),
     ]
@@ -420,7 +425,7 @@ def test_two_nodes_that_trigger_each_other() -> None:
             ]
         },
     )
-    assert [each.rule for each in findings] == ["W02", "W02"]
+    assert [finding.rule for finding in findings] == ["W02", "W02"]
 
 
 @pytest.mark.parametrize(
@@ -436,7 +441,7 @@ def test_two_nodes_that_trigger_each_other() -> None:
 )
 def test_a_misplaced_sensor_takes_its_graph_along(sensor: str, home: str, rule: str) -> None:
     findings = told({"move": [sensor, home]})
-    assert [(each.rule, each.prim) for each in findings] == [(rule, home)]
+    assert [(finding.rule, finding.prim) for finding in findings] == [(rule, home)]
 
 
 @pytest.mark.parametrize(("checkpoint", "rule"), [("05", "P04"), ("06", "Q04")])
@@ -451,7 +456,7 @@ def test_a_profile_by_wire_is_told_once_in_every_checkpoint(checkpoint: str, rul
         },
     ]
     findings = judged(broken(checkpoint, steps), checkpoint).findings
-    assert [each.rule for each in findings if each.severity == "error"] == [rule]
+    assert [finding.rule for finding in findings if finding.severity == "error"] == [rule]
 
 
 def test_every_finding_says_what_to_do() -> None:
@@ -464,7 +469,7 @@ def test_every_finding_says_what_to_do() -> None:
         {"clear": "ROS_Camera/ros2_context.inputs:useDomainIDEnvVar"},
     )
     assert len(findings) == 6
-    assert [each.rule for each in findings if not each.hint or not each.handout] == []
+    assert [finding.rule for finding in findings if not finding.hint or not finding.handout] == []
 
 
 def test_a_twin_may_take_the_place_of_a_source_but_not_stand_beside_it() -> None:
@@ -513,7 +518,7 @@ def test_a_target_that_is_not_there_is_told_with_the_frame_that_it_costs() -> No
         ([robot.AppendChild("base"), *kept], ["R03"]),
     ):
         targets.SetTargets(listed)
-        found = [each for each in judged(stage, "05").findings if each.severity != "note"]
+        found = [finding for finding in judged(stage, "05").findings if finding.severity != "note"]
         assert [each.rule for each in found] == rules
 
 
@@ -531,5 +536,5 @@ def test_a_node_that_should_go_is_not_told_to_have_another_frame(is_extra: bool)
     imu.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set(kind)
     exec_in = imu.CreateAttribute("inputs:execIn", Sdf.ValueTypeNames.UInt)
     exec_in.SetConnections([f"{tick}.outputs:tick"])
-    found = [each for each in judged(stage, "05").findings if each.prim == f"{home}/imu"]
+    found = [finding for finding in judged(stage, "05").findings if finding.prim == f"{home}/imu"]
     assert [each.rule for each in found] == (["N02"] if is_extra else ["T11"])

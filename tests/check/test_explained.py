@@ -58,6 +58,8 @@ def test_a_loss_that_nothing_names_is_noticed() -> None:
     model = read_model(stage, lab, "stage.usda")
     arguments = (lab, model, found.requirements)
     assert unexplained(*arguments, found.findings) == []
-    told = [each for each in found.findings if each.rule != "T20"]
+    told = [finding for finding in found.findings if finding.rule != "T20"]
     assert {each.partition("/")[0] for each in unexplained(*arguments, told)} == {"TF"}
-    assert len(unexplained(*arguments, ())) == sum(not each.met for each in found.requirements)
+    assert len(unexplained(*arguments, ())) == sum(
+        not requirement.met for requirement in found.requirements
+    )

@@ -184,7 +184,7 @@ def test_an_asset_is_told_as_the_file_names_it(tmp_path: Path) -> None:
 def test_an_unreadable_file_is_told_with_its_reason() -> None:
     found = rules_of("file", "F")
     problems = [list(each.check("is empty")) for each in found if each.id == "F01"]
-    assert [(each.prim, each.message) for each in problems[0]] == [("/", "is empty")]
+    assert [(problem.prim, problem.message) for problem in problems[0]] == [("/", "is empty")]
 
 
 def over_an_asset(folder: Path, text: str, *, payload: bool = False, top: str = "") -> Usd.Stage:
@@ -268,7 +268,7 @@ def test_a_layer_that_is_muted_under_two_spellings_is_one_warning(tmp_path: Path
     stage = drive_in_a_sublayer(tmp_path, muted=True)
     muteness = {"./drive.usda": True, "drive.usda": True, str(tmp_path / "drive.usda"): True}
     stage.GetRootLayer().customLayerData = {"omni_layer": {"muteness": muteness}}
-    assert [each.rule for each in findings_of(stage, "05")] == ["F04"]
+    assert [finding.rule for finding in findings_of(stage, "05")] == ["F04"]
 
 
 def test_a_sublayer_that_is_muted_no_more_or_holds_nothing_of_the_lab_is_none(
@@ -302,7 +302,7 @@ def overs_of_a_graph(stage: Usd.Stage) -> None:
 def test_nodes_over_a_graph_of_a_missing_asset_are_not_outside_every_graph() -> None:
     stage = behind_a_missing_robot("05")
     overs_of_a_graph(stage)
-    found = [each for each in judged(stage, "05").findings if each.severity != "note"]
+    found = [finding for finding in judged(stage, "05").findings if finding.severity != "note"]
     assert [(each.rule, each.prim) for each in found] == [("G01", DRIVE)]
     assert "./turtlebot3_burger.usd" in found[0].message
 
@@ -312,7 +312,7 @@ def test_nodes_over_a_missing_asset_are_missing_once_for_their_graph() -> None:
     nodes = stage.GetRootLayer().GetPrimAtPath(DRIVE).nameChildren
     for node in nodes:
         node.specifier = Sdf.SpecifierOver
-    (found,) = [each for each in judged(stage, "05").findings if each.severity != "note"]
+    (found,) = [finding for finding in judged(stage, "05").findings if finding.severity != "note"]
     assert (found.rule, found.prim) == ("N01", DRIVE)
     assert set(found.related) == {f"{DRIVE}/{node.name}" for node in nodes}
     assert "./turtlebot3_burger.usd" in found.message
@@ -324,7 +324,7 @@ def test_a_node_that_is_deactivated_is_told_beside_those_of_a_missing_asset() ->
     for node in nodes[1:]:
         node.specifier = Sdf.SpecifierOver
     stage.GetPrimAtPath(nodes[0].path).SetActive(False)  # noqa: FBT003 - USD's signature
-    found = [each for each in judged(stage, "05").findings if each.rule == "N01"]
+    found = [finding for finding in judged(stage, "05").findings if finding.rule == "N01"]
     assert [len(each.related) for each in found] == [len(nodes) - 1, 1]
 
 
@@ -332,7 +332,7 @@ def test_nodes_over_no_asset_are_outside_every_graph() -> None:
     stage = built("05")
     overs_of_a_graph(stage)
     stage.GetPrimAtPath(DRIVE).SetSpecifier(Sdf.SpecifierDef)
-    rules = [each.rule for each in judged(stage, "05").findings if each.severity != "note"]
+    rules = [finding.rule for finding in judged(stage, "05").findings if finding.severity != "note"]
     assert set(rules) == {"G01", "N09"}
 
 
@@ -347,6 +347,6 @@ def test_what_an_instance_does_not_take_up_is_told_with_its_reason() -> None:
     assert asset.Apply(edit)
     stage.GetPrimAtPath(ROBOT).GetReferences().AddReference(asset.identifier, ROBOT)
     stage.GetPrimAtPath(ROBOT).SetInstanceable(True)  # noqa: FBT003 - pxr takes it so
-    (missing,) = [each for each in judged(stage, "05").findings if each.rule == "G01"]
+    (missing,) = [finding for finding in judged(stage, "05").findings if finding.rule == "G01"]
     assert missing.prim == DRIVE
     assert f"{ROBOT} is an instance" in missing.message

@@ -171,10 +171,10 @@ def test_a_graph_that_is_not_evaluated_publishes_nothing(changes: dict[str, obje
 
 def test_a_transform_that_is_signalled_once_is_not_sent() -> None:
     graph = raw_graph()
-    (raw,) = (each for each in graph.nodes if each.type and each.type.tf)
+    (raw,) = (node for node in graph.nodes if node.type and node.type.tf)
     tick = raw.sources("inputs:execIn")[0]
     once = m.node("/Graph/tf/once", "isaacsim.core.nodes.OgnIsaacRunOneSimulationFrame")
-    others = [each for each in graph.nodes if each is not raw]
+    others = [node for node in graph.nodes if node is not raw]
     nodes = (
         m.wired(raw, "inputs:execIn", f"{once.path}.outputs:step"),
         m.wired(once, "inputs:execIn", tick),
@@ -290,7 +290,7 @@ def asset_at(stage: StageModel, *places: str) -> StageModel:
 
 
 def hidden(stage: StageModel) -> list[tuple[str, str]]:
-    return [(each.what, each.parent) for each in unresolved_frames(stage, m.lab())]
+    return [(frame.what, frame.parent) for frame in unresolved_frames(stage, m.lab())]
 
 
 def test_a_target_that_a_missing_asset_could_hold_is_unknown() -> None:

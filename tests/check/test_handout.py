@@ -208,9 +208,9 @@ class TestGraph:
         found: dict[str, Mapping[str, tuple[str, ...]]] = {}
         for name, prim in named_nodes(stages[number], graph).items():
             targets = {
-                each.GetName(): tuple(str(path) for path in each.GetTargets())
-                for each in prim.GetRelationships()
-                if each.GetTargets()
+                getrelationship.GetName(): tuple(str(path) for path in getrelationship.GetTargets())
+                for getrelationship in prim.GetRelationships()
+                if getrelationship.GetTargets()
             }
             if targets:
                 found[name] = targets

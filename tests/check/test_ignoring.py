@@ -226,7 +226,7 @@ def test_a_library_call_and_grading_heed_no_note(tmp_path: Path) -> None:
     work.mkdir(parents=True)
     path = saved(with_data(DRIVE, "P01"), work)
     put_comment(path, "# lab3: ignore[P01]")
-    assert {each.rule for each in check_stage(path).findings} == {"P01", "W01"}
+    assert {finding.rule for finding in check_stage(path).findings} == {"P01", "W01"}
     starter = tmp_path / "starter.usda"
     build_starter(starter)
     grade_class(ClassSettings(tmp_path / "class", starter, tmp_path / "book", jobs=1))

@@ -27,9 +27,9 @@ def starter(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def said(result: StageResult, *severities: str) -> list[tuple[str, str, str | None]]:
     return [
-        (each.rule, each.prim, each.property)
-        for each in result.findings
-        if each.severity in severities
+        (finding.rule, finding.prim, finding.property)
+        for finding in result.findings
+        if finding.severity in severities
     ]
 
 

@@ -199,8 +199,8 @@ def test_a_stage_in_centimetres_shows_what_its_panel_should_show(
     stage.GetRootLayer().Save()
     result = CliRunner().invoke(lab3, ["--lab", str(folder), "check", "--format", "json", path])
     errors = [
-        (each["rule"], each["actual"], each["expected"])
-        for each in json.loads(result.stdout)["results"][0]["findings"]
-        if each["severity"] == "error"
+        (load["rule"], load["actual"], load["expected"])
+        for load in json.loads(result.stdout)["results"][0]["findings"]
+        if load["severity"] == "error"
     ]
     assert errors == [("D04", "(0, 0, 0.05)", "(0, 0, 5)")]

@@ -105,7 +105,7 @@ def test_what_is_said_of_a_misplaced_lidar_relates_to_its_path() -> None:
     stage = built("03")
     move_prim(LIDAR, ELSEWHERE)(stage)
     put(ELSEWHERE, TICK, 30.0)(stage)
-    assert [each.related for each in findings_of(stage, "03")] == [(LIDAR,)] * 2
+    assert [finding.related for finding in findings_of(stage, "03")] == [(LIDAR,)] * 2
 
 
 def test_a_lidar_with_the_right_name_is_the_misplaced_one_of_two() -> None:
@@ -377,7 +377,7 @@ def test_a_sensor_that_is_a_body_of_its_own_does_not_move_with_its_link(
     assert told(stage, "05") == [(rule, sensor, "physics:rigidBodyEnabled")]
     lab = load_lab()
     requirements = judge(lab, lab.checkpoints["05"], model_of(stage)).requirements
-    (lost,) = [each for each in requirements if not each.met]
+    (lost,) = [requirement for requirement in requirements if not requirement.met]
     assert lost.id.endswith("/position")
 
 

@@ -62,4 +62,4 @@ def test_what_a_missing_payload_would_make_of_it_is_not_known(
     tmp_path: Path, *, is_over: bool
 ) -> None:
     findings = lint_stage(with_payload(tmp_path, "gone.usda", is_over=is_over)).findings
-    assert [(each.rule, each.severity) for each in findings] == [("F02", "note")]
+    assert [(finding.rule, finding.severity) for finding in findings] == [("F02", "note")]

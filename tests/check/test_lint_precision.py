@@ -108,7 +108,7 @@ def test_every_finding_of_a_real_stage_was_judged(shared: Path) -> None:
     for path in sorted((shared / "corpus").rglob("*.usd*")):
         if "payloads" not in path.parts:
             name = path.stem.replace("__", " ")
-            found = [each for each in lint_stage(path).findings if each.severity != "note"]
+            found = [finding for finding in lint_stage(path).findings if finding.severity != "note"]
             told += [f"| {name} | {each.severity} {each.rule} | `{site(each)}`" for each in found]
     page = (EXAMPLE.parents[1] / "lint-corpus.md").read_text().splitlines()
     judged = [row.rpartition(" | right")[0] for row in page if " | right" in row]

@@ -21,7 +21,7 @@ def is_found(robot: str, seed: dict[str, Any]) -> bool:
     results = linted(broken_robot(robot, seed["break"]))
     assert not results.crashes
     places = seed["at"] if isinstance(seed["at"], list) else [seed["at"]]
-    told = {each.prim for each in results.findings if each.severity != "note"}
+    told = {finding.prim for finding in results.findings if finding.severity != "note"}
     return bool(told & set(places))
 
 

@@ -29,7 +29,7 @@ def names(lab: Lab) -> set[str]:
         robot.path.rpartition("/")[2],
         *robot.links,
         *robot.wheels.joints,
-        *(each.name for each in lab.sensors.values()),
+        *(sensor.name for sensor in lab.sensors.values()),
         *(graph.path.rpartition("/")[2] for graph in lab.graphs.values()),
         *lab.files.values(),
         *(f"`{name}`" for name in (folders.stages, folders.starter, *folders.shown)),
@@ -65,7 +65,7 @@ def test_every_name_of_a_manual_is_known() -> None:
 
 
 def test_every_name_is_used_in_a_manual() -> None:
-    used = {name for each in all_rules().values() for name in re.findall(r"\{(\w+)\}", each.manual)}
+    used = {name for rule in all_rules().values() for name in re.findall(r"\{(\w+)\}", rule.manual)}
     assert set(PLAIN) - used - {f"stem{n}" for n in range(5)} - {"stage1", "stage4"} == set()
 
 

@@ -87,7 +87,7 @@ def test_a_doubled_graph_is_matched_to_one_whole_copy(name: str, seed: int) -> N
 @pytest.mark.parametrize("seed", range(4))
 def test_no_wire_of_a_doubled_graph_is_wrong(name: str, seed: int) -> None:
     graph, _ = numbered(doubled(graph_of(name)), seed)
-    rules = {each.rule for each in errors_of(with_graphs(graph))}
+    rules = {error.rule for error in errors_of(with_graphs(graph))}
     assert rules <= {"N07", "T04"}
 
 

@@ -62,7 +62,9 @@ def stage_with(graph: GraphModel, *names: str) -> StageModel:
 
 
 def told(found: Judgement) -> list[tuple[str, str]]:
-    return [(each.rule, each.prim) for each in found.findings if each.severity != "note"]
+    return [
+        (finding.rule, finding.prim) for finding in found.findings if finding.severity != "note"
+    ]
 
 
 @pytest.mark.parametrize("share", [False, True])
@@ -71,7 +73,9 @@ def test_all_graphs_in_one_are_one_finding(path: str, *, share: bool) -> None:
     found = judged_model(stage_with(flat(*GRAPHS, path=path, share=share), *GRAPHS))
     assert told(found) == [("G05", path)]
     assert all(name in found.findings[0].message for name in GRAPHS)
-    assert [each.id for each in found.requirements if not each.met] == ["ROS_Clock/other/G05"]
+    assert [requirement.id for requirement in found.requirements if not requirement.met] == [
+        "ROS_Clock/other/G05"
+    ]
 
 
 @pytest.mark.parametrize("share", [False, True])
@@ -115,9 +119,9 @@ def test_a_node_that_no_part_asks_for_is_extra_once() -> None:
 def test_a_part_of_a_later_checkpoint_is_named_as_that() -> None:
     graph = flat("ROS_Clock", "ROS_Drive", "ROS_OdomTF")
     found = judged_model(stage_with(graph, *GRAPHS), "02")
-    (several,) = [each for each in found.findings if each.rule == "G05"]
+    (several,) = [finding for finding in found.findings if finding.rule == "G05"]
     assert "ROS_OdomTF belongs to a later checkpoint" in several.message
-    assert [each.prim for each in found.findings if each.rule == "N02"] == []
+    assert [finding.prim for finding in found.findings if finding.rule == "N02"] == []
 
 
 def test_a_whole_graph_beside_its_copy_in_another_is_not_part_of_that() -> None:

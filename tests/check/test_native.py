@@ -142,7 +142,7 @@ def test_a_package_that_a_stage_uses_is_looked_into(tmp_path: Path) -> None:
 def test_every_validator_of_this_usd_core_is_a_rule() -> None:
     native = {each for each in KNOWN if not each.startswith("lab3")}
     assert native <= {*VALIDATORS.values()}
-    rules = {each.id for each in all_rules().values() if each.family == FAMILY}
+    rules = {rule.id for rule in all_rules().values() if rule.family == FAMILY}
     assert rules == {*VALIDATORS, OTHER}
 
 
@@ -215,7 +215,9 @@ def test_a_configuration_may_ask_for_them_and_set_their_severity(scaled: Path) -
 def test_what_rests_on_assets_elsewhere_is_a_note(tmp_path: Path) -> None:
     body = 'def Xform "World" (references = @https://far.example/robot.usd@)\n{\n}\n'
     findings = lint_stage(written(tmp_path / "far.usda", body), NATIVE).findings
-    told = {each.rule: each.severity for each in findings if each.rule.startswith(FAMILY)}
+    told = {
+        finding.rule: finding.severity for finding in findings if finding.rule.startswith(FAMILY)
+    }
     assert told == {"UV01": "note", "UV70": "note"}
 
 
@@ -324,7 +326,10 @@ def test_a_submission_is_judged_by_them(tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_read_stays_one_finding(tmp_path: Path) -> None:
     (tmp_path / "bad.usda").write_text("#usda 1.0\ndef {\n")
     result = lint_stage(tmp_path / "bad.usda", NATIVE)
-    assert (result.verdict, [each.rule for each in result.findings]) == ("unreadable", ["F01"])
+    assert (result.verdict, [finding.rule for finding in result.findings]) == (
+        "unreadable",
+        ["F01"],
+    )
 
 
 @pytest.fixture

@@ -111,8 +111,8 @@ def judged(
     assert [crash for result in found.results for crash in result.crashes] == []
     dump(report_json(Report(found.results, (found.submission,)))).encode()
     said: dict[str, list[str]] = {}
-    for each in found.submission.findings:
-        said.setdefault(each.rule, []).append(each.message)
+    for finding in found.submission.findings:
+        said.setdefault(finding.rule, []).append(finding.message)
     return said
 
 

@@ -44,7 +44,7 @@ from lab3_usd.model.folder import (
 )
 from lab3_usd.sim.bag import files
 
-RULES = {each.id: each for each in rules_of("evidence", "E")}
+RULES = {rule.id: rule for rule in rules_of("evidence", "E")}
 DRIVE = "0.2,0,1.4 0,0,0.3 -0.2,0,1.2 0,0.8,1 0,0,0.4"
 
 
@@ -94,7 +94,7 @@ def test_a_good_recording_shows_no_fault(plain: Path, handed_in: Path) -> None:
     put(plain, handed_in)
     (one,) = shown(handed_in)
     assert one.file == "results/run/run.mcap"
-    assert {each.verdict for each in one.checks} == {"ok"}
+    assert {check.verdict for check in one.checks} == {"ok"}
     assert problems((one,)) == []
 
 
@@ -118,7 +118,7 @@ def test_a_fault_of_the_system_is_an_error_and_one_of_measure_a_warning(
         yield replace(sent, qos=durable(sent.qos)) if sent.topic == "/odom" else sent
 
     rewritten(plain, handed_in / "results" / "run", change)
-    found = {each.property: each for each in problems(shown(handed_in))}
+    found = {problem.property: problem for problem in problems(shown(handed_in))}
     assert found["QoS"].severity == "error"
     assert "/odom is offered transient_local" in found["QoS"].message
     assert "E07" in (found["QoS"].hint or "")
@@ -128,7 +128,7 @@ def test_a_fault_of_the_system_is_an_error_and_one_of_measure_a_warning(
 def test_what_a_second_recording_shows_repaired_is_no_fault(plain: Path, handed_in: Path) -> None:
     change = lambda sent: iter([replace(sent, qos=durable(sent.qos))])  # noqa: E731
     rewritten(plain, handed_in / "results" / "early", change)
-    assert [each.property for each in problems(shown(handed_in))] == ["QoS"]
+    assert [problem.property for problem in problems(shown(handed_in))] == ["QoS"]
     put(plain, handed_in, "late")
     assert problems(shown(handed_in)) == []
 
@@ -139,7 +139,7 @@ def test_what_comes_once_in_a_short_recording_is_no_fault(plain: Path, handed_in
             yield sent
 
     rewritten(plain, handed_in / "results" / "long", lambda sent: until(4e9, sent))
-    assert "/scan comes only once" in {each.message for each in problems(shown(handed_in))}
+    assert "/scan comes only once" in {problem.message for problem in problems(shown(handed_in))}
     shutil.rmtree(handed_in / "results" / "long")
     rewritten(plain, handed_in / "results" / "short", lambda sent: until(1e9, sent))
     assert problems(shown(handed_in)) == []
@@ -287,7 +287,7 @@ def test_a_message_of_very_many_transforms_is_not_read(plain: Path, handed_in: P
         yield sent
 
     rewritten(plain, handed_in / "results" / "run", change)
-    found = {each.property: each.message for each in problems(shown(handed_in))}
+    found = {problem.property: problem.message for problem in problems(shown(handed_in))}
     assert "on /tf are no tf2_msgs/msg/TFMessage" in found["messages"]
 
 
@@ -320,16 +320,16 @@ def test_numbers_without_sense_end_in_a_verdict(plain: Path, handed_in: Path) ->
         if sent.topic == "/clock" and sent.time > 2e9:
             sent.said.clock.sec = 2_000_000_000
         if sent.topic == "/tf":
-            for each in sent.said.transforms:
-                each.header.frame_id = "x" * 10_000
-                each.transform.rotation.w = 0.0
+            for transform in sent.said.transforms:
+                transform.header.frame_id = "x" * 10_000
+                transform.transform.rotation.w = 0.0
         yield sent
 
     rewritten(plain, handed_in / "results" / "run", change)
     (one,) = shown(handed_in)
     assert one.checks
-    assert all(len(each.message) < 2000 for each in problems((one,)))
-    assert all(len(each) <= 200 for each in one.frames)
+    assert all(len(problem.message) < 2000 for problem in problems((one,)))
+    assert all(len(frame) <= 200 for frame in one.frames)
 
 
 def test_time_that_only_others_tell_is_not_driven(plain: Path, handed_in: Path) -> None:
@@ -351,7 +351,7 @@ def test_a_folder_is_checked_with_its_recordings(plain: Path, handed_in: Path) -
     asked = []
     refusing = FolderSettings(may_open=lambda name: asked.append(name) or "ended a worker")
     assert "E18" in {
-        each.rule for each in check_folder(handed_in, FolderSettings()).submission.findings
+        finding.rule for finding in check_folder(handed_in, FolderSettings()).submission.findings
     }
     found = check_folder(handed_in, refusing).submission.findings
     assert [each.message for each in found if each.rule == "E19"] == [

@@ -17,7 +17,7 @@ def told(rule: str, *steps: dict[str, Any]) -> Finding:
     """The only error that these steps cost, which is this rule's."""
     found = judged(broken("05", list(steps)), "05").findings
     errors = [each for each in found if each.severity == "error"]
-    assert [each.rule for each in errors] == [rule]
+    assert [error.rule for error in errors] == [rule]
     return errors[0]
 
 
@@ -66,7 +66,7 @@ def test_a_graph_is_moved_to_a_path_that_is_free() -> None:
 def test_a_sensor_that_was_moved_is_only_moved_back(sensor: str, rule: str) -> None:
     stage = correct_stage("05")
     stage.GetPrimAtPath(sensor).GetAttribute("xformOp:translate").Set((1, 2, 3))
-    (found,) = [each for each in judged(stage, "05").findings if each.rule == rule]
+    (found,) = [finding for finding in judged(stage, "05").findings if finding.rule == rule]
     assert f"set Translate to {found.expected}" in (found.hint or "")
     assert "Rigid Body" not in (found.hint or "")
 
@@ -94,4 +94,6 @@ def test_the_hint_for_a_missing_node_lists_its_connections() -> None:
 
 def test_a_stage_that_fails_has_not_met_everything() -> None:
     found = judged(broken("05", [{"move": ["ROS_Clock", "/World/ActionGraph"]}]), "05")
-    assert [each.id for each in found.requirements if not each.met] == ["ROS_Clock/other/G02"]
+    assert [requirement.id for requirement in found.requirements if not requirement.met] == [
+        "ROS_Clock/other/G02"
+    ]

@@ -124,8 +124,10 @@ CASES: dict[str, tuple[Step, tuple[Edit, ...], bool]] = {
 @pytest.mark.parametrize("case", CASES)
 def test_a_finding_has_the_edits_that_settle_it(case: str) -> None:
     step, edits, is_safe = CASES[case]
-    findings = [each for each in judged(broken("02", [step]), "02").findings if each.fix]
-    assert [(each.fix.edits, each.fix.safe) for each in findings if each.fix] == [(edits, is_safe)]
+    findings = [finding for finding in judged(broken("02", [step]), "02").findings if finding.fix]
+    assert [(finding.fix.edits, finding.fix.safe) for finding in findings if finding.fix] == [
+        (edits, is_safe)
+    ]
 
 
 def offers(stage: Usd.Stage, checkpoint: str) -> list[tuple[str, bool]]:
@@ -204,15 +206,17 @@ def test_sarif_holds_the_lines(wrong: Path) -> None:
 
 def apply(text: str, replacements: list[dict[str, Any]]) -> str:
     lines = text.splitlines(keepends=True)
-    for each in reversed(replacements):
-        region = each["deletedRegion"]
-        lines[region["startLine"] - 1 : region["endLine"] - 1] = [each["insertedContent"]["text"]]
+    for replacement in reversed(replacements):
+        region = replacement["deletedRegion"]
+        lines[region["startLine"] - 1 : region["endLine"] - 1] = [
+            replacement["insertedContent"]["text"]
+        ]
     return "".join(lines)
 
 
 def test_text_marks_what_can_be_repaired(wrong: Path) -> None:
     lines = report(wrong, "text").splitlines()
-    assert any(each.startswith("error P01 [*] wrong-value") for each in lines)
+    assert any(line.startswith("error P01 [*] wrong-value") for line in lines)
     assert lines[-1] == "[*] 1 finding can be repaired with lab3 fix"
 
 
@@ -231,5 +235,5 @@ def test_checking_leaves_the_stage_as_it_was(wrong: Path) -> None:
 def test_reports_of_grading_hold_no_repairs(wrong: Path) -> None:
     result = check_stage(wrong)
     found = _without_repairs(FolderResult((result,), Submission(".")))
-    bare = tuple(replace(each, fix=None) for each in result.findings)
+    bare = tuple(replace(finding, fix=None) for finding in result.findings)
     assert found.results[0].findings == bare != result.findings

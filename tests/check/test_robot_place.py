@@ -35,7 +35,7 @@ def told(found: Judgement) -> list[tuple[str, str, str | None]]:
 
 
 def lost(found: Judgement) -> set[str]:
-    return {each.id for each in found.requirements if not each.met}
+    return {requirement.id for requirement in found.requirements if not requirement.met}
 
 
 @pytest.mark.parametrize("home", [DRAGGED, "/Robot"])
@@ -71,7 +71,7 @@ def test_a_target_at_the_place_without_the_robot_is_wrong() -> None:
 def test_a_renamed_link_is_one_error_that_names_it() -> None:
     found = judged(dragged((f"{ROBOT}/base_scan", f"{ROBOT}/laser")))
     assert [(rule, prim) for rule, prim, _ in told(found)] == [("S01", f"{ROBOT}/base_scan")]
-    related = [each.related for each in found.findings if each.rule == "S01"]
+    related = [finding.related for finding in found.findings if finding.rule == "S01"]
     assert related == [(f"{ROBOT}/laser",)]
     assert "Scene/mass/base_scan" in lost(found)
     assert "Lidar2D/prim" not in lost(found)
@@ -109,7 +109,7 @@ ON_ROBOT = ("ROS_Drive", "ROS_Lidar2D", "ROS_Camera", "ROS_OdomTF")
 
 
 def only(found: Judgement, rule: str) -> str:
-    (message,) = [each.message for each in found.findings if each.rule == rule]
+    (message,) = [finding.message for finding in found.findings if finding.rule == rule]
     return message
 
 
@@ -134,7 +134,7 @@ def test_a_missing_prim_names_the_graphs_that_are_missing_with_it(
     else:
         stage.RemovePrim(gone)
     found = judged(stage)
-    assert [each.rule for each in found.findings if each.rule == "G01"] == []
+    assert [finding.rule for finding in found.findings if finding.rule == "G01"] == []
     assert only(found, rule).endswith(f"; missing with it: {', '.join(names)}")
 
 
@@ -173,7 +173,7 @@ def test_a_prim_of_another_name_behind_a_missing_asset_is_not_the_robot() -> Non
 def test_a_robot_where_it_belongs_is_not_looked_for_elsewhere() -> None:
     stage = behind_an_asset(ROBOT)
     stage.DefinePrim(DRAGGED, "Xform").GetReferences().AddReference("./other.usd")
-    assert [each.prim for each in judged(stage).findings if each.rule == "S01"] == []
+    assert [finding.prim for finding in judged(stage).findings if finding.rule == "S01"] == []
 
 
 def test_graphs_of_a_robot_whose_asset_is_missing_are_judged_where_they_are() -> None:

@@ -49,8 +49,10 @@ def _id(case: Case) -> str:
 
 
 def _said(judgement: Judgement, *severities: str) -> list[str]:
-    findings = ordered(each for each in judgement.findings if each.severity in severities)
-    return sorted(f"{each.rule} {each.prim} {each.property or ''}".strip() for each in findings)
+    findings = ordered(finding for finding in judgement.findings if finding.severity in severities)
+    return sorted(
+        f"{finding.rule} {finding.prim} {finding.property or ''}".strip() for finding in findings
+    )
 
 
 def _placed(lines: list[str]) -> list[str]:
@@ -70,7 +72,7 @@ def test_a_fault_is_said_once_at_its_place(case: Case) -> None:
 def test_what_is_only_alike_does_not_trigger_the_rule(case: Case) -> None:
     judgement = judged(broken(case.checkpoint, case.steps), case.checkpoint)
     assert not judgement.crashes
-    assert case.rule not in {each.rule for each in judgement.findings}
+    assert case.rule not in {finding.rule for finding in judgement.findings}
 
 
 def is_of_its_rule(case: Case) -> bool:

@@ -39,7 +39,7 @@ def by_id(rule: Rule) -> str:
 
 def has_manual(rule: Rule) -> bool:
     first, *sections = rule.manual.split("\n\n")
-    titles = [each.partition(":")[0] for each in sections]
+    titles = [section.partition(":")[0] for section in sections]
     return (
         first.endswith(".")
         and titles == ["Why", "Fix", "Example"]

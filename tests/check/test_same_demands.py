@@ -117,8 +117,8 @@ def test_stages_that_are_the_same_have_results_of_their_own(tmp_path: Path) -> N
 def test_one_stage_is_judged_for_each_that_asks_something_else() -> None:
     numbers = ("03", "05", "08", "00")
     with kept_open():
-        together = [check_stage(stage("08"), each) for each in numbers]
-    alone = [check_stage(stage("08"), each) for each in numbers]
+        together = [check_stage(stage("08"), number) for number in numbers]
+    alone = [check_stage(stage("08"), number) for number in numbers]
     assert together == alone
     assert [each.verdict for each in alone] == ["pass", "pass", "pass", "fail"]
 

@@ -24,7 +24,7 @@ TOPIC = "ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:topicName"
 
 def errors(*steps: dict[str, object]) -> list[tuple[str, str]]:
     findings = judged(broken("05", list(steps)), "05").findings
-    return [(each.rule, each.severity) for each in findings if each.severity != "note"]
+    return [(finding.rule, finding.severity) for finding in findings if finding.severity != "note"]
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,9 @@ def test_a_finding_is_placed_where_the_samples_are_written(tmp_path: Path) -> No
     layer = Sdf.Layer.FindOrOpen(str(path))
     layer.SetTimeSample(f"{LIDAR}.xformOp:translate", 0, (9, 9, 9))
     layer.Save()
-    (found,) = [each for each in check_stage(path, "05").findings if each.severity == "error"]
+    (found,) = [
+        finding for finding in check_stage(path, "05").findings if finding.severity == "error"
+    ]
     assert found.layer == str(path)
     lines = path.read_text().splitlines()
     assert "xformOp:translate" in lines[(found.line or 0) - 1]

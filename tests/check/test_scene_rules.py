@@ -92,7 +92,7 @@ def test_each_fault_is_one_error_at_its_place(
     [("base_link no body", "S05"), ("no physics", "S15"), ("lidar link moved", "S17")],
 )
 def test_a_fault_is_said_by_its_rule(name: str, rule: str, said: dict[str, list[Finding]]) -> None:
-    assert [each.rule for each in errors(said[name])] == [rule]
+    assert [error.rule for error in errors(said[name])] == [rule]
 
 
 def costs_an_item(fault: Sabotage, found: list[Finding]) -> bool:
@@ -102,7 +102,7 @@ def costs_an_item(fault: Sabotage, found: list[Finding]) -> bool:
 
 
 def test_each_fault_costs_an_item(said: dict[str, list[Finding]]) -> None:
-    assert [each.name for each in FAULTS if not costs_an_item(each, said[each.name])] == []
+    assert [fault.name for fault in FAULTS if not costs_an_item(fault, said[fault.name])] == []
 
 
 @pytest.mark.parametrize("checkpoint", CHECKPOINTS)
@@ -495,7 +495,7 @@ def test_what_is_below_a_deactivated_prim_says_so() -> None:
     define(f"{ROBOT}/extra", "Scope")(stage)
     move_prim(f"{JOINTS}/wheel_left_joint", f"{ROBOT}/extra/wheel_left_joint")(stage)
     deactivate(JOINTS)(stage)
-    messages = [each.message for each in findings_of(stage, "02") if each.rule == "S07"]
+    messages = [finding.message for finding in findings_of(stage, "02") if finding.rule == "S07"]
     assert messages == [f"wheel_right_joint is missing: {JOINTS} is deactivated"]
 
 
@@ -782,7 +782,7 @@ def test_a_joint_that_is_switched_off_is_named_where_a_link_is_loose(joint: str)
     stage = built("05")
     prim = stage.GetPrimAtPath(f"{ROBOT}/joints/{joint}")
     UsdPhysics.Joint(prim).CreateJointEnabledAttr(defaultValue=False)
-    (found,) = [each for each in findings_of(stage, "05") if each.rule == "S12"]
+    (found,) = [finding for finding in findings_of(stage, "05") if finding.rule == "S12"]
     assert found.related == (str(prim.GetPath()),)
     assert "switched off" in found.message
     assert "Joint Enabled" in (found.hint or "")
@@ -791,5 +791,5 @@ def test_a_joint_that_is_switched_off_is_named_where_a_link_is_loose(joint: str)
 def test_a_joint_that_is_gone_is_not_said_to_be_switched_off() -> None:
     stage = built("05")
     remove(f"{ROBOT}/joints/scan_joint")(stage)
-    (found,) = [each for each in findings_of(stage, "05") if each.rule == "S12"]
+    (found,) = [finding for finding in findings_of(stage, "05") if finding.rule == "S12"]
     assert (found.related, "switched off" in found.message) == ((), False)

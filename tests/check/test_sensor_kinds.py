@@ -100,15 +100,19 @@ def judged(lab: Lab, starter: Sdf.Layer) -> Judge:
 def about_sensors(found: Judgement) -> list[str]:
     """The findings about sensors, as rule and prim."""
     return [
-        f"{each.rule} {each.prim}"
-        for each in found.findings
-        if each.rule[0] in "CDL" and each.severity != "note"
+        f"{finding.rule} {finding.prim}"
+        for finding in found.findings
+        if finding.rule[0] in "CDL" and finding.severity != "note"
     ]
 
 
 def unmet(found: Judgement) -> set[str]:
     groups = ("Imu", "Lidar2D", "LidarBack", "Camera_1")
-    return {each.id for each in found.requirements if each.group in groups and not each.met}
+    return {
+        requirement.id
+        for requirement in found.requirements
+        if requirement.group in groups and not requirement.met
+    }
 
 
 def test_sensors_as_the_lab_describes_them_are_right(judged: Judge) -> None:

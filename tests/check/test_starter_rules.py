@@ -198,7 +198,7 @@ def test_a_change_fails_the_stage_and_names_its_line(
 ) -> None:
     inertia = lambda stage: inertia_of(stage).Set(Gf.Vec3f(1, 1, 1))  # noqa: E731 - one deed
     result = found_in(files, tmp_path, inertia)
-    (found,) = [each for each in result.findings if each.severity != "note"]
+    (found,) = [finding for finding in result.findings if finding.severity != "note"]
     assert (found.rule, found.prim, found.property) == ("U04", BASE, "physics:diagonalInertia")
     assert result.verdict == "fail"
     assert found.layer == str(tmp_path / "Lab3_08.usda")
@@ -236,7 +236,7 @@ def test_sites_that_are_blamed_already_are_left_out(
     result, starter = check_stage(path), open_starter(files[0], LAB)
     for known, told in (((), ["U04"]), ((blamed,), ["S16"])):
         found = against_starter(replace(result, findings=known), starter, LAB)
-        assert [each.rule for each in found.findings] == told
+        assert [finding.rule for finding in found.findings] == told
 
 
 # -- units that are the starter's fault
@@ -263,7 +263,7 @@ def units_told(
     for edit in stages:
         edit_stage(path, edit)
     result = against_starter(check_stage(path), open_starter(starter, LAB), LAB)
-    return [each.severity for each in result.findings if each.rule == "S02"]
+    return [finding.severity for finding in result.findings if finding.rule == "S02"]
 
 
 def test_units_of_the_starter_are_one_warning(files: tuple[Path, Path], tmp_path: Path) -> None:
@@ -312,7 +312,11 @@ def test_what_stands_elsewhere_is_not_missing_as_well(
         assert editor.MovePrimAtPath(path, home)
         assert editor.ApplyEdits()
 
-    found = [each for each in found_in(files, tmp_path, move).findings if each.severity == "error"]
+    found = [
+        finding
+        for finding in found_in(files, tmp_path, move).findings
+        if finding.severity == "error"
+    ]
     assert [(each.rule, each.prim) for each in found] == [(rule, home)]
 
 
@@ -359,7 +363,7 @@ def test_a_change_is_told_once_by_the_rule_of_its_effect(
     stage = build_checkpoint(starter, "00", tmp_path / "Lab3_00_student_start.usda")
     edit_stage(stage, edit)
     result = against_starter(check_stage(stage), open_starter(starter, LAB), LAB)
-    assert [each.rule for each in result.findings if each.severity == "error"] == [rule]
+    assert [finding.rule for finding in result.findings if finding.severity == "error"] == [rule]
 
 
 TYRE = f"{ROBOT}/wheel_left_link/collisions/tyre"
@@ -383,4 +387,4 @@ def test_a_link_off_the_ground_is_told_unless_a_changed_shape_is_why(
     stage = build_checkpoint(starter, "00", tmp_path / "Lab3_00_student_start.usda")
     edit_stage(stage, edit)
     result = against_starter(check_stage(stage), open_starter(starter, LAB), LAB)
-    assert [each.rule for each in result.findings if each.severity == "error"] == rules
+    assert [finding.rule for finding in result.findings if finding.severity == "error"] == rules

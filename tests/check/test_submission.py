@@ -87,7 +87,7 @@ def test_faults_cover_every_rule_about_the_submission_and_the_starter() -> None:
     rules = [*rules_of("submission", "X"), *rules_of("starter", "U")]
     covered = {site.split()[0] for case in ALL for site in case.said}
     elsewhere = {"X06", "X10", "X12"}
-    assert {each.id for each in rules} - covered == elsewhere
+    assert {rule.id for rule in rules} - covered == elsewhere
 
 
 def test_there_are_more_than_sixty_faults() -> None:
@@ -111,7 +111,7 @@ def test_the_report_as_json_is_as_the_schema_says(folder: Path) -> None:
 
 def test_findings_about_files_name_the_file_to_open(folder: Path) -> None:
     put("maps/turtlebot3_map.yaml", "image: 1")(folder)
-    found = [each for each in checked(folder).submission.findings if each.rule == "M02"]
+    found = [finding for finding in checked(folder).submission.findings if finding.rule == "M02"]
     assert [each.layer for each in found] == [str(folder / "maps" / "turtlebot3_map.yaml")]
 
 
@@ -142,7 +142,7 @@ def test_a_folder_that_does_not_exist_is_none(tmp_path: Path) -> None:
 def test_a_bare_folder_of_stages_has_no_fault(folder: Path) -> None:
     result = checked(folder / "work")
     assert faults(result) == []
-    assert [each.split()[0] for each in notes(result)] == ["E01", "M10", *["X10"] * 5]
+    assert [note.split()[0] for note in notes(result)] == ["E01", "M10", *["X10"] * 5]
 
 
 # -- stages
@@ -191,7 +191,7 @@ def test_a_second_file_of_a_checkpoint_is_named_with_the_one_that_is_judged(
     folder: Path, second: str
 ) -> None:
     copy(stage_name("03"), second)(folder)
-    found = [each for each in checked(folder).submission.findings if each.rule == "X05"]
+    found = [finding for finding in checked(folder).submission.findings if finding.rule == "X05"]
     assert [(each.prim, each.severity, each.related) for each in found] == [
         (second, "note", (stage_name("03"),))
     ]
@@ -272,14 +272,16 @@ def test_a_map_is_not_handed_in_before_a_stage_needs_it(folder: Path) -> None:
     delete("maps")(folder)
     for number in ("07", "08"):
         delete(stage_name(number))(folder)
-    found = [each for each in checked(folder).submission.findings if each.rule.startswith("M")]
+    found = [
+        finding for finding in checked(folder).submission.findings if finding.rule.startswith("M")
+    ]
     assert [(each.rule, each.message) for each in found] == [
         ("M10", "not handed in, so not checked")
     ]
 
 
 def test_the_walls_of_the_stage_are_compared_with_the_map(folder: Path) -> None:
-    (found,) = [each for each in checked(folder).submission.findings if each.rule == "M09"]
+    (found,) = [finding for finding in checked(folder).submission.findings if finding.rule == "M09"]
     assert found.severity == "note"
     assert found.actual == "1.000"
 
@@ -320,7 +322,7 @@ def test_a_deliverable_that_is_not_there_is_a_note(folder: Path, gone: str, hand
     delete(gone)(folder)
     result = checked(folder)
     assert faults(result) == []
-    found = [each for each in result.submission.findings if each.rule == "X10"]
+    found = [finding for finding in result.submission.findings if finding.rule == "X10"]
     assert [each.handout for each in found] == [handout]
 
 

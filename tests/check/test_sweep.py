@@ -48,17 +48,17 @@ def benchmark(repository: Path) -> ModuleType:
 def test_single_faults_are_found_at_their_place(benchmark: ModuleType, checkpoint: str) -> None:
     outcomes = list(benchmark.sweep(checkpoint, *PARTS[checkpoint]))
     assert len(outcomes) >= 10
-    assert [each.fault.name for each in outcomes if not each.found] == []
-    assert [each.fault.name for each in outcomes if not each.at_place] == []
-    of_graphs = [each for each in outcomes if each.fault.kind != "scene"]
-    assert [each.fault.name for each in of_graphs if not each.errors] == []
-    mean = sum(len(each.errors) for each in outcomes) / len(outcomes)
+    assert [outcome.fault.name for outcome in outcomes if not outcome.found] == []
+    assert [outcome.fault.name for outcome in outcomes if not outcome.at_place] == []
+    of_graphs = [outcome for outcome in outcomes if outcome.fault.kind != "scene"]
+    assert [graph.fault.name for graph in of_graphs if not graph.errors] == []
+    mean = sum(len(outcome.errors) for outcome in outcomes) / len(outcomes)
     assert mean <= MOST_PER_FAULT
 
 
 def test_later_checkpoints_find_what_the_fifth_finds(benchmark: ModuleType) -> None:
     outcomes = list(benchmark.sweep("08", 41, 7))
-    assert all(each.found and each.at_place for each in outcomes)
+    assert all(outcome.found and outcome.at_place for outcome in outcomes)
 
 
 # The same on graphs whose prims have names that say nothing, as plain data and therefore many.
@@ -100,7 +100,7 @@ def test_names_that_say_nothing_hide_no_fault(name: str) -> None:
     counts = []
     for what, graph, site in faults[:: 1 if len(faults) < 100 else 9]:
         errors = errors_of(with_graphs(graph))
-        assert site in {each.prim for each in errors}, what
+        assert site in {error.prim for error in errors}, what
         counts.append(len(errors))
     assert sum(counts) / len(counts) <= 1.02
 
@@ -128,5 +128,5 @@ def test_two_mistakes_are_two_findings(name: str) -> None:
     ]
     for (prim, port, node), (other_prim, other_port, other) in pairs[:: 1 + len(pairs) // 40]:
         errors = errors_of(with_graphs(with_nodes(graph, node, other)))
-        found = sorted((each.prim, each.property) for each in errors)
+        found = sorted((error.prim, error.property) for error in errors)
         assert found == sorted([(prim, port), (other_prim, other_port)])

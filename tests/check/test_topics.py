@@ -33,7 +33,9 @@ PROFILE = {
 
 
 def found(stage: StageModel) -> dict[tuple[str | None, str], Endpoint]:
-    return {(each.topic, each.node.name): each for each in endpoints(stage, m.lab())}
+    return {
+        (endpoint.topic, endpoint.node.name): endpoint for endpoint in endpoints(stage, m.lab())
+    }
 
 
 def of(stage: StageModel, role: str) -> Endpoint:

@@ -141,7 +141,7 @@ def test_a_file_that_ends_its_process_is_a_crash_and_costs_no_other_its_result(
 @pytest.mark.parametrize("form", FORMATS)
 def test_every_format_tells_of_a_crash(form: str) -> None:
     entries = (Entry(CLOCK, is_submission=False), Entry("ana", is_submission=True))
-    crashed = [crashed_entry(JudgeSettings(), each, "SIGSEGV") for each in entries]
+    crashed = [crashed_entry(JudgeSettings(), entry, "SIGSEGV") for entry in entries]
     report = Report(crashed[0][0], crashed[1][1])
     assert render(form, report, all_rules()).count("SIGSEGV") >= 2
 

@@ -211,7 +211,7 @@ def test_a_recording_is_made_where_it_is_asked_for(tmp_path: Path) -> None:
     assert run_script(tmp_path).returncode == 0
     assert "bag record" not in (tmp_path / "asked").read_text()
     assert run_script(tmp_path, "--bag", "7", "--limit", "9").returncode == 0
-    recorded = [each for each in (tmp_path / "asked").read_text().splitlines() if "bag" in each]
+    recorded = [line for line in (tmp_path / "asked").read_text().splitlines() if "bag" in line]
     assert recorded == [
         f"bag record --all --include-hidden-topics --exclude /camera/image_raw --output {old}"
     ]

@@ -300,7 +300,7 @@ def test_json_is_as_the_schema_says(right: Path, changed: Path) -> None:
     result = diff("--format", "json", right, changed)
     document = json.loads(result.stdout)
     schema = json.loads((data_folder("schema") / "diff-1.json").read_text(encoding="utf-8"))
-    assert [each.message for each in Draft202012Validator(schema).iter_errors(document)] == []
+    assert [error.message for error in Draft202012Validator(schema).iter_errors(document)] == []
     parts = schema["properties"]["changes"]["items"]["properties"]["part"]["enum"]
     assert parts == list(PARTS)
     assert (document["equal"], result.exit_code) == (False, 1)

@@ -101,7 +101,7 @@ def test_several_processes_find_the_same(broken: Path) -> None:
 )
 def test_wrong_usage_exits_2(arguments: list[str], message: str, broken: Path) -> None:
     (broken.parent / "empty").mkdir()
-    told = [each.format(stage=broken, folder=broken.parent) for each in arguments]
+    told = [argument.format(stage=broken, folder=broken.parent) for argument in arguments]
     done = lint(*told)
     assert done.returncode == 2
     assert message in done.stderr
@@ -118,7 +118,9 @@ def test_a_file_that_is_no_stage_is_unreadable(tmp_path: Path) -> None:
 def test_a_missing_sublayer_leaves_the_verdict_open(tmp_path: Path) -> None:
     path = tmp_path / "robot.usda"
     path.write_text("#usda 1.0\n(\n    subLayers = [@./gone.usda@]\n)\n")
-    assert [(each.rule, each.severity) for each in lint_stage(path).findings] == [("F03", "note")]
+    assert [(finding.rule, finding.severity) for finding in lint_stage(path).findings] == [
+        ("F03", "note")
+    ]
 
 
 @pytest.mark.parametrize("checkpoint", ["00", "01", "02", "03", "04", "05", "06", "07", "08"])
@@ -126,5 +128,5 @@ def test_the_stages_of_the_lab_are_without_fault(checkpoint: str, tmp_path: Path
     result = lint_stage(saved(correct_stage(checkpoint), tmp_path / "stage.usda"))
     assert result.verdict == "pass"
     # The handout's wheel radius is not that of the model's wheels, and stays so.
-    warnings = {each.rule for each in result.findings if each.severity == "warning"}
+    warnings = {finding.rule for finding in result.findings if finding.severity == "warning"}
     assert warnings <= {"K64"}

@@ -60,8 +60,8 @@ class IsaacSim:
     # isaacsim, isaacsim.core.experimental.utils
     def update(self) -> None:
         self.frame += self.playing
-        for each in self.recorders:
-            each.updates += 1
+        for recorder in self.recorders:
+            recorder.updates += 1
 
     def update_app(
         self, *, steps: int = 1, callback: Callable[[int, int], bool | None] | None = None
@@ -92,7 +92,7 @@ class IsaacSim:
         self.sent[-1].append((self.frame, told))
 
     def listening(self) -> int:
-        return sum(each.updates > 3 and each.ended is None for each in self.recorders)
+        return sum(recorder.updates > 3 and recorder.ended is None for recorder in self.recorders)
 
     def popen(self, words: list[str]) -> SimpleNamespace:
         recorder = SimpleNamespace(words=words, updates=0, ended=1 if self.recorder_ends else None)
@@ -183,7 +183,7 @@ def test_it_plays_each_stage_of_the_lab_without_a_window(
 ) -> None:
     isaac = IsaacSim()
     run(isaac)
-    files = [each.file for each in load_lab().checkpoints.values()]
+    files = [checkpoint.file for checkpoint in load_lab().checkpoints.values()]
     assert called(isaac, "open") == [str(Path("stages", f"{name}.usda")) for name in files]
     assert called(isaac, "app") == [{"headless": True}]
     assert called(isaac, "enable") == ["isaacsim.ros2.bridge"]
@@ -211,11 +211,11 @@ def test_it_records_a_bag_of_each_play_and_ends_it_as_ctrl_c_does(
 ) -> None:
     isaac = IsaacSim()
     run(isaac)
-    names = [each.file for each in load_lab().checkpoints.values()]
-    bags = [shlex.split(each.words[-1], comments=True)[-1] for each in isaac.recorders]
+    names = [checkpoint.file for checkpoint in load_lab().checkpoints.values()]
+    bags = [shlex.split(recorder.words[-1], comments=True)[-1] for recorder in isaac.recorders]
     endings = ("", "-again", "-domain")
     assert bags == [str(Path("my bags", f"{name}{end}")) for name in names for end in endings]
-    assert {each.ended for each in isaac.recorders} == {signal.SIGINT}
+    assert {recorder.ended for recorder in isaac.recorders} == {signal.SIGINT}
 
 
 def test_the_recorder_is_run_without_isaac_sims_own_python(

@@ -379,7 +379,9 @@ def test_a_baseline_is_not_written_again_and_again(stage: Path) -> None:
 
 
 def report(*messages: str) -> Report:
-    findings = tuple(Finding("N01", "missing-node", "error", "/Graph", each) for each in messages)
+    findings = tuple(
+        Finding("N01", "missing-node", "error", "/Graph", message) for message in messages
+    )
     return Report((StageResult("a.usda", "02", "fail", Score(0, 0), findings),))
 
 

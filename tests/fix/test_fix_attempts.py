@@ -38,7 +38,7 @@ def chosen(asked: str, left: Repaired) -> tuple[str, dict[str, str], int]:
         tries += 1
         names = left(frozenset(rule for rule, *_ in kept))
         error = "cannot be written" if "!" in names else ""
-        return Attempt(tuple(fault(each) for each in names), error=error)
+        return Attempt(tuple(fault(name) for name in names), error=error)
 
     found = most_helpful([site(each) for each in asked], attempt)
     after = "".join(each.rule for each in found.attempt.after)

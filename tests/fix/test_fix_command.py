@@ -39,8 +39,8 @@ def fix(path: Path, *arguments: str) -> Result:
 
 def changed_lines(old: str, new: str) -> tuple[list[str], list[str]]:
     lines = [*difflib.ndiff(old.splitlines(), new.splitlines())]
-    gone = [each[2:].strip() for each in lines if each.startswith("- ")]
-    return gone, [each[2:].strip() for each in lines if each.startswith("+ ")]
+    gone = [line[2:].strip() for line in lines if line.startswith("- ")]
+    return gone, [line[2:].strip() for line in lines if line.startswith("+ ")]
 
 
 def test_a_wrong_value_changes_one_line(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_nothing_is_written_unless_asked(tmp_path: Path) -> None:
 def test_a_diff_is_one_that_patch_takes(tmp_path: Path) -> None:
     path = saved(tmp_path, WRONG_RADIUS)
     lines = fix(path, "--diff").stdout.splitlines()
-    assert [each for each in lines if each[:1] in "+-" and each[:3] not in {"+++", "---"}] == [
+    assert [line for line in lines if line[:1] in "+-" and line[:3] not in {"+++", "---"}] == [
         "-            custom double inputs:wheelRadius = 0.033",
         "+            custom double inputs:wheelRadius = 0.025",
     ]
@@ -202,7 +202,7 @@ def test_a_repair_that_would_make_it_worse_is_left_out_and_told(tmp_path: Path) 
     result = fix(path, "--in-place")
     assert result.exit_code == 1
     assert "repaired W01 /World/ROS_Clock" in result.stdout
-    left = [each for each in result.stdout.splitlines() if each.startswith("left")]
+    left = [line for line in result.stdout.splitlines() if line.startswith("left")]
     assert [each.partition(":")[0] for each in left] == [
         f"left out (its repair would make the stage worse) error G01 {DRIVE}"
     ]
@@ -352,7 +352,9 @@ def test_an_attribute_for_a_relationship_is_repaired_and_the_reverse(
     write(stage, site, LIDAR)
     path = tmp_path / "Lab3_05_odometry_tf.usda"
     stage.GetRootLayer().Export(str(path))
-    assert [each.fix is not None for each in check_stage(path).findings if each.fix] == [True]
+    assert [finding.fix is not None for finding in check_stage(path).findings if finding.fix] == [
+        True
+    ]
     assert fix(path, "--in-place").exit_code == 0
     assert check_stage(path).verdict == "pass"
 
@@ -365,7 +367,7 @@ def test_a_stage_with_an_attribute_for_a_relationship_is_compared_and_played(
     path = tmp_path / "Lab3_05_odometry_tf.usda"
     stage.GetRootLayer().Export(str(path))
     result = against_starter(check_stage(path), open_starter(starter, load_lab()), load_lab())
-    assert [each.rule for each in result.findings if each.severity == "error"] == ["S08"]
+    assert [finding.rule for finding in result.findings if finding.severity == "error"] == ["S08"]
     assert dry_run(path, load_lab(), "05").behaviour.verdict == "bad"
 
 

@@ -16,7 +16,7 @@ from lab3_usd.stage.write.starter import build_starter
 
 Layering = Callable[[Path, Path, str, Style], Path]
 RIGHT, WRONG = b"inputs:wheelRadius = 0.025", b"inputs:wheelRadius = 0.033"
-IN_TEXT = [each for each in LAYERINGS if "binary" not in each.__name__]
+IN_TEXT = [layering for layering in LAYERINGS if "binary" not in layering.__name__]
 
 
 def with_a_wrong_value(layering: Layering, folder: Path) -> Path:

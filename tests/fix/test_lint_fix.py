@@ -63,9 +63,11 @@ def lab3(*arguments: Path | str) -> Result:
 @pytest.mark.parametrize("slip", SLIPS)
 def test_a_slip_is_repaired(tmp_path: Path, slip: str) -> None:
     path = saved(tmp_path, [dict(each) for each in SLIPS[slip]])
-    assert slip[:3] in {each.rule for each in lint_stage(path).findings}
+    assert slip[:3] in {finding.rule for finding in lint_stage(path).findings}
     assert lab3("fix", "--lint", path, "--in-place").exit_code == 0
-    assert [each.rule for each in lint_stage(path).findings if each.severity != "note"] == []
+    assert [
+        finding.rule for finding in lint_stage(path).findings if finding.severity != "note"
+    ] == []
 
 
 @pytest.mark.parametrize("fault", LEFT)
@@ -73,18 +75,20 @@ def test_what_may_mean_several_things_is_left(tmp_path: Path, fault: str) -> Non
     path = saved(tmp_path, [dict(each) for each in LEFT[fault]])
     old = path.read_bytes()
     lab3("fix", "--lint", path, "--in-place")
-    assert [each.fix for each in lint_stage(path).findings if each.severity != "note"] == [None]
+    assert [finding.fix for finding in lint_stage(path).findings if finding.severity != "note"] == [
+        None
+    ]
     assert path.read_bytes() == old
 
 
 def test_the_report_names_the_command(tmp_path: Path) -> None:
-    path = saved(tmp_path, [dict(each) for each in SLIPS["K31"]])
+    path = saved(tmp_path, [dict(slip) for slip in SLIPS["K31"]])
     last = lab3("lint", path).stdout.splitlines()[-1]
     assert last == "[*] 1 finding can be repaired with lab3 fix --lint"
 
 
 def test_sarif_holds_the_lines(tmp_path: Path) -> None:
-    path = saved(tmp_path, [dict(each) for each in SLIPS["K31"]])
+    path = saved(tmp_path, [dict(slip) for slip in SLIPS["K31"]])
     assert '"fixes"' in lab3("lint", path, "--format", "sarif").stdout
 
 

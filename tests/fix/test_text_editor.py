@@ -43,8 +43,8 @@ def edited(tmp_path: Path) -> Editing:
         lab = load_lab()
         session = EditSession(open_stage(path), lab, lab.checkpoints["00"])
         try:
-            for each in edits:
-                apply_edit(session, each)
+            for edit in edits:
+                apply_edit(session, edit)
             ((_, found),) = session.edited.items()
             return new_bytes(found).decode().removeprefix("#usda 1.0\n")
         finally:
@@ -194,15 +194,15 @@ KINDS = ("graph", "node", "value", "wire", "target", "scene")
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_faults_of_the_second_author_are_repaired(kind: str, tmp_path: Path) -> None:
-    faults = [each for each in second_faults("05") if each.kind == kind]
+    faults = [fault for fault in second_faults("05") if fault.kind == kind]
     some = faults[:: 1 + len(faults) // 3]
     found = [repaired("05", each, tmp_path, load_lab()) for each in some]
     outcomes = [each for each in found if isinstance(each, Outcome)]
     assert outcomes
     assert [
-        (each.fault.name, each.elsewhere, each.lost_comments)
-        for each in outcomes
-        if not each.passes or each.elsewhere or each.lost_comments
+        (outcome.fault.name, outcome.elsewhere, outcome.lost_comments)
+        for outcome in outcomes
+        if not outcome.passes or outcome.elsewhere or outcome.lost_comments
     ] == []
 
 

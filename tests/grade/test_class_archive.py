@@ -40,7 +40,9 @@ def found_in(archive: Path) -> tuple[dict[str, StudentSubmission], list[str]]:
     """Who is found in an archive, and what is said of the rest."""
     said: list[str] = []
     with submissions_in(archive) as place:
-        return {each.student: each for each in find_submissions(place, said.append)}, said
+        return {
+            submission.student: submission for submission in find_submissions(place, said.append)
+        }, said
 
 
 def left_out(handed: StudentSubmission) -> list[str]:

@@ -183,7 +183,10 @@ def test_a_file_and_a_folder_of_one_name_cost_only_one_of_them(tmp_path: Path) -
 def found_at(address: str) -> tuple[dict[str, StudentSubmission], list[str]]:
     said: list[str] = []
     with submissions_in(address) as place:
-        return {each.student: each for each in find_submissions(place, said.append)}, said
+        return {
+            find_submission.student: find_submission
+            for find_submission in find_submissions(place, said.append)
+        }, said
 
 
 def test_names_of_an_export_at_an_address_are_read() -> None:

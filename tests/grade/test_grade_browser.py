@@ -43,7 +43,9 @@ def press(chromium: Browser, heading: str) -> None:
 def test_it_loads_without_a_complaint_and_asks_for_nothing(chromium: Browser, page: Path) -> None:
     chromium.open(page)
     assert chromium.logs() == []
-    assert [each for each in chromium.requests() if each.startswith(("http:", "https:"))] == []
+    assert [
+        request for request in chromium.requests() if request.startswith(("http:", "https:"))
+    ] == []
     assert chromium.run("return window.attacked") is None
 
 

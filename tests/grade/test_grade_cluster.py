@@ -104,7 +104,7 @@ def cluster_of(workers: int, temporary: Path, monkeypatch: pytest.MonkeyPatch) -
 
 def dismiss_workers(cluster: Any) -> None:
     """Kill all workers with the tasks that they have, and start none in their place."""
-    workers = [(each, each.pid) for each in cluster.workers.values()]
+    workers = [(worker, worker.pid) for worker in cluster.workers.values()]
     for _, number in workers:
         os.kill(number, signal.SIGSTOP)
     cluster.scale(0)

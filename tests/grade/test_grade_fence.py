@@ -283,7 +283,7 @@ def test_a_barred_reference_of_the_lidar_is_a_note_and_of_a_graph_an_error(
         "        {\n        }\n    }\n}\n"
     )
     result = check_stage(write(root / "a.usda", text), "03")
-    (note,) = [each for each in result.findings if each.rule == "F02"]
+    (note,) = [finding for finding in result.findings if finding.rule == "F02"]
     assert (note.severity, note.actual) == ("note", "https://example.invalid/lidar.usda")
     assert reasons(fence) == {"https://example.invalid/lidar.usda": False}
 
@@ -346,8 +346,8 @@ def test_a_stage_read_once_goes_by_both_of_its_names(root: Path, fence: Fence) -
     models = [read_model(open_stage(root / name), lab, name) for name in ("a.usda", "b.usda")]
     assert models[0] is models[1]
     first, second = (check_stage(str(root / name), "01", lab) for name in ("a.usda", "b.usda"))
-    assert {each.layer for each in first.findings if each.layer} == {str(root / "a.usda")}
-    assert {each.layer for each in second.findings if each.layer} == {str(root / "b.usda")}
+    assert {finding.layer for finding in first.findings if finding.layer} == {str(root / "a.usda")}
+    assert {finding.layer for finding in second.findings if finding.layer} == {str(root / "b.usda")}
     assert len(fence.stages) == 2
 
 

@@ -126,7 +126,9 @@ def test_a_name_that_stays_ambiguous_is_said_and_not_split(tmp_path: Path) -> No
     for name in ("doe_5050_6060_1_a.usda", "doe_5050_6061_2_b.usda"):
         (tmp_path / name).touch()
     said: list[str] = []
-    assert [each.student for each in find_submissions(tmp_path, said.append)] == ["5050"]
+    assert [
+        find_submission.student for find_submission in find_submissions(tmp_path, said.append)
+    ] == ["5050"]
     assert said == [
         "doe_5050_6060_1_a.usda: taken as of doe (5050); may be of doe_5050 (6060)",
         "doe_5050_6061_2_b.usda: taken as of doe (5050); may be of doe_5050 (6061)",
@@ -173,7 +175,10 @@ def test_clones_of_github_classroom_are_folders(tmp_path: Path) -> None:
     for name in ("lab3-octocat", "lab3-hubot"):
         submission(tmp_path / name, "00")
         (tmp_path / name / ".git").mkdir()
-    assert [each.student for each in find_submissions(tmp_path)] == ["lab3-hubot", "lab3-octocat"]
+    assert [find_submission.student for find_submission in find_submissions(tmp_path)] == [
+        "lab3-hubot",
+        "lab3-octocat",
+    ]
 
 
 def graded(tmp_path: Path) -> dict[str, dict[str, str]]:

@@ -22,7 +22,7 @@ def handed(place: Path, *names: str) -> dict[str, StudentSubmission]:
             path.mkdir(exist_ok=True)
         else:
             path.touch()
-    return {each.student: each for each in find_submissions(place)}
+    return {submission.student: submission for submission in find_submissions(place)}
 
 
 def sources(found: StudentSubmission) -> list[tuple[str, str]]:
@@ -182,7 +182,7 @@ def test_the_archive_of_a_whole_class(
 ) -> None:
     with submissions_in(class_zip(tmp_path / "class.zip", *names)) as place:
         assert isinstance(place.where, Path)
-        assert [each.student for each in find_submissions(place)] == students
+        assert [submission.student for submission in find_submissions(place)] == students
     assert not place.where.exists()
 
 

@@ -126,7 +126,9 @@ def test_a_hostile_submission_is_answered_and_never_a_pass(run: Run, name: str) 
 def test_a_hostile_submission_has_reports_that_say_why(run: Run, name: str) -> None:
     report = json.loads((run.reports(name) / "report.json").read_text())
     findings = [each for part in ("results", "submissions") for each in report[part]]
-    assert any(found["severity"] == "error" for each in findings for found in each["findings"])
+    assert any(
+        found["severity"] == "error" for finding in findings for found in finding["findings"]
+    )
     page = (run.reports(name) / "report.html").read_text()
     assert "<script>alert" not in page
     assert "\x1b" not in page

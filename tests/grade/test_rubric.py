@@ -161,8 +161,8 @@ def test_the_same_faults_give_the_same_grade_in_any_order() -> None:
     for order in permutations(faults):
         stages = class_of({"01": order, "04": ["Camera_1/position"], "08": order[:1]})
         shuffled = [
-            replace(each, requirements=tuple(reversed(each.requirements)))
-            for each in sorted(stages, key=lambda each: each.checkpoint, reverse=order[0] == WIRE)
+            replace(stage, requirements=tuple(reversed(stage.requirements)))
+            for stage in sorted(stages, key=lambda each: each.checkpoint, reverse=order[0] == WIRE)
         ]
         grades.add(grade(RUBRIC, shuffled))
     assert len(grades) == 1
@@ -294,8 +294,8 @@ def test_a_changed_look_costs_nothing() -> None:
 
 
 def test_the_rubric_knows_every_rule_that_finds_an_error_in_what_the_starter_brought() -> None:
-    rules = [each for each in all_rules().values() if each.scope == "starter"]
-    errors = sorted(each.id for each in rules if each.severity == "error")
+    rules = [rule for rule in all_rules().values() if rule.scope == "starter"]
+    errors = sorted(rule.id for rule in rules if rule.severity == "error")
     assert errors == CHANGED
     assert errors == sorted(RUBRIC.caps[1].rules)
 

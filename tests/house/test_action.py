@@ -109,7 +109,7 @@ def test_the_hook_lets_right_stages_pass(hook: dict[str, Any], tmp_path: Path) -
 
 @pytest.mark.parametrize("ending", ["usda", "usd", "usdc", "usdz", "uda"])
 def test_the_hook_takes_every_checkpoint_file(hook: dict[str, Any], ending: str) -> None:
-    files = [f"work/{each.file}.{ending}" for each in load_lab().checkpoints.values()]
+    files = [f"work/{checkpoint.file}.{ending}" for checkpoint in load_lab().checkpoints.values()]
     assert [name for name in files if not re.search(hook["files"], name)] == []
 
 

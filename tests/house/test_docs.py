@@ -203,7 +203,7 @@ def sandbox(program: Path, tmp_path: Path) -> Iterator[Sandbox]:
         (folder / "out" / f"Lab3_{name}.usda").touch()
     programs = tmp_path / "bin"
     programs.mkdir()
-    installed = "lab3" in {each.name for each in entry_points(group="pytest11")}
+    installed = "lab3" in {point.name for point in entry_points(group="pytest11")}
     plugin = "" if installed else "-p lab3_usd.pytest_plugin "
     shims = {"lab3": "-m lab3_usd ", "python": "", "pytest": f"-m pytest {plugin}"}
     for name, arguments in shims.items():
@@ -311,7 +311,7 @@ def named_commands(page: Path) -> list[str]:
 
 
 def options_of(command: click.Command) -> set[str]:
-    taken = {name for each in command.params for name in (*each.opts, *each.secondary_opts)}
+    taken = {name for param in command.params for name in (*param.opts, *param.secondary_opts)}
     return taken | {"-h", "--help"}
 
 
@@ -354,7 +354,7 @@ def folders_of_the_page_on_architecture() -> set[str]:
     """Return the folders of its tree, by the indent of their lines."""
     open_folders: list[str] = []
     found = set()
-    tree = next(each.text for each in blocks(DOCS / "architecture.md") if "src/" in each.text)
+    tree = next(block.text for block in blocks(DOCS / "architecture.md") if "src/" in block.text)
     for indent, name in re.findall(r"^( *)([\w/]+)/ *(?= |$)", tree, re.MULTILINE):
         del open_folders[len(indent) // 2 :]
         open_folders.append(name)

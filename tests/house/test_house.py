@@ -105,7 +105,7 @@ def ordered_sets(tree: ast.AST) -> list[int]:
             name = getattr(node.func, "id", getattr(node.func, "attr", ""))
             taken = node.args if name in {"tuple", "list", "join", "iter", "next"} else []
         elif isinstance(node, ast.List | ast.Tuple):
-            taken = [each.value for each in node.elts if isinstance(each, ast.Starred)]
+            taken = [elt.value for elt in node.elts if isinstance(elt, ast.Starred)]
         lines += [each.lineno for each in taken if is_set(each)]
     return lines
 

@@ -38,9 +38,9 @@ def committed(title: str) -> dict[str, str]:
 
 def test_the_table_has_a_row_for_each_fault_and_counts_them() -> None:
     assert [row[0] for row in ROWS[2 : 2 + len(script.FAULTS)]] == list(script.FAULTS)
-    for each in script.VALIDATORS:
-        counted = sum(cell != "-" for cell in committed(each.title).values())
-        total = ROWS[2 + len(script.FAULTS)][ROWS[0].index(each.title)]
+    for validator in script.VALIDATORS:
+        counted = sum(cell != "-" for cell in committed(validator.title).values())
+        total = ROWS[2 + len(script.FAULTS)][ROWS[0].index(validator.title)]
         assert total == f"**{counted}**"
 
 

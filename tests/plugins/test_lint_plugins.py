@@ -33,7 +33,7 @@ Told = list[tuple[str, str]]
 
 
 def by_command(path: Path) -> Told:
-    return sorted((each.rule, each.prim) for each in lint_stage(path).findings)
+    return sorted((finding.rule, finding.prim) for finding in lint_stage(path).findings)
 
 
 OPENUSD = """
@@ -181,24 +181,24 @@ def checked_by_nvidia(path: Path) -> Any:
 
 
 def test_a_stage_of_the_lab_is_checked_as_the_command_does(mistaken: Path) -> None:
-    told = sorted((each.rule, each.prim) for each in check_stage(mistaken).findings)
+    told = sorted((finding.rule, finding.prim) for finding in check_stage(mistaken).findings)
     assert len(told) == 3
     issues = checked_by_nvidia(mistaken)
-    assert sorted((each.message.split()[0], str(each.at.path)) for each in issues) == told
+    assert sorted((issue.message.split()[0], str(issue.at.path)) for issue in issues) == told
 
 
 def test_safe_repairs_are_suggestions_which_repair(mistaken: Path) -> None:
     module = pytest.importorskip("usd_validation_nvidia")
     issues = checked_by_nvidia(mistaken)
-    repairs = {each.rule: each.fix for each in check_stage(mistaken).findings}
-    suggested = {each.message.split()[0]: each.suggestion for each in issues}
+    repairs = {finding.rule: finding.fix for finding in check_stage(mistaken).findings}
+    suggested = {issue.message.split()[0]: issue.suggestion for issue in issues}
     assert {rule for rule, each in suggested.items() if each} == {"P01", "W01"}
     assert suggested["P01"].message == repairs["P01"].title
     fixer = module.IssueFixer(str(mistaken))
-    results = fixer.fix([each for each in issues if each.suggestion])
-    assert {each.status.name for each in results} == {"SUCCESS"}
+    results = fixer.fix([issue for issue in issues if issue.suggestion])
+    assert {result.status.name for result in results} == {"SUCCESS"}
     fixer.save()
-    assert [each.rule for each in check_stage(mistaken).findings] == ["N02"]
+    assert [finding.rule for finding in check_stage(mistaken).findings] == ["N02"]
 
 
 def test_a_validator_without_suggestions_gets_the_findings_alone(mistaken: Path) -> None:

@@ -12,7 +12,7 @@ from lab3_usd import build_checkpoint, check_stage
 
 pytest_plugins = ["pytester"]
 # Where the package is installed, pytest loads the plugin by itself, and refuses to do so twice.
-INSTALLED = "lab3" in {each.name for each in entry_points(group="pytest11")}
+INSTALLED = "lab3" in {point.name for point in entry_points(group="pytest11")}
 PLUGIN = () if INSTALLED else ("-p", "lab3_usd.pytest_plugin")
 # Its summary imports all of Hypothesis, anew in each of these runs.
 OTHERS = ("-p", "no:hypothesispytest")

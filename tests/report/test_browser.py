@@ -111,7 +111,9 @@ def test_the_page_asks_for_nothing_but_itself(chromium: Browser, pages: dict[str
         chromium.keep("served", 900)
         server.shutdown()
     assert asked == [f"/{path.name}"]
-    sent = [each for each in chromium.requests() if not each.startswith(("data:", "about:"))]
+    sent = [
+        request for request in chromium.requests() if not request.startswith(("data:", "about:"))
+    ]
     assert len(sent) == 1
 
 

@@ -69,11 +69,11 @@ def changed(graph: GraphModel, node: Node) -> GraphModel:
 
 
 def without(graph: GraphModel, path: str) -> GraphModel:
-    return replace(graph, nodes=tuple(each for each in graph.nodes if each.path != path))
+    return replace(graph, nodes=tuple(node for node in graph.nodes if node.path != path))
 
 
 def node_of(graph: GraphModel, path: str) -> Node:
-    return next(each for each in graph.nodes if each.path == path)
+    return next(node for node in graph.nodes if node.path == path)
 
 
 def drawn(
@@ -533,7 +533,7 @@ def tree(*edges: Edge, required: bool = True, localized: bool = False) -> dict[s
     picture = frames_picture(LAB.frames, edges, required=required, localized=localized)
     assert geometry.overlapping(picture.boxes) == []
     assert geometry.crossings(picture.boxes, picture.curves) == []
-    return {f"{each.source.key} {each.target.key}": each.state for each in picture.curves}
+    return {f"{curve.source.key} {curve.target.key}": curve.state for curve in picture.curves}
 
 
 def test_the_required_tree_begins_with_what_localization_publishes() -> None:

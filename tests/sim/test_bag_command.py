@@ -58,7 +58,7 @@ def judged(path: Path, *arguments: str) -> dict[str, Any]:
     done = bag(path, "--format", "json", *arguments)
     document: dict[str, Any] = json.loads(done.stdout)
     schema = json.loads((data_folder("schema") / "sim-1.json").read_text(encoding="utf-8"))
-    assert [each.message for each in Draft202012Validator(schema).iter_errors(document)] == []
+    assert [error.message for error in Draft202012Validator(schema).iter_errors(document)] == []
     assert done.exit_code == {"ok": 0, "bad": 1, "unreadable": 2}[document["verdict"]]
     return document
 
@@ -172,13 +172,15 @@ def faster(said: Any) -> None:
 
 
 def no_tie(said: Any) -> None:
-    said.transforms = [each for each in said.transforms if each.child_frame_id != "base_footprint"]
+    said.transforms = [
+        transform for transform in said.transforms if transform.child_frame_id != "base_footprint"
+    ]
 
 
 def moved(said: Any) -> None:
-    for each in said.transforms:
-        if each.child_frame_id == "base_footprint":
-            each.transform.translation.x += 0.5
+    for transform in said.transforms:
+        if transform.child_frame_id == "base_footprint":
+            transform.transform.translation.x += 0.5
 
 
 FAULTS: dict[str, tuple[str, Callable[[Any], object]]] = {
@@ -335,7 +337,11 @@ def test_what_differs_from_the_dry_run_is_told_and_no_fault(plain: Path, tmp_pat
         if sent.topic == "/camera/camera_info":
             sent.said.header.frame_id = "lens"
         if sent.topic == "/tf":
-            kept = [each for each in sent.said.transforms if each.child_frame_id != "Camera_1"]
+            kept = [
+                transform
+                for transform in sent.said.transforms
+                if transform.child_frame_id != "Camera_1"
+            ]
             sent.said.transforms = kept
         if sent.topic != "/clock" or not sent.said.clock.nanosec // 20_000_000 % 2:
             yield sent

@@ -22,8 +22,8 @@ WHEELS = 0.033 / 0.025  # the wheel of the model by that of the controller
 def test_the_built_stage_behaves() -> None:
     evidence = driven(correct_stage("05"), the_lab().catalog)
     verdicts = judge(evidence)
-    assert [each for each in verdicts if each.verdict != "ok"] == []
-    assert [each.name for each in verdicts] == list(CHECKS)
+    assert [verdict for verdict in verdicts if verdict.verdict != "ok"] == []
+    assert [verdict.name for verdict in verdicts] == list(CHECKS)
     assert evidence.recording.not_simulated == {}
 
 
@@ -39,7 +39,7 @@ def test_it_goes_as_far_as_its_wheels_say() -> None:
 
 def test_rates_and_frames_are_those_of_the_lab() -> None:
     recording = driven(correct_stage("05"), the_lab().catalog).recording
-    seconds = sum(each.seconds for each in DRIVE[0].legs)
+    seconds = sum(leg.seconds for leg in DRIVE[0].legs)
     assert len(recording.topic("/scan", 0)) == pytest.approx(10 * seconds, abs=1)
     assert len(recording.topic("/clock", 0)) == pytest.approx(60 * seconds, abs=2)
     assert {each.frame for each in recording.topic("/scan")} == {"base_scan"}
@@ -189,7 +189,7 @@ WORKS: list[list[Step]] = [
 ]
 
 
-@pytest.mark.parametrize("steps", WORKS, ids=[str(each[0]) for each in WORKS])
+@pytest.mark.parametrize("steps", WORKS, ids=[str(work[0]) for work in WORKS])
 def test_what_works_is_not_faulted(steps: list[Step]) -> None:
     assert faults(driven(broken("05", steps), the_lab().catalog)) == []
 

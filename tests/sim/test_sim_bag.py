@@ -109,10 +109,10 @@ def test_odometry_has_the_motion(heard: dict[str, Any]) -> None:
 
 def test_transforms_are_those_of_odometry(heard: dict[str, Any]) -> None:
     moved = {
-        each.child_frame_id: each
+        transform.child_frame_id: transform
         for time, said in heard["/tf"]
         if time < 2.6
-        for each in said.transforms
+        for transform in said.transforms
     }
     assert set(moved) == {
         "base_footprint", "base_link", "base_scan", "caster_back_link",
@@ -127,7 +127,9 @@ def test_transforms_are_those_of_odometry(heard: dict[str, Any]) -> None:
 
 def looked_up(said: list[Any], frame: str, root: str) -> Gf.Matrix4d:
     """Return where a frame is, by the matrices and quaternions of OpenUSD."""
-    latest = {each.child_frame_id: each for message in said for each in message.transforms}
+    latest = {
+        transform.child_frame_id: transform for message in said for transform in message.transforms
+    }
     place = Gf.Matrix4d(1.0)
     while frame != root:
         each = latest[frame]

@@ -49,7 +49,7 @@ def behaviour(path: Path, *arguments: str) -> dict[str, Any]:
     document: dict[str, Any] = json.loads(done.stdout)
     assert done.exit_code == {"bad": 1, "unreadable": 2}.get(document["verdict"], 0)
     schema = json.loads((data_folder("schema") / "sim-1.json").read_text(encoding="utf-8"))
-    assert [each.message for each in Draft202012Validator(schema).iter_errors(document)] == []
+    assert [error.message for error in Draft202012Validator(schema).iter_errors(document)] == []
     return document
 
 
@@ -176,7 +176,7 @@ CASES: list[tuple[Step, str, str, str]] = [
 
 
 @pytest.mark.parametrize(
-    ("step", "check", "prim", "rule"), CASES, ids=[f"{each[0]}" for each in CASES]
+    ("step", "check", "prim", "rule"), CASES, ids=[f"{case[0]}" for case in CASES]
 )
 def test_a_fault_names_the_node_behind_it(
     tmp_path: Path, step: Step, check: str, prim: str, rule: str

@@ -217,8 +217,8 @@ def test_a_version_that_is_no_number_is_none() -> None:
     clock = stage.GetPrimAtPath("/World/ROS_Clock/ros2_publish_clock")
     clock.RemoveProperty("node:typeVersion")
     clock.CreateAttribute("node:typeVersion", Sdf.ValueTypeNames.String).Set("two")
-    nodes = (each for graph in read_scene(stage).graphs for each in graph.nodes)
-    assert next(each for each in nodes if each.path == str(clock.GetPath())).version == 0
+    nodes = (node for graph in read_scene(stage).graphs for node in graph.nodes)
+    assert next(node for node in nodes if node.path == str(clock.GetPath())).version == 0
 
 
 def test_samples_at_the_start_are_what_plays() -> None:
@@ -229,7 +229,7 @@ def test_samples_at_the_start_are_what_plays() -> None:
     wall = UsdGeom.Xformable(stage.GetPrimAtPath("/Environment/Walls/East"))
     wall.GetPrim().GetAttribute("xformOp:translate").Set(Gf.Vec3d(9, 0, 0), 0.0)
     scene = read_scene(stage)
-    clock = next(each for each in scene.graphs if each.path == "/World/ROS_Clock")
+    clock = next(graph for graph in scene.graphs if graph.path == "/World/ROS_Clock")
     node = next(each for each in clock.nodes if each.path == str(port.GetPrim().GetPath()))
     assert node.inputs["inputs:topicName"].value == "/late"
     assert scene.prims["/Environment/Walls/East"].world.origin[0] == 9.0

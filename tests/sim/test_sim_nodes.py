@@ -449,7 +449,7 @@ TREE = f"{ISAAC}IsaacComputeTransformTree"
 
 def tree(stage: World, parent: str, *targets: str) -> dict[str, Any]:
     made = node(TREE, parentPrim=ROBOT + parent)
-    made.node.targets["inputs:targetPrims"] = tuple(ROBOT + each for each in targets)
+    made.node.targets["inputs:targetPrims"] = tuple(ROBOT + target for target in targets)
     made.compute(stage)
     return made.outputs
 
@@ -592,4 +592,6 @@ def test_links_stand_where_their_joints_put_them() -> None:
 def test_every_function_has_a_test() -> None:
     """Each type stands in a call of `node`, with its whole name or with its last part."""
     text = Path(__file__).read_text(encoding="utf-8")
-    assert [each for each in functions() if re.search(rf'{each}(Token)?"', text) is None] == []
+    assert [
+        function for function in functions() if re.search(rf'{function}(Token)?"', text) is None
+    ] == []

@@ -90,7 +90,9 @@ def test_a_ring_of_frames_ends() -> None:
 def test_it_loads_without_a_complaint_and_asks_for_nothing(chromium: Browser, page: Path) -> None:
     chromium.open(page)
     assert chromium.logs() == []
-    assert [each for each in chromium.requests() if each.startswith(("http:", "https:"))] == []
+    assert [
+        request for request in chromium.requests() if request.startswith(("http:", "https:"))
+    ] == []
 
 
 def test_the_slider_moves_the_robot_and_the_scan(chromium: Browser, page: Path) -> None:
@@ -98,7 +100,7 @@ def test_the_slider_moves_the_robot_and_the_scan(chromium: Browser, page: Path) 
 
     def shown() -> set[str]:
         groups = chromium.shown("[data-moment]")
-        return {each.get_attribute("data-moment") for each in groups}
+        return {group.get_attribute("data-moment") for group in groups}
 
     (first,) = shown()
     slider = chromium.one("#moment")

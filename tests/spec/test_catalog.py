@@ -103,7 +103,7 @@ def test_catalog_holds_every_known_type_and_no_other(known: Facts, catalog: Cata
 def test_the_lab_uses_21_types_under_the_names_of_the_handout(
     facts: Facts, catalog: Catalog
 ) -> None:
-    lab = {each["type"]: each["handout_name"] for each in facts["lab_nodes"]}
+    lab = {fact["type"]: fact["handout_name"] for fact in facts["lab_nodes"]}
     assert len(lab) == 21
     assert {name: catalog.types[name].handout_name for name in lab} == lab
 
@@ -192,18 +192,18 @@ def test_frames_computed_by_one_type_leave_it_as_parents_and_children(catalog: C
 
 
 def test_old_prefixes(facts: Facts, catalog: Catalog) -> None:
-    assert catalog.prefixes == {each["old"]: each["new"] for each in facts["type_prefix_aliases"]}
+    assert catalog.prefixes == {fact["old"]: fact["new"] for fact in facts["type_prefix_aliases"]}
 
 
 def test_old_names_that_do_not_follow_their_prefix(facts: Facts, catalog: Catalog) -> None:
-    assert catalog.renamed == {each["old"]: each["new"] for each in facts["type_alias_exceptions"]}
+    assert catalog.renamed == {fact["old"]: fact["new"] for fact in facts["type_alias_exceptions"]}
     for old, new in catalog.renamed.items():
         assert catalog.modern(old) == new
 
 
 def test_lookalikes_are_known_and_mean_a_type_of_the_lab(facts: Facts, catalog: Catalog) -> None:
     assert list(catalog.lookalikes) == facts["lookalike_types_not_registered"]
-    lab = {each["type"] for each in facts["lab_nodes"]}
+    lab = {fact["type"] for fact in facts["lab_nodes"]}
     assert set(catalog.lookalikes.values()) <= lab
     assert not set(catalog.lookalikes) & set(catalog.types)
 
@@ -257,7 +257,7 @@ def test_graph_prim_attributes(facts: Facts, catalog: Catalog) -> None:
     assert catalog.graph.node_type == facts["node_prim"]["type"]
     assert [catalog.graph.gui_api] == facts["node_prim"]["gui_api_schemas"]
     wanted = facts["graph_prim"]["attributes"]
-    written = {each.name: each for each in catalog.graph.attributes}
+    written = {attribute.name: attribute for attribute in catalog.graph.attributes}
     assert {name: each.usd_type for name, each in written.items()} == {
         name: fact["usd_type"] for name, fact in wanted.items()
     }

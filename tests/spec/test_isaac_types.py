@@ -58,10 +58,13 @@ def test_what_is_said_of_bodies_units_and_gates_names_ports_that_are_there() -> 
     types = TYPES.catalog.types
     for name, body in TYPES.bodies.items():
         assert types[name].port(f"inputs:{body.prim}") is not None
-        assert {f"outputs:{each}" for each in body.gives} <= set(types[name].ports)
+        assert {f"outputs:{give}" for give in body.gives} <= set(types[name].ports)
     for name, unit in TYPES.units.items():
         inputs, outputs = filter(None, (unit.passes, unit.by)), unit.metres
-        ports = {*(f"inputs:{each}" for each in inputs), *(f"outputs:{each}" for each in outputs)}
+        ports = {
+            *(f"inputs:{each}" for each in inputs),
+            *(f"outputs:{output}" for output in outputs),
+        }
         assert ports <= set(types[name].ports)
         allowed = types[name].ports[f"inputs:{unit.by}"].allowed if unit.by else ()
         assert {unit.to_stage, unit.to_metres} - {""} <= set(allowed)

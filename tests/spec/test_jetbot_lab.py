@@ -82,7 +82,7 @@ def test_a_stage_holds_the_graphs_and_sensors_up_to_its_part(
 class TestGraph:
     def test_it_has_the_nodes_of_the_sheet(self, path: str, stages: list[Usd.Stage]) -> None:
         nodes = stages[-1].GetPrimAtPath(path).GetChildren()
-        assert Counter(each.GetAttribute("node:type").Get() for each in nodes) == TYPES[path]
+        assert Counter(node.GetAttribute("node:type").Get() for node in nodes) == TYPES[path]
 
     def test_it_has_the_wires_of_the_sheet(self, path: str, stages: list[Usd.Stage]) -> None:
         lines = (line.strip() for line in WIRES[path].strip().splitlines())
@@ -99,10 +99,12 @@ class TestGraph:
 
     def test_it_has_the_targets_of_the_sheet(self, path: str, stages: list[Usd.Stage]) -> None:
         found = {
-            f"{node.GetName()}.{each.GetName()}": tuple(map(str, each.GetTargets()))
+            f"{node.GetName()}.{getrelationship.GetName()}": tuple(
+                map(str, getrelationship.GetTargets())
+            )
             for node in stages[-1].GetPrimAtPath(path).GetChildren()
-            for each in node.GetRelationships()
-            if each.GetTargets()
+            for getrelationship in node.GetRelationships()
+            if getrelationship.GetTargets()
         }
         assert found == TARGETS[path]
 
@@ -165,7 +167,7 @@ def test_every_graph_and_the_tree_are_drawn(lab: Path, built: Path, tmp_path: Pa
 
 def test_the_dry_run_follows_commands_and_scans(lab: Path, built: Path) -> None:
     result = run(lab, "sim", built / f"{FILES[-1]}.usda", "--format", "json")
-    checks = {each["name"]: each["verdict"] for each in json.loads(result.stdout)["checks"]}
+    checks = {load["name"]: load["verdict"] for load in json.loads(result.stdout)["checks"]}
     assert checks["follows"] == checks["scan"] == checks["tree"] == "ok"
     assert "bad" not in checks.values()
 
@@ -178,7 +180,7 @@ def test_what_the_lab_lacks_is_said_in_one_line(
     lab: Path, built: Path, tmp_path: Path, arguments: tuple[str, ...], lacks: str
 ) -> None:
     given = {"stage": built / f"{FILES[-1]}.usda", "out": tmp_path / "out"}
-    result = run(lab, *(each.format(**given) for each in arguments))
+    result = run(lab, *(argument.format(**given) for argument in arguments))
     assert result.exception is not None
     assert lacks in str(result.exception)
     assert "Week 5 has no" in str(result.exception)
@@ -228,8 +230,8 @@ def test_single_faults_are_found_at_their_place(
     monkeypatch.setenv(LAB_VARIABLE, str(lab))
     outcomes = list(benchmark.sweep(checkpoint, *PARTS[checkpoint]))
     assert len(outcomes) >= 10
-    assert [each.fault.name for each in outcomes if not each.at_place] == []
-    assert sum(len(each.errors) for each in outcomes) / len(outcomes) <= 1.05
+    assert [outcome.fault.name for outcome in outcomes if not outcome.at_place] == []
+    assert sum(len(outcome.errors) for outcome in outcomes) / len(outcomes) <= 1.05
 
 
 def test_a_fault_of_the_scene_cites_the_sheet(lab: Path, built: Path, tmp_path: Path) -> None:

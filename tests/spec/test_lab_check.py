@@ -365,7 +365,7 @@ def test_a_contradiction_is_named_with_both_places(case: str, folder: Path) -> N
     assert any(each.startswith(f"error {expected}") for each in found), found
 
 
-@pytest.mark.parametrize("case", [each for each in ERRORS if each not in ONLY_BY_COMMAND])
+@pytest.mark.parametrize("case", [error for error in ERRORS if error not in ONLY_BY_COMMAND])
 def test_a_lab_that_contradicts_itself_is_not_loaded(case: str, folder: Path) -> None:
     file, edit, _ = ERRORS[case]
     edited(folder, file, edit)

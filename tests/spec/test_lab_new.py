@@ -102,9 +102,9 @@ def test_values_are_described_where_they_are_no_defaults(pair: tuple[Lab, Lab]) 
     for name, graph in old.graphs.items():
         for role, node in graph.nodes.items():
             away = {
-                each.port: each.value
-                for each in node.settings
-                if each.value != node.type.ports[each.port].default
+                setting.port: setting.value
+                for setting in node.settings
+                if setting.value != node.type.ports[setting.port].default
             }
             found = new.graphs[name].nodes[role].settings
             assert {each.port: each.value for each in found} == away
@@ -116,8 +116,8 @@ def test_targets_are_described_with_those_that_give_frames(pair: tuple[Lab, Lab]
         for role, node in graph.nodes.items():
             found = new.graphs[name].nodes[role]
             assert found.frames_from == node.frames_from
-            assert {each.port: each.prims for each in found.targets} == {
-                each.port: each.prims for each in node.targets
+            assert {target.port: target.prims for target in found.targets} == {
+                target.port: target.prims for target in node.targets
             }
 
 
@@ -227,7 +227,7 @@ def test_a_lab_described_after_a_stage_of_the_second_lab_is_like_it(jetbot: Lab)
     for name, graph in second.graphs.items():
         wires = {str(wire) for wire in graph.wires}
         assert {str(wire) for wire in jetbot.graphs[name].wires} == wires
-    places = {each.path: each.pose.translate for each in second.sensors.values()}
+    places = {sensor.path: sensor.pose.translate for sensor in second.sensors.values()}
     assert {s.path: s.pose.translate for s in jetbot.sensors.values()} == places
 
 

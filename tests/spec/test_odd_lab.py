@@ -88,8 +88,8 @@ def test_single_faults_are_found_at_their_place(
     sweep = runpy.run_path(str(repository / "benchmarks" / "sweep.py"))["sweep"]
     outcomes = [*sweep("s"), *sweep("rear")]
     assert len(outcomes) > 200
-    assert [each.fault.name for each in outcomes if not each.at_place] == []
-    assert sum(len(each.errors) for each in outcomes) <= len(outcomes)
+    assert [outcome.fault.name for outcome in outcomes if not outcome.at_place] == []
+    assert sum(len(outcome.errors) for outcome in outcomes) <= len(outcomes)
 
 
 COMMANDS = [  # with the exit code

@@ -101,10 +101,10 @@ def stages(tmp_path_factory: pytest.TempPathFactory) -> list[Usd.Stage]:
 def properties(stages: list[Usd.Stage]) -> list[Usd.Property]:
     everything = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
     found = [
-        each
+        getauthoredproperty
         for stage in stages
         for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything)
-        for each in prim.GetAuthoredProperties()
+        for getauthoredproperty in prim.GetAuthoredProperties()
     ]
     assert len(found) > 500
     return found
@@ -136,7 +136,10 @@ def targets_of(found: Usd.Property) -> tuple[str, ...]:
 
 def test_the_values_are_those_of_the_composed_prim(properties: list[Usd.Property]) -> None:
     attributes = [each for each in properties if isinstance(each, Usd.Attribute)]
-    told = [(each, authored_data(each.GetPrim(), each.GetName())) for each in attributes]
+    told = [
+        (attribute, authored_data(attribute.GetPrim(), attribute.GetName()))
+        for attribute in attributes
+    ]
     assert [str(each.GetPath()) for each, value in told if value != value_of(each)] == []
 
 

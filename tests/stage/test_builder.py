@@ -129,8 +129,8 @@ def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 def properties(prim: Usd.Prim) -> dict[str, Any]:
     """What the composed prim says, with asset paths as what they lead to."""
     values: dict[str, Any] = {
-        each.GetName(): [str(path) for path in each.GetTargets()]
-        for each in prim.GetRelationships()
+        getrelationship.GetName(): [str(path) for path in getrelationship.GetTargets()]
+        for getrelationship in prim.GetRelationships()
     }
     for attribute in prim.GetAttributes():
         value = attribute.Get()
@@ -259,7 +259,9 @@ def test_addresses_and_absolute_paths_stay_as_they_are(tmp_path: Path) -> None:
 
 
 def asset_values(layer: Sdf.Layer, path: str) -> dict[str, str]:
-    return {each.name: each.default.path for each in layer.GetPrimAtPath(path).attributes}
+    return {
+        attribute.name: attribute.default.path for attribute in layer.GetPrimAtPath(path).attributes
+    }
 
 
 @pytest.mark.parametrize(
@@ -780,17 +782,23 @@ def vendors(tmp_path: Path) -> Sdf.Layer:
 def test_a_lidar_asset_is_referred_to(vendors: Sdf.Layer) -> None:
     lidar = vendors.GetPrimAtPath(LIDAR)
     assert lidar.typeName == "OmniLidar"
-    assert [each.assetPath for each in lidar.referenceList.prependedItems] == [ASSET]
+    assert [prependeditem.assetPath for prependeditem in lidar.referenceList.prependedItems] == [
+        ASSET
+    ]
 
 
 def test_over_a_lidar_asset_only_rates_and_pose_are_written(vendors: Sdf.Layer) -> None:
     lidar = vendors.GetPrimAtPath(LIDAR)
     assert "apiSchemas" not in lidar.ListInfoKeys()
-    assert {each.name: each.default for each in lidar.attributes if "omni" in each.name} == {
+    assert {
+        attribute.name: attribute.default
+        for attribute in lidar.attributes
+        if "omni" in attribute.name
+    } == {
         "omni:sensor:tickRate": 10.0,
         "omni:sensor:Core:scanRateBaseHz": 10,
     }
-    assert {each.name for each in lidar.attributes if "omni" not in each.name} == {
+    assert {attribute.name for attribute in lidar.attributes if "omni" not in attribute.name} == {
         *("xformOp:translate", "xformOp:orient", "xformOp:scale", "xformOpOrder"),
     }
 

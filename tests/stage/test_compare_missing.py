@@ -46,8 +46,8 @@ def compared(starter: Usd.Stage, *edits: Edit, checkpoint: str = "08") -> tuple[
 def told(changes: tuple[Change, ...]) -> list[tuple[str, str]]:
     """Each prim that changed, with why it is gone or what its gravest difference is about."""
     return [
-        (each.prim, each.absent or each.differences[0].property or each.differences[0].kind)
-        for each in changes
+        (change.prim, change.absent or change.differences[0].property or change.differences[0].kind)
+        for change in changes
     ]
 
 

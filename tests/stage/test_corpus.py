@@ -32,7 +32,7 @@ def one(name: str) -> StageResult:
 
 
 def said(result: StageResult, rule: str) -> list[tuple[str, str | None]]:
-    return [(each.prim, each.property) for each in result.findings if each.rule == rule]
+    return [(finding.prim, finding.property) for finding in result.findings if finding.rule == rule]
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
@@ -42,43 +42,53 @@ def test_every_file_gets_a_clear_answer(path: Path) -> None:
     assert result.crashes == ()
     assert result.findings
     assert result.score.earned < result.score.possible
-    for each in result.findings:
-        assert each.prim.startswith("/")
-        assert each.message
-        assert "\n" not in each.message
-        assert each.hint
+    for finding in result.findings:
+        assert finding.prim.startswith("/")
+        assert finding.message
+        assert "\n" not in finding.message
+        assert finding.hint
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_findings_are_of_known_rules_and_said_once(path: Path) -> None:
     findings = check_stage(path, "05").findings
-    assert {each.rule for each in findings} <= set(all_rules())
-    said_once = [(each.rule, each.prim, each.property, each.message) for each in findings]
+    assert {finding.rule for finding in findings} <= set(all_rules())
+    said_once = [
+        (finding.rule, finding.prim, finding.property, finding.message) for finding in findings
+    ]
     assert len(set(said_once)) == len(said_once)
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_a_node_has_one_story(path: Path) -> None:
-    findings = [each for each in check_stage(path, "05").findings if each.severity != "note"]
-    deleted = {each.prim for each in findings if each.rule in {"N02", "N03", "N07", "N08", "N09"}}
-    others = [each.prim for each in findings if each.rule[0] in "NPRWT" and each.prim in deleted]
+    findings = [
+        finding for finding in check_stage(path, "05").findings if finding.severity != "note"
+    ]
+    deleted = {
+        finding.prim for finding in findings if finding.rule in {"N02", "N03", "N07", "N08", "N09"}
+    }
+    others = [
+        finding.prim
+        for finding in findings
+        if finding.rule[0] in "NPRWT" and finding.prim in deleted
+    ]
     assert len(others) == len(set(others))
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_a_finding_in_a_text_file_has_its_line_where_its_prim_is_written(path: Path) -> None:
     stage = open_stage(path)
-    for each in check_stage(path, "05").findings:
-        prim = stage.GetPrimAtPath(each.prim)
-        if prim and prim.GetPrimStack() and each.prim != "/":
+    for finding in check_stage(path, "05").findings:
+        prim = stage.GetPrimAtPath(finding.prim)
+        if prim and prim.GetPrimStack() and finding.prim != "/":
             layers = {Path(spec.layer.realPath).name for spec in prim.GetPrimStack()}
-            assert each.line is not None or Path(each.layer or "").name in layers
+            assert finding.line is not None or Path(finding.layer or "").name in layers
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_a_missing_asset_is_a_note_and_a_missing_sublayer_an_error(path: Path) -> None:
     result = check_stage(path, "05")
-    assert {each.severity for each in result.findings if each.rule == "F02"} <= {"note"}
+    assert {finding.severity for finding in result.findings if finding.rule == "F02"} <= {"note"}
     stage = open_stage(path)
     layers = list(stage.GetRootLayer().subLayerPaths)
     missing = [layer for layer in layers if not (path.parent / layer).exists()]
@@ -147,7 +157,7 @@ def test_a_controller_that_runs_only_when_a_message_comes() -> None:
 def test_one_graph_for_everything_is_one_finding_and_judged_part_by_part() -> None:
     result = one("c734468427.usd")
     graph = "/World/ActionGraph_01"
-    (several,) = [each for each in result.findings if each.rule == "G05"]
+    (several,) = [finding for finding in result.findings if finding.rule == "G05"]
     assert several.prim == graph
     assert "ROS_Clock, ROS_Drive and ROS_OdomTF" in several.message
     assert said(result, "G01") == said(result, "G02") == said(result, "N02") == []
@@ -158,7 +168,9 @@ def test_one_graph_for_everything_is_one_finding_and_judged_part_by_part() -> No
 
 def test_a_missing_robot_names_the_graphs_that_are_missing_with_it() -> None:
     messages = {
-        each.prim: each.message for each in one("ros2_bridge.usd").findings if each.rule == "S01"
+        finding.prim: finding.message
+        for finding in one("ros2_bridge.usd").findings
+        if finding.rule == "S01"
     }
     assert messages["/turtlebot3_burger"].endswith("ROS_Drive, ROS_Lidar2D, ROS_Camera, ROS_OdomTF")
     assert messages["/World"].endswith("missing with it: ROS_Clock")
@@ -166,7 +178,7 @@ def test_a_missing_robot_names_the_graphs_that_are_missing_with_it() -> None:
 
 def test_a_robot_as_the_importer_writes_it_has_its_links_elsewhere() -> None:
     path = ROBOTS / "turtlebot3_burger.usda"
-    found = [each for each in check_stage(path, "00").findings if each.rule == "S01"]
+    found = [finding for finding in check_stage(path, "00").findings if finding.rule == "S01"]
     links = {each.prim: each.message for each in found}
     assert "/turtlebot3_burger/base_link" in links
     assert "Geometry/base_footprint" in links["/turtlebot3_burger/base_footprint"]
@@ -174,4 +186,4 @@ def test_a_robot_as_the_importer_writes_it_has_its_links_elsewhere() -> None:
 
 def test_graphs_of_the_replicator_are_nobodys_mistake() -> None:
     result = one("hospital_task.usda")
-    assert [each for each in result.findings if each.prim.startswith("/Replicator")] == []
+    assert [finding for finding in result.findings if finding.prim.startswith("/Replicator")] == []

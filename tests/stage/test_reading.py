@@ -18,7 +18,7 @@ def read(*steps: dict[str, object]) -> StageModel:
 
 
 def topics(stage: StageModel) -> list[str | None]:
-    return [each.topic for each in endpoints(stage, the_lab())]
+    return [endpoint.topic for endpoint in endpoints(stage, the_lab())]
 
 
 def test_what_is_no_node_below_a_graph_is_a_prim_of_the_scene() -> None:
@@ -65,7 +65,7 @@ def test_the_type_of_a_node_and_a_namespace_may_be_asset_paths() -> None:
         {"declare": ["/Render/script.node:type", "asset", "omni.graph.scriptnode.ScriptNode"]},
         {"declare": ["/World.isaac:namespace", "asset", "world"]},
     )
-    assert [each.prim for each in stage.scripts] == ["/Render/script"]
+    assert [script.prim for script in stage.scripts] == ["/Render/script"]
     assert "/world/clock" in topics(stage)
 
 
@@ -78,7 +78,7 @@ def test_a_graph_of_an_instance_may_run(instanced: bool) -> None:  # noqa: FBT00
     stage = read(*steps, *([{"instance": "/World/Holder"}] if instanced else []))
     state = run_states(stage, the_lab())["/World/Holder/ROS_Clock/ros2_publish_clock"]
     assert state == ("may run" if instanced else "runs")
-    found = [each for each in endpoints(stage, the_lab()) if each.topic == "/clock"]
+    found = [endpoint for endpoint in endpoints(stage, the_lab()) if endpoint.topic == "/clock"]
     assert [each.sure for each in found] == [not instanced, True]
 
 

@@ -99,7 +99,7 @@ def test_prims_are_there_by_their_own_paths_only(built: Path) -> None:
     assert f"{prototype.GetPath()}/part" not in model.prims
     for path in (*LEFT_OUT, "/Render/Camera_1", "/World/stray", "/World/off/below"):
         assert path not in model.prims
-    prototypes = [each for each in model.prims if "Prototype" in each]
+    prototypes = [prim for prim in model.prims if "Prototype" in prim]
     assert prototypes == []
     for path in ("/World/two/part", "/Renderer/Camera_1", "/World/off", "/World/only_over"):
         assert model.prims[path].path == path
@@ -170,7 +170,7 @@ def test_damage_that_shows_while_a_rule_reads_is_told_of_the_file(
     result = check_stage(built)
     assert result.verdict == "unreadable"
     assert result.crashes == ()
-    assert [each.rule for each in result.findings] == ["F01"]
+    assert [finding.rule for finding in result.findings] == ["F01"]
 
 
 def test_a_rule_that_fails_of_itself_is_still_a_crash(
@@ -182,7 +182,7 @@ def test_a_rule_that_fails_of_itself_is_still_a_crash(
     monkeypatch.setattr(world, "lights", failing)
     result = check_stage(built)
     assert result.verdict == "fail"
-    assert [each.rule for each in result.crashes] == ["S14"]
+    assert [crash.rule for crash in result.crashes] == ["S14"]
 
 
 def rocks(depth: int, times: int = 1) -> Usd.Stage:
@@ -239,7 +239,7 @@ def test_points_of_no_shape_have_no_box() -> None:
         prim.CreateAttribute("points", kind).Set(values)
         prim.ApplyAPI(UsdPhysics.CollisionAPI)
     boxes = read_model(stage, LAB, "x").colliders.below("/")
-    assert [each.path for each in boxes] == ["/group_0"]
+    assert [box.path for box in boxes] == ["/group_0"]
 
 
 def test_shapes_are_below_a_prim_or_beside_it() -> None:

@@ -62,15 +62,15 @@ def node_type(node: Sdf.PrimSpec) -> str:
 
 
 def port_attributes(node: Sdf.PrimSpec) -> list[Sdf.AttributeSpec]:
-    return [each for each in node.attributes if each.name not in OWN]
+    return [attribute for attribute in node.attributes if attribute.name not in OWN]
 
 
 def attributes(nodes: list[Sdf.PrimSpec]) -> list[Sdf.AttributeSpec]:
-    return [each for node in nodes for each in port_attributes(node)]
+    return [attribute for node in nodes for attribute in port_attributes(node)]
 
 
 def relationships(nodes: list[Sdf.PrimSpec]) -> list[Sdf.RelationshipSpec]:
-    return [each for node in nodes for each in node.relationships]
+    return [relationship for node in nodes for relationship in node.relationships]
 
 
 def known_ports(facts: Facts, node: Sdf.PrimSpec) -> dict[str, Facts]:
@@ -177,7 +177,9 @@ def test_execution_ports_are_marked_and_no_others(nodes: list[Sdf.PrimSpec], fac
 
 
 def test_both_sides_have_execution_ports(nodes: list[Sdf.PrimSpec]) -> None:
-    marked = {each.name for each in attributes(nodes) if "isExecution" in each.customData}
+    marked = {
+        attribute.name for attribute in attributes(nodes) if "isExecution" in attribute.customData
+    }
     assert marked == {"inputs:execIn", "outputs:tick", "outputs:step", "outputs:execOut"}
 
 
@@ -290,7 +292,7 @@ def test_the_camera_declares_what_usd_declares(name: str, layer: Sdf.Layer) -> N
 
 def test_the_lidars_own_figures_agree_with_each_other(layer: Sdf.Layer) -> None:
     prim = layer.GetPrimAtPath(SENSORS[0].path)
-    value = {each.name.rpartition(":")[2]: each.default for each in prim.attributes}
+    value = {attribute.name.rpartition(":")[2]: attribute.default for attribute in prim.attributes}
     assert value["tickRate"] == value["scanRateBaseHz"]
     assert value["patternFiringRateHz"] % value["scanRateBaseHz"] == 0
     assert 0 < value["minDistBetweenEchosM"] < value["nearRangeM"] < value["farRangeM"]

@@ -26,9 +26,9 @@ def unexplained(
     specs = {name: relocated_spec(spec, relocations) for name, spec in placed.graphs.items()}
     roles = match_all(specs, stage)
     return [
-        each.id
-        for each in requirements
-        if not each.met and not any(_speaks(found, each, roles) for found in told)
+        requirement.id
+        for requirement in requirements
+        if not requirement.met and not any(_speaks(found, requirement, roles) for found in told)
     ]
 
 

@@ -156,7 +156,7 @@ class Outcome:
         ]
 
     def _edits(self) -> list[Any]:
-        return [edit for each in self.fixed.repairs for edit in each.edits]
+        return [edit for repair in self.fixed.repairs for edit in repair.edits]
 
     def _hunks(self) -> list[tuple[range, range]]:
         one, other = self.before.split("\n"), self.after.split("\n")
@@ -170,7 +170,7 @@ class Outcome:
 
 def own_texts(text: str) -> dict[str, str]:
     """Return the text of each prim without that of its children, and without blank lines."""
-    blocks = [each for each in read_blocks(text).values() if each.path != ROOT]
+    blocks = [read_block for read_block in read_blocks(text).values() if read_block.path != ROOT]
     found = {}
     for block in blocks:
         pos, parts = block.start, []
@@ -180,7 +180,7 @@ def own_texts(text: str) -> dict[str, str]:
                 pos = child.end
         parts.append(text[pos : block.end])
         lines = "".join(parts).split("\n")
-        found[block.path] = "\n".join(each for each in lines if each.strip())
+        found[block.path] = "\n".join(line for line in lines if line.strip())
     return found
 
 
@@ -226,4 +226,4 @@ def repaired_edit(number: int, folder: Path, lab: Lab) -> tuple[str, Fixed | Non
 
 def has_errors(findings: Iterable[Finding]) -> bool:
     """Whether a stage with these findings fails."""
-    return any(each.severity == "error" for each in findings)
+    return any(finding.severity == "error" for finding in findings)

@@ -272,15 +272,15 @@ def _rover_graphs(stage: Usd.Stage, robot: str) -> None:
             "tick.tick -> frames.execIn",
             "frames.execOut -> tree.execIn",
             "tick.tick -> joints.execIn",
-            *(f"context.context -> {each}.context" for each in PUBLISHERS),
-            *(f"time.simulationTime -> {each}.timeStamp" for each in PUBLISHERS),
+            *(f"context.context -> {publisher}.context" for publisher in PUBLISHERS),
+            *(f"time.simulationTime -> {publisher}.timeStamp" for publisher in PUBLISHERS),
             "compute.position -> odometry.position",
             "compute.orientation -> odometry.orientation",
             "compute.linearVelocity -> odometry.linearVelocity",
             "compute.angularVelocity -> odometry.angularVelocity",
             "compute.position -> transform.translation",
             "compute.orientation -> transform.rotation",
-            *(f"frames.{each} -> tree.{each}" for each in ARRAYS),
+            *(f"frames.{array} -> tree.{array}" for array in ARRAYS),
         ],
     )
     sensor_graph(stage, "/World/Lidar", f"{base}/laser", "ros.ROS2RtxLidarHelper", "laser", "scan")
@@ -463,11 +463,11 @@ def arm() -> Usd.Stage:
             *(f"ros2_context.context -> {each}.context" for each in _IN_CONTEXT),
             *(f"read_time.simulationTime -> {each}.timeStamp" for each in _STAMPED),
             *(f"read_joints.{each} -> joint_states.{each}" for each in _JOINTS),
-            *(f"command.{each} -> controller.{each}" for each in _COMMANDS),
+            *(f"command.{command} -> controller.{command}" for command in _COMMANDS),
             "imu.linAcc -> publish_imu.linearAcceleration",
             "imu.angVel -> publish_imu.angularVelocity",
             "imu.orientation -> publish_imu.orientation",
-            *(f"frames.{each} -> tf.{each}" for each in ARRAYS),
+            *(f"frames.{array} -> tf.{array}" for array in ARRAYS),
         ],
     )
     return stage

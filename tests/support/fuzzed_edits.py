@@ -81,9 +81,9 @@ def content(layer: Sdf.Layer) -> dict[str, dict[str, str]]:
 
 def _elsewhere(layer: Layer, text: str, edits: list[Edit]) -> str | None:
     """Name a prim whose own text changed though no edit names it."""
-    if any(isinstance(each, MovePrim) for each in edits):
+    if any(isinstance(edit, MovePrim) for edit in edits):
         return None
-    named = {each.prim for each in edits}
+    named = {edit.prim for edit in edits}
     before, after = own_texts(layer.text), own_texts(text)
     for path in before.keys() & after.keys():
         if path not in named and before[path] != after[path]:
@@ -93,7 +93,7 @@ def _elsewhere(layer: Layer, text: str, edits: list[Edit]) -> str | None:
 
 def _lost_comment(layer: Layer, text: str, edits: list[Edit]) -> str | None:
     """Name a comment that went away with nothing that was removed."""
-    if any(isinstance(each, RemovePrim) for each in edits):
+    if any(isinstance(edit, RemovePrim) for edit in edits):
         return None
     lost = Counter(_NOTE.findall(layer.text)) - Counter(_NOTE.findall(text))
     return f"lost {[*lost]}" if lost else None

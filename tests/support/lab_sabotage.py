@@ -98,7 +98,7 @@ def _wheels(lab: Lab) -> Iterator[_Found]:
     wheels = robot.wheels
     for name, link in wheels.joints.items():
         path = robot.joint_path(name)
-        others = [each for each in wheels.joints.values() if each != link]
+        others = [joint for joint in wheels.joints.values() if joint != link]
         for what, change in _joint_changes(path, f"{robot.path}/{others[0]}").items():
             yield f"{name} {what}", change, path
         yield f"{name} renamed", move_prim(path, f"{path}_1"), f"{path}_1"
@@ -154,7 +154,7 @@ def _early(lab: Lab) -> Iterator[_Found]:
         path, kind = spec.path, spec.type
         yield f"{name} in the starter", _defined(path, kind), path
     for graph in lab.graphs.values():
-        if not any(graph.path.startswith(each.path) for each in lab.sensors.values()):
+        if not any(graph.path.startswith(sensor.path) for sensor in lab.sensors.values()):
             yield f"{graph.name} in the starter", _defined(graph.path, "OmniGraph"), graph.path
 
 

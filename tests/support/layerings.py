@@ -32,7 +32,7 @@ def _export(stage: Usd.Stage, path: Path) -> None:
 
 def _layered(path: Path, *sublayers: Path) -> Usd.Stage:
     stage = empty(path)
-    stage.GetRootLayer().subLayerPaths = [each.name for each in sublayers]
+    stage.GetRootLayer().subLayerPaths = [sublayer.name for sublayer in sublayers]
     return Usd.Stage.Open(stage.GetRootLayer())
 
 

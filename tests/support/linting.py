@@ -27,9 +27,9 @@ def said_by(stage: Usd.Stage, *severities: str, release: str = "6.0") -> list[st
     results = linted(stage, release)
     assert not results.crashes
     return sorted(
-        f"{each.rule} {each.prim} {each.property or ''}".strip()
-        for each in results.findings
-        if not severities or each.severity in severities
+        f"{finding.rule} {finding.prim} {finding.property or ''}".strip()
+        for finding in results.findings
+        if not severities or finding.severity in severities
     )
 
 

@@ -105,7 +105,7 @@ def _tree(compute: str, publisher: str) -> list[str]:
     return [
         f"OnPlaybackTick.tick -> {compute}.execIn",
         f"{compute}.execOut -> {publisher}.execIn",
-        *(f"{compute}.{each} -> {publisher}.{each}" for each in _ARRAYS),
+        *(f"{compute}.{array} -> {publisher}.{array}" for array in _ARRAYS),
         f"ReadSimTime.simulationTime -> {publisher}.timeStamp",
         f"Context.context -> {publisher}.context",
     ]
@@ -206,11 +206,11 @@ def _labels(kind: str, topic: str) -> dict[str, object]:
 def _helped(helpers: list[str]) -> list[str]:
     return [
         wire
-        for each in helpers
+        for helper in helpers
         for wire in (
-            f"RenderProduct.execOut -> {each}.execIn",
-            f"RenderProduct.renderProductPath -> {each}.renderProductPath",
-            f"Context.context -> {each}.context",
+            f"RenderProduct.execOut -> {helper}.execIn",
+            f"RenderProduct.renderProductPath -> {helper}.renderProductPath",
+            f"Context.context -> {helper}.context",
         )
     ]
 

@@ -21,7 +21,7 @@ def correct_model(checkpoint: str = "05") -> StageModel:
 
 
 def graph_of(name: str) -> GraphModel:
-    return next(each for each in correct_model().graphs if each.name == name)
+    return next(graph for graph in correct_model().graphs if graph.name == name)
 
 
 def with_graphs(*graphs: GraphModel, base: StageModel | None = None) -> StageModel:
@@ -79,7 +79,7 @@ def with_nodes(graph: GraphModel, *nodes: Node) -> GraphModel:
 
 def without_nodes(graph: GraphModel, *names: str) -> GraphModel:
     """The graph without the nodes of these names."""
-    return replace(graph, nodes=tuple(each for each in graph.nodes if each.name not in names))
+    return replace(graph, nodes=tuple(node for node in graph.nodes if node.name not in names))
 
 
 def node_of(graph: GraphModel, name: str) -> Node:

@@ -58,7 +58,11 @@ def _nodes(stage: Usd.Stage) -> list[Usd.Prim]:
 
 
 def _ports(node: Usd.Prim, start: str) -> list[Usd.Attribute]:
-    return [each for each in node.GetAuthoredAttributes() if each.GetName().startswith(start)]
+    return [
+        getauthoredattribute
+        for getauthoredattribute in node.GetAuthoredAttributes()
+        if getauthoredattribute.GetName().startswith(start)
+    ]
 
 
 def _sources(stage: Usd.Stage, chance: random.Random, node: Usd.Prim) -> Sdf.Path | None:
@@ -147,7 +151,11 @@ def _set(attribute: Usd.Attribute, chance: random.Random) -> str:
 
 def _aim(stage: Usd.Stage, chance: random.Random) -> str:
     node = chance.choice(_nodes(stage))
-    ports = [each for each in node.GetAuthoredRelationships() if each.GetTargets()]
+    ports = [
+        getauthoredrelationship
+        for getauthoredrelationship in node.GetAuthoredRelationships()
+        if getauthoredrelationship.GetTargets()
+    ]
     if not ports:
         return ""
     port = chance.choice(ports)
@@ -203,9 +211,9 @@ def _scene(stage: Usd.Stage, chance: random.Random) -> str:
     prims = [each for each in stage.Traverse() if each.GetTypeName() != "OmniGraphNode"]
     prim = chance.choice([each for each in prims if each.GetAuthoredAttributes()])
     attributes = [
-        each
-        for each in prim.GetAuthoredAttributes()
-        if not each.GetName().startswith(("primvars", "ui:", "inputs:"))
+        getauthoredattribute
+        for getauthoredattribute in prim.GetAuthoredAttributes()
+        if not getauthoredattribute.GetName().startswith(("primvars", "ui:", "inputs:"))
     ]
     return _set(chance.choice(attributes), chance) if attributes else ""
 
@@ -243,8 +251,12 @@ def _name_space(stage: Usd.Stage, chance: random.Random) -> str:
 
 def _sample(stage: Usd.Stage, chance: random.Random) -> str:
     """Let a value be another one from the first frame on."""
-    ports = [each for node in _nodes(stage) for each in _ports(node, "inputs:")]
-    ports += [each for prim in stage.Traverse() for each in prim.GetAuthoredAttributes()]
+    ports = [port for node in _nodes(stage) for port in _ports(node, "inputs:")]
+    ports += [
+        getauthoredattribute
+        for prim in stage.Traverse()
+        for getauthoredattribute in prim.GetAuthoredAttributes()
+    ]
     attribute = chance.choice(ports)
     value = _value(attribute, chance)
     if value is None or value == attribute.Get() or attribute.GetName().startswith("primvars"):

@@ -116,7 +116,7 @@ class Writer:
             return [head]
         if len(entries) == 1 and "\n" not in entries[0] and self.rng.random() < 0.4:
             return [f"{head} ({entries[0]})"]
-        lines = [f"{indent}{self.step}{each}{self.trailing()}" for each in entries]
+        lines = [f"{indent}{self.step}{entry}{self.trailing()}" for entry in entries]
         return [f"{head} (", *lines, f"{indent})"]
 
     def variants(self, indent: str) -> list[str]:
@@ -139,7 +139,7 @@ class Writer:
                 lines += self.attribute(path, name)
             if self.rng.random() < 0.15:
                 lines.append(self.comment())
-        return [f"{indent}{each}" for each in lines]
+        return [f"{indent}{line}" for line in lines]
 
     def relationship(self, path: str, name: str) -> list[str]:
         self.layer.prims[path][name] = "rel"

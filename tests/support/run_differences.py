@@ -30,9 +30,9 @@ def _paths(one: Recording, other: Recording) -> Iterator[str]:
 
 def _streams(recording: Recording) -> dict[tuple[str, str, int | None, int, str], list[Message]]:
     found: dict[tuple[str, str, int | None, int, str], list[Message]] = {}
-    for each in recording.messages:
-        key = (each.topic, each.type, each.away, each.session, each.frame)
-        found.setdefault(key, []).append(each)
+    for message in recording.messages:
+        key = (message.topic, message.type, message.away, message.session, message.frame)
+        found.setdefault(key, []).append(message)
     return found
 
 

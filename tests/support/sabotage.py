@@ -133,7 +133,7 @@ def _target_faults(spec: GraphSpec, node: NodeSpec) -> Iterator[Fault]:
 def _target_fault(path: str, port: str, prim: str, instead: str | None, name: str) -> Fault:
     def change(stage: Usd.Stage) -> None:
         relationship = stage.GetPrimAtPath(path).GetRelationship(port)
-        kept = [each for each in relationship.GetTargets() if str(each) != prim]
+        kept = [gettarget for gettarget in relationship.GetTargets() if str(gettarget) != prim]
         relationship.SetTargets([*kept, *([] if instead is None else [Sdf.Path(instead)])])
 
     what = "removed" if instead is None else "replaced"
@@ -147,7 +147,7 @@ def _wire_faults(spec: GraphSpec, wire: Wire) -> Iterator[Fault]:
     def connect(*paths: str) -> Callable[[Usd.Stage], None]:
         def change(stage: Usd.Stage) -> None:
             attribute = stage.GetPrimAtPath(target).GetAttribute(wire.target.port)
-            attribute.SetConnections([Sdf.Path(each) for each in paths])
+            attribute.SetConnections([Sdf.Path(path) for path in paths])
 
         return change
 

@@ -15,6 +15,6 @@ ROS = load_ros()
 def read_evidence(folder: Path, root: Path | None = None) -> Evidence:
     """Read what the texts in `folder` show, named relative to `root`, by default the folder."""
     base = folder if root is None else root
-    files = [folder / each.path for each in entries_below(folder) if not each.why_not]
+    files = [folder / entry.path for entry in entries_below(folder) if not entry.why_not]
     named = {file.relative_to(base).as_posix(): file for file in files}
     return read_texts(named, folder.relative_to(base).as_posix(), ROS)

@@ -147,8 +147,8 @@ def move_prim(old: str, new: str) -> Change:
 
 def several(*changes: Change) -> Change:
     def change(stage: Usd.Stage) -> None:
-        for each in changes:
-            each(stage)
+        for change in changes:
+            change(stage)
 
     return change
 

@@ -62,4 +62,6 @@ def findings_of(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
 
 def told(stage: Usd.Stage, checkpoint: str) -> list[tuple[str, str, str | None]]:
     """Rule, prim and property of everything that is said of the stage."""
-    return [(each.rule, each.prim, each.property) for each in findings_of(stage, checkpoint)]
+    return [
+        (finding.rule, finding.prim, finding.property) for finding in findings_of(stage, checkpoint)
+    ]

@@ -115,7 +115,9 @@ def _compare_once(result: StageResult, starter: Starter, lab: Lab) -> StageResul
 
 
 def _agree_once(stage: Path, image: Path, facts: MapFacts, lab: Lab) -> tuple[Agreement, ...]:
-    numbers = [each for each in LAB.checkpoints if _is_as_built(stage, stage_name(each))]
+    numbers = [
+        checkpoint for checkpoint in LAB.checkpoints if _is_as_built(stage, stage_name(checkpoint))
+    ]
     if not numbers or not _is_as_built(image, f"maps/{image.name}"):
         return WALL_AGREEMENTS(stage, image, facts, lab)
     return _built_agreements(numbers[0], image.name, facts)
@@ -159,11 +161,14 @@ def _built_params(name: str) -> NavigationSubject:
 def said(result: FolderResult, *severities: str) -> list[str]:
     """Return rule and site of the findings; those of a stage begin with its checkpoint."""
     found = [
-        (each.severity, f"{each.rule} {stage.checkpoint}:{each.prim}")
+        (finding.severity, f"{finding.rule} {stage.checkpoint}:{finding.prim}")
         for stage in result.results
-        for each in stage.findings
+        for finding in stage.findings
     ]
-    found += [(each.severity, f"{each.rule} {each.prim}") for each in result.submission.findings]
+    found += [
+        (finding.severity, f"{finding.rule} {finding.prim}")
+        for finding in result.submission.findings
+    ]
     return sorted(site for severity, site in found if severity in severities)
 
 

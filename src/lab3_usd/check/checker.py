@@ -94,7 +94,9 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         checkpoint=checkpoint,
         stage=stage,
         roles={subject.spec.name: subject.roles for subject in subjects},
-        faulty_prims=frozenset(each.prim for each in run.findings if each.severity == "error"),
+        faulty_prims=frozenset(
+            finding.prim for finding in run.findings if finding.severity == "error"
+        ),
         relocations=relocations,
         missing_graphs={
             subject.spec.name: subject.missing_with for subject in subjects if subject.missing_with
@@ -114,7 +116,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     for found in rules_of("outcome", *STAGE_FAMILIES):
         run.rule(found, outcome)
     findings = tuple(with_named_nodes(with_repairs(run.findings, subjects, whole), live))
-    graphs = {each.spec.name: each.roles.graph for each in subjects}
+    graphs = {graph_subject.spec.name: graph_subject.roles.graph for graph_subject in subjects}
     asked = with_other_faults(outcome.requirements, findings, graphs)
     return Judgement(findings, asked, tuple(run.crashes))
 
@@ -125,14 +127,17 @@ def _without_repeats(findings: list[Finding]) -> list[Finding]:
     An extra node is left out where an error says what harm it does, a target that does not exist
     where its frame is missing.
     """
-    harmful = {each.prim for each in findings if each.severity == "error"}
-    left = [each for each in findings if each.rule != EXTRA_NODE or each.prim not in harmful]
-    sites = {(each.rule, each.prim, each.property) for each in left}
+    harmful = {finding.prim for finding in findings if finding.severity == "error"}
+    left = [
+        finding for finding in findings if finding.rule != EXTRA_NODE or finding.prim not in harmful
+    ]
+    sites = {(finding.rule, finding.prim, finding.property) for finding in left}
     return [
-        each
-        for each in left
+        finding
+        for finding in left
         if not any(
-            (SAYS_MORE.get(each.rule), each.prim, name) in sites for name in (each.property, None)
+            (SAYS_MORE.get(finding.rule), finding.prim, name) in sites
+            for name in (finding.property, None)
         )
     ]
 

@@ -37,13 +37,13 @@ class ChecklistInput(Struct, frozen=True):
     @property
     def last(self) -> StageResult | None:
         """The last stage that could be read."""
-        readable = [each for each in self.results.values() if each.verdict != "unreadable"]
+        readable = [result for result in self.results.values() if result.verdict != "unreadable"]
         return readable[-1] if readable else None
 
     def errors(self) -> Iterator[Finding]:
         """Yield the errors of the last stage and of the submission as a whole."""
         stage = self.last.findings if self.last is not None else ()
-        yield from (each for each in (*stage, *self.findings) if each.severity == "error")
+        yield from (finding for finding in (*stage, *self.findings) if finding.severity == "error")
 
 
 def decide_checklist(given: ChecklistInput) -> tuple[ChecklistItem, ...]:
@@ -99,12 +99,12 @@ def _requirements(patterns: tuple[str, ...], given: ChecklistInput) -> _Verdict:
     last = given.last
     if last is None:
         return "not shown", "no stage could be read"
-    names = tuple(each.id for each in last.requirements)
+    names = tuple(requirement.id for requirement in last.requirements)
     for pattern in patterns:
         asked = [last.requirements[number] for number in _matching(pattern, names)]
         if not asked:
             return "not met", f"checkpoint {last.checkpoint} is the last, and does not have it yet"
-        missed = [each for each in asked if not each.met]
+        missed = [requirement for requirement in asked if not requirement.met]
         if missed:
             return "not met", _titles(missed)
     return "met", ""

@@ -62,7 +62,7 @@ def _graph_of(finding: Finding, graphs: Collection[str]) -> str:
 def shown_graph(path: str, graphs: Iterable[str]) -> str:
     """Return the name of a graph as the editor shows it, its path where another has that name."""
     name = path.rpartition("/")[2]
-    alike = any(each != path and each.rpartition("/")[2] == name for each in graphs)
+    alike = any(graph != path and graph.rpartition("/")[2] == name for graph in graphs)
     return path if alike else name
 
 
@@ -94,7 +94,7 @@ def _is_made_up(subject: GraphSubject, wire: Wire) -> bool:
     if target is None:
         onward = [each for each in subject.spec.wires if each.source.role == wire.target.role]
         return bool(onward) and all(_is_made_up(subject, each) for each in onward)
-    sources = [each for each in target.sources(port) if is_live(subject.live_nodes, each)]
+    sources = [source for source in target.sources(port) if is_live(subject.live_nodes, source)]
     if sources:
         return set(sources) <= _around(subject, wire.source.role)
     value = target.value(port)
@@ -127,7 +127,9 @@ def _given(spec: GraphSpec, source: PortRef) -> Value | None:
     """Return the value that a wire of the spec brings, None where it is known at run time only."""
     node = spec.nodes[source.role]
     if source.port.startswith(INPUT):  # a constant
-        return next((each.value for each in node.settings if each.port == source.port), None)
+        return next(
+            (setting.value for setting in node.settings if setting.port == source.port), None
+        )
     if node.type.dynamic is None:
         return None
     first = INPUT + node.type.dynamic.prefix

@@ -28,11 +28,11 @@ def lint(subject: LintSubject) -> RuleResults:
         StageError: the file turns out to be damaged.
     """
     try:
-        files = merge_results(run_rule(each, subject, None) for each in rules_of("model", "F"))
-        stage = merge_results(run_rule(each, subject, None) for each in rules_of("lint", "K"))
+        files = merge_results(run_rule(rule, subject, None) for rule in rules_of("model", "F"))
+        stage = merge_results(run_rule(rule, subject, None) for rule in rules_of("lint", "K"))
         # What cannot be found leaves the verdict open; whether it should be there is not known.
         notes = RuleResults(
-            tuple(replace(each, severity="note") for each in files.findings), files.crashes
+            tuple(replace(finding, severity="note") for finding in files.findings), files.crashes
         )
         repairs = tuple(with_lint_repairs(stage.findings, subject))
         return merge_results((notes, RuleResults(repairs, stage.crashes)))
@@ -46,17 +46,17 @@ _Edits = Iterator[Edit]
 
 def with_lint_repairs(findings: Iterable[Finding], subject: LintSubject) -> Iterator[Finding]:
     """Yield the findings, those that have one right repair together with it."""
-    for each in findings:
-        repaired = _BY_RULE.get(each.rule) if each.severity != "note" else None
-        edits = tuple(repaired(each, subject)) if repaired else ()
-        yield replace(each, fix=repair_by(edits)) if edits else each
+    for finding in findings:
+        repaired = _BY_RULE.get(finding.rule) if finding.severity != "note" else None
+        edits = tuple(repaired(finding, subject)) if repaired else ()
+        yield replace(finding, fix=repair_by(edits)) if edits else finding
 
 
 def _dead_wire(finding: Finding, subject: LintSubject) -> _Edits:
     """Leave out a dead wire where a live one feeds the input as well."""
     node, port = _port(finding, subject)
     if node is not None and port is not None and finding.severity == "warning":
-        live = (each for each in node.sources(port.name) if each != finding.actual)
+        live = (source for source in node.sources(port.name) if source != finding.actual)
         yield Connect(node.path, port.name, port.usd_type, tuple(live))
 
 
@@ -69,7 +69,9 @@ def _unknown_port(finding: Finding, subject: LintSubject) -> _Edits:
         if port is None or not _fits(subject.live[finding.related[0]], finding.expected, port):
             return
         meant = f"{finding.related[0]}.{finding.expected}"
-        sources = (meant if each == finding.actual else each for each in node.sources(port.name))
+        sources = (
+            meant if source == finding.actual else source for source in node.sources(port.name)
+        )
         yield Connect(node.path, port.name, port.usd_type, tuple(sources))
     elif port is None and finding.expected not in node.ports and finding.property:
         yield RenameProperty(node.path, finding.property, finding.expected)

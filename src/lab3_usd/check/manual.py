@@ -107,7 +107,7 @@ def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
 
 
 def _of_sensors(lab: Lab) -> Iterator[tuple[str, str]]:
-    kinds = {each.kind: "sensor" for each in lab.sensors.values()}
+    kinds = {sensor.kind: "sensor" for sensor in lab.sensors.values()}
     from lab3_usd.check.robot.sensors import CAMERA, LIDAR
 
     kinds |= {LIDAR: "lidar", CAMERA: "camera"}
@@ -130,8 +130,8 @@ def _menu(asset: str) -> str:
 def _of_graphs(lab: Lab) -> Iterator[tuple[str, str]]:
     graphs = list(lab.graphs.values())
     for word, number in (("graph", 0), ("next_graph", 1), ("last_graph", len(graphs))):
-        yield word, _at([each.path for each in graphs], number)
-        yield f"{word}_name", _at([each.name for each in graphs], number)
+        yield word, _at([graph.path for graph in graphs], number)
+        yield f"{word}_name", _at([graph.name for graph in graphs], number)
 
 
 def _of_files(lab: Lab) -> Iterator[tuple[str, str]]:
@@ -153,6 +153,6 @@ def _of_files(lab: Lab) -> Iterator[tuple[str, str]]:
 
 def _of_ros(lab: Lab) -> Iterator[tuple[str, str]]:
     for word, message in _MESSAGES.items():
-        yield word, next((name for name, each in lab.topics.items() if each.type == message), "")
+        yield word, next((name for name, topic in lab.topics.items() if topic.type == message), "")
     yield "root", lab.frames.root
     yield "above", lab.frames.above

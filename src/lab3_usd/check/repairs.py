@@ -88,13 +88,13 @@ def _renaming(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:
 
 def _misspelt(kind: NodeType, node: Node, name: str) -> str | None:
     """Return the property that was likely meant to be a port which the node does not have."""
-    unknown = [each for each in node.ports if kind.port(each) is None]
+    unknown = [port for port in node.ports if kind.port(port) is None]
     written = likely_name(name, unknown) if name not in node.ports else None
     return written if written and likely_name(written, [*kind.ports]) == name else None
 
 
 def _target_edits(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:
-    asked = next((each.prims for each in spec.targets if each.port == name), ())
+    asked = next((target.prims for target in spec.targets if target.port == name), ())
     if node.targets(name) != asked:
         yield Retarget(node.path, name, asked)
 
@@ -129,7 +129,7 @@ def _value_edits(subject: GraphSubject, role: str, node: Node, port: Port) -> It
 
 def _is_left_alone(subject: GraphSubject, role: str, state: PortState, port: Port) -> bool:
     """Whether an input that the handout does not set has no value of its own, or is connected."""
-    is_connected = any(each.target.port == port.name for each in subject.spec.wires_into(role))
+    is_connected = any(wire.target.port == port.name for wire in subject.spec.wires_into(role))
     return is_connected or state.value is None or state.value == port.default
 
 
@@ -158,16 +158,16 @@ def with_repairs(
     findings: Iterable[Finding], subjects: Sequence[GraphSubject], whole: StageSubject
 ) -> Iterator[Finding]:
     """Yield the findings, those that have one right repair together with it."""
-    for each in findings:
-        edits = () if each.severity == "note" else tuple(_edits(each, subjects, whole))
-        yield replace(each, fix=repair_by(edits)) if edits else each
+    for finding in findings:
+        edits = () if finding.severity == "note" else tuple(_edits(finding, subjects, whole))
+        yield replace(finding, fix=repair_by(edits)) if edits else finding
 
 
 def repair_by(edits: tuple[Edit, ...]) -> Repair:
     """Return the repair that makes these edits, safe where none adds, removes or moves a prim."""
     is_safe = not any(
-        isinstance(each, _NEEDS_CONSENT) or (isinstance(each, Restore) and each.property is None)
-        for each in edits
+        isinstance(edit, _NEEDS_CONSENT) or (isinstance(edit, Restore) and edit.property is None)
+        for edit in edits
     )
     return Repair("; ".join(map(_title, edits)), edits, is_safe)
 
@@ -237,9 +237,9 @@ def _missing_graph_edits(subject: GraphSubject) -> Iterator[Edit]:
 
 
 def _kind_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
-    for each in subject.lab.catalog.graph.attributes:
-        if each.name == finding.property:
-            yield SetValue(finding.prim, each.name, each.usd_type, each.value)
+    for attribute in subject.lab.catalog.graph.attributes:
+        if attribute.name == finding.property:
+            yield SetValue(finding.prim, attribute.name, attribute.usd_type, attribute.value)
 
 
 def _node_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
@@ -292,7 +292,7 @@ def _restores(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
     """Yield how to restore the properties that a finding names, else its prims."""
     if finding.property:
         sites = () if _is_turned_round(finding, whole) else _sites(finding)
-        yield from (Restore(*each) for each in sites)
+        yield from (Restore(*site) for site in sites)
     elif finding.rule == _MISSING_PRIM and finding.related:  # where the prim seems to be
         if len(finding.related) == 1:
             yield MovePrim(finding.related[0], finding.prim)
@@ -308,21 +308,21 @@ def _is_out_of_reach(finding: Finding, whole: StageSubject) -> bool:
     """Whether a fault is in what a prim refers to, or in a prim above the one that is named."""
     if finding.rule == _NOT_AT_REST and finding.prim == whole.lab.scene.robot.path:
         grounds = map(whole.stage.prim, finding.related)
-        return not any(ORDER in each.attributes for each in grounds if each)
+        return not any(ORDER in ground.attributes for ground in grounds if ground)
     return finding.rule == _OTHER_ASSET
 
 
 def _is_turned_round(finding: Finding, whole: StageSubject) -> bool:
     """Whether it is about the frame of a joint whose bodies are the other way round."""
     return (finding.property or "").startswith(_FRAMES) and any(
-        each.site == finding.prim and base_side(each) == 1 for each in wheel_joints(whole)
+        joint.site == finding.prim and base_side(joint) == 1 for joint in wheel_joints(whole)
     )
 
 
 def _deactivated(finding: Finding, whole: StageSubject) -> list[str]:
     """Return what is deactivated at and below the link that a finding is about."""
     link = next(iter(finding.related), finding.prim)
-    return [each.path for each in whole.stage.below(link) if not each.active]
+    return [prim.path for prim in whole.stage.below(link) if not prim.active]
 
 
 def _articulation_edits(finding: Finding, whole: StageSubject, *, is_there: bool) -> Iterator[Edit]:
@@ -349,10 +349,14 @@ def with_starter_repairs(
     What stands elsewhere than in the starter has none: nothing is supplied at its path.
     Of several differences of a prim the first is repaired; the next one is found after that.
     """
-    for each in findings:
-        is_there = each.rule == _ADDED or is_supplied(each.prim)
-        edits = tuple(_starter_edits(each)) if is_there else ()
-        yield replace(each, fix=repair_by(edits)) if edits and each.severity != "note" else each
+    for finding in findings:
+        is_there = finding.rule == _ADDED or is_supplied(finding.prim)
+        edits = tuple(_starter_edits(finding)) if is_there else ()
+        yield (
+            replace(finding, fix=repair_by(edits))
+            if edits and finding.severity != "note"
+            else finding
+        )
 
 
 def _starter_edits(finding: Finding) -> Iterator[Edit]:

@@ -103,7 +103,7 @@ def scene_requirements(
 
     The items read as in `lab`, whose prims are looked up where they really stand.
     """
-    errors = [each for each in findings if each.severity == "error"]
+    errors = [finding for finding in findings if finding.severity == "error"]
     robot = lab.scene.robot.path
     for item in scene_items(lab, subject.checkpoint):
         path = _actual_path(item.prim, robot, subject.relocations)
@@ -163,7 +163,7 @@ def with_other_faults(
     the lab; what lies in none of them is of the scene.
     """
     asked = tuple(requirements)
-    if not all(each.met for each in asked):
+    if not all(requirement.met for requirement in asked):
         return asked
     added: dict[str, Requirement] = {}
     for finding in findings:

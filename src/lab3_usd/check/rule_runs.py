@@ -31,7 +31,7 @@ def run_family(
     lab: Lab | None,
 ) -> RuleResults:
     """Run every rule of a family in the order of their ids."""
-    return merge_results(run_rule(each, subject, lab) for each in rules_of(scope, family))
+    return merge_results(run_rule(rule, subject, lab) for rule in rules_of(scope, family))
 
 
 def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
@@ -59,8 +59,8 @@ def merge_results(results: Iterable[RuleResults]) -> RuleResults:
     """Return everything that several runs found, in their order."""
     runs = list(results)
     return RuleResults(
-        tuple(finding for each in runs for finding in each.findings),
-        tuple(crash for each in runs for crash in each.crashes),
+        tuple(finding for run in runs for finding in run.findings),
+        tuple(crash for rule_results in runs for crash in rule_results.crashes),
     )
 
 

@@ -71,7 +71,7 @@ def command(recording: Path, checkpoint: str | None, stage: Path | None, form: s
     lab = load_lab()
     known = [*lab.checkpoints]
     names = [recording.name, stage.name if stage is not None else ""]
-    named = next(filter(None, (checkpoint_of(each, lab) for each in names)), known[-1])
+    named = next(filter(None, (checkpoint_of(name, lab) for name in names)), known[-1])
     asked = named if checkpoint is None else checkpoint_number(checkpoint, known)
     found = judge_recording(recording, lab, asked, whole=checkpoint is not None)
     if stage is not None and found.verdict != "unreadable":

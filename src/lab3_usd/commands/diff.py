@@ -75,7 +75,11 @@ def _pictures(found: Comparison) -> Iterator[tuple[str, Picture]]:
         graph = pair.after or pair.before
         if graph is None:
             continue
-        tops = {f"{each.path}/" for each in (pair.before, pair.after) if each is not None}
+        tops = {
+            f"{graph_model.path}/"
+            for graph_model in (pair.before, pair.after)
+            if graph_model is not None
+        }
         changes = [c for c in found.diff.changes if any(f"{c.path}/".startswith(t) for t in tops)]
         if not changes:
             continue

@@ -46,7 +46,7 @@ def run(stage: Path, options: Mapping[str, Any]) -> int:
     if not options["diff"]:
         _write(stage, fixed, options)
         _tell(stage, fixed, options)
-    return 1 if any(_counts(each) for each in fixed.left) else 0
+    return 1 if any(_counts(finding) for finding in fixed.left) else 0
 
 
 def _fixed(stage: Path, options: Mapping[str, Any], settings: FixOptions) -> Fixed:
@@ -115,11 +115,11 @@ def _shown(path: Path) -> str:
 
 
 def _tell(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
-    for each in fixed.repaired:
-        click.echo(f"repaired {_line(each)}")
-    for each in fixed.left:
-        why = _why_left(each, fixed, unsafe=options["unsafe"])
-        click.echo(f"{why} {each.severity} {_line(each)}")
+    for finding in fixed.repaired:
+        click.echo(f"repaired {_line(finding)}")
+    for finding in fixed.left:
+        why = _why_left(finding, fixed, unsafe=options["unsafe"])
+        click.echo(f"{why} {finding.severity} {_line(finding)}")
     written = options["output"] is not None or options["in_place"]
     hint = "" if written or not fixed.files else "; give --diff, --output or --in-place"
     counts = f"{len(fixed.repaired)} repaired, {len(fixed.left)} left"

@@ -40,9 +40,9 @@ def make_lab(folder: Path, stage: Path) -> int:
         click.echo(folder / name)
     for line in description.left_out:
         click.echo(f"left out: {line}")
-    errors = [each for each in results[0].findings if each.severity == "error"]
-    for each in errors:
-        click.echo(f"error {each.rule} {each.prim}: {each.message}")
+    errors = [finding for finding in results[0].findings if finding.severity == "error"]
+    for error in errors:
+        click.echo(f"error {error.rule} {error.prim}: {error.message}")
     score = results[0].score
     counts = f"{score.earned:g} of {score.possible:g} met"
     click.echo(f"{stage}: checkpoint {last}, {results[0].verdict}, {counts}")
@@ -72,11 +72,11 @@ def check(folder: Path | None) -> None:
     lab = assemble(folder or lab_folder())
     found = list(lab_faults(lab))
     # Points and checklists are held against a lab that agrees with itself.
-    if all(each.severity != "error" for each in found):
+    if all(fault.severity != "error" for fault in found):
         found += scoring_faults(lab)
     for each in found:
         click.echo(f"{each.severity} {each}")
-    click.echo(_summary(lab.title, [each.severity for each in found]))
+    click.echo(_summary(lab.title, [lab_fault.severity for lab_fault in found]))
     if found:
         sys.exit(EXIT_FOUND)
 

@@ -35,7 +35,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
         "play.py.j2",
         title=lab.title,
         script=script.name,
-        stages=[each.file for each in lab.checkpoints.values()],
+        stages=[checkpoint.file for checkpoint in lab.checkpoints.values()],
         drives=drives,
         package=package.replace("/", "."),
         kind=kind,

@@ -69,7 +69,7 @@ def _refuse_unknown(given: Iterable[str], where: str) -> None:
             continue
         from difflib import get_close_matches
 
-        close = " or ".join(f"'{each}'" for each in get_close_matches(key, _KEYS))
+        close = " or ".join(f"'{match}'" for match in get_close_matches(key, _KEYS))
         hint = f"did you mean {close}?" if close else f"known are {', '.join(_KEYS)}"
         raise UsageError(f"{where}: there is no key '{key}'; {hint}")
 

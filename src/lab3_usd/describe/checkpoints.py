@@ -233,11 +233,11 @@ def ros_text(lab: Lab, steps: Sequence[Step]) -> str:
 def _topics(lab: Lab, steps: Sequence[Step]) -> Iterator[tuple[str, dict[str, Any]]]:
     ids = {graph: step.id for step in steps for graph in step.graphs}
     by_name: dict[str, list[GraphTopic]] = {}
-    for each in graph_topics(lab):
-        if each.type is not None:
-            by_name.setdefault(each.name, []).append(each)
+    for graph_topic in graph_topics(lab):
+        if graph_topic.type is not None:
+            by_name.setdefault(graph_topic.name, []).append(graph_topic)
     for name, same in by_name.items():
-        publishers = sum(not each.is_subscribed for each in same)
+        publishers = sum(not topic.is_subscribed for topic in same)
         first = same[0]
         said: dict[str, Any] = {"type": first.type, "from": ids[first.graph]}
         said["handout"] = f"{lab.graphs[first.graph].handout[0]}3"
@@ -277,4 +277,4 @@ def _domains(lab: Lab) -> Iterator[Value]:
     """Yield the ROS domains that graphs set."""
     for graph in lab.graphs.values():
         for node in graph.nodes.values():
-            yield from (each.value for each in node.settings if each.port == _DOMAIN)
+            yield from (setting.value for setting in node.settings if setting.port == _DOMAIN)

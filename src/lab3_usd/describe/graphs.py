@@ -110,7 +110,11 @@ def describe_graphs(graphs: tuple[GraphModel, ...], catalog: Catalog) -> tuple[G
     Raises:
         SpecError: a graph has a name or path that no file of a lab can have.
     """
-    live = [each for each in graphs if each.active and not each.instanced and each.nodes]
+    live = [
+        graph_model
+        for graph_model in graphs
+        if graph_model.active and not graph_model.instanced and graph_model.nodes
+    ]
     ordered = sorted(live, key=_when)
     names: dict[str, GraphModel] = {}
     for graph in ordered:

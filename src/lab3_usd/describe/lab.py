@@ -164,24 +164,24 @@ def _describe_frames(stage: StageModel, lab: Lab, section: str) -> dict[str, Any
 def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
     """Return the transforms: what the stage publishes, and what missing assets would add to it."""
     given = list(graph_frames(lab))
-    known = {each.child for each in given}
+    known = {frame.child for frame in given}
     found = {
         edge.child: (edge.parent, edge.child)
         for edge in published_edges(stage, lab)
         if edge.child in known and edge.parent != edge.child
     }
-    for each in given:
-        if each.parent:
-            found.setdefault(each.child, (each.parent, each.child))
+    for graph_frame in given:
+        if graph_frame.parent:
+            found.setdefault(graph_frame.child, (graph_frame.parent, graph_frame.child))
     return list(found.values())
 
 
 def _frames_outside(frames: Mapping[str, Any], lab: Lab) -> Iterator[str]:
     """Yield the frames of messages that the described tree does not have, with their places."""
     tree = {name for edge in frames["edges"] for name in edge.split(" -> ")}
-    for each in named_frames(lab):
-        if tree and each.child not in tree:
-            yield f"{each.place}: '{each.child}' is no frame of the tree that the stage publishes"
+    for frame in named_frames(lab):
+        if tree and frame.child not in tree:
+            yield f"{frame.place}: '{frame.child}' is no frame of the tree that the stage publishes"
 
 
 def refuse_existing_folder(folder: Path) -> None:

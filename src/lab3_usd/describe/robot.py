@@ -64,7 +64,7 @@ def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> tuple[str, 
     A robot that nothing moves need not be an articulation: it is the prim that the graphs name.
     """
     asked = list(_asked(graphs))
-    found = [each.path for each in stage.with_api(ARTICULATION_API) if is_articulated(each)]
+    found = [prim.path for prim in stage.with_api(ARTICULATION_API) if is_articulated(prim)]
     for path in asked:
         for each in found:
             if is_at_or_below(each, path) or is_at_or_below(path, each):
@@ -130,7 +130,7 @@ def _links(stage: StageModel, root: str) -> Iterator[Prim]:
     for path in bodies_below(stage, root):
         prim = stage.prims[path]
         is_still = is_switched_off(prim, BODY_ENABLED) or prim.attributes.get(KINEMATIC) is True
-        is_tied = any(is_at_or_below(end, path) for each in joints(stage) for end in bodies(each))
+        is_tied = any(is_at_or_below(end, path) for joint in joints(stage) for end in bodies(joint))
         if prim.parent == root and not is_still and is_tied and BODY_API in prim.apis:
             yield prim
 
@@ -188,8 +188,8 @@ def describe_wheels(subject: StageSubject) -> dict[str, Any]:
     It is empty where they are not two, or do not turn about one axle.
     """
     wheels: list[WheelJoint] = tied_joints(subject)
-    places = [found for each in wheels if (found := anchor(each, subject))]
-    axles = [found for each in wheels if (found := axle(each, subject))]
+    places = [found for wheel in wheels if (found := anchor(wheel, subject))]
+    axles = [found for joint in wheels if (found := axle(joint, subject))]
     if not len(wheels) == len(places) == len(axles) == _PAIR or distance(*axles) > 1e-3:  # noqa: PLR2004
         return {}
     robot = subject.lab.scene.robot

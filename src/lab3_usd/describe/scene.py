@@ -122,7 +122,7 @@ def describe_sensors(
 
 def _known(type_name: str, lab: Lab) -> SensorSpec | None:
     """Return what the bundled lab says of a sensor of this type, None where it has none."""
-    return next((each for each in lab.sensors.values() if each.type == type_name), None)
+    return next((sensor for sensor in lab.sensors.values() if sensor.type == type_name), None)
 
 
 def _word(type_name: str) -> str:

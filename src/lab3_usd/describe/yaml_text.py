@@ -34,7 +34,7 @@ def _block(data: Mapping[str, Any], indent: str, above: str, notes: Mapping[str,
         lines += [""] if place in notes and not above else []
         lines += _comment(notes.get(place, ""), indent)
         opening = f"{indent}{scalar(key)}:"
-        is_noted = any(each.startswith(f"{place}.") for each in notes)
+        is_noted = any(note.startswith(f"{place}.") for note in notes)
         if not is_noted and _fits(value, len(opening)):
             lines.append(f"{opening} {flow(value)}")
         elif isinstance(value, Mapping):

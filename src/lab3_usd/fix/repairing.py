@@ -61,7 +61,7 @@ class Chosen(Struct, frozen=True):
 
 def weight(findings: Iterable[Finding]) -> tuple[int, int]:
     """Count errors and warnings."""
-    severities = [each.severity for each in findings]
+    severities = [finding.severity for finding in findings]
     return severities.count("error"), severities.count("warning")
 
 
@@ -91,13 +91,17 @@ def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Att
 
 def _said(site: Site, attempt: Attempt) -> list[str]:
     """Return what is said at a site of which there is a repair."""
-    return [each.message for each in attempt.after if each.fix and site_of(each) == site]
+    return [
+        finding.message for finding in attempt.after if finding.fix and site_of(finding) == site
+    ]
 
 
 def _helps(tried: Attempt, best: Attempt) -> bool:
     """Whether something is repaired, and nothing is found that was not found before."""
-    known = {site_of(each) for each in best.after}
-    is_new = any(site_of(each) not in known for each in tried.after if each.severity != "note")
+    known = {site_of(finding) for finding in best.after}
+    is_new = any(
+        site_of(finding) not in known for finding in tried.after if finding.severity != "note"
+    )
     return not (tried.error or is_new) and weight(tried.after) < weight(best.after)
 
 
@@ -108,12 +112,12 @@ def _is_harmless(tried: Attempt, best: Attempt, site: Site) -> bool:
     """
     if tried.error or weight(tried.after) > weight(best.after):
         return False
-    known = {site_of(each) for each in best.after if each.severity == "error"}
-    repaired = {*_repaired(each for each in best.after if site_of(each) == site)}
+    known = {site_of(finding) for finding in best.after if finding.severity == "error"}
+    repaired = {*_repaired(finding for finding in best.after if site_of(finding) == site)}
     return all(
-        site_of(each) in known or _is_among(each, repaired)
-        for each in tried.after
-        if each.severity == "error"
+        site_of(finding) in known or _is_among(finding, repaired)
+        for finding in tried.after
+        if finding.severity == "error"
     )
 
 
@@ -128,7 +132,7 @@ def _repaired(findings: Iterable[Finding]) -> Iterable[str]:
 def _is_among(finding: Finding, prims: Collection[str]) -> bool:
     """Whether a finding, with all that it relates to, is about these prims or some below them."""
     paths = (finding.prim, *(each.partition(".")[0] for each in finding.related))
-    return all(any(is_at_or_below(path, each) for each in prims) for path in paths)
+    return all(any(is_at_or_below(path, prim) for prim in prims) for path in paths)
 
 
 _PACKAGE = ".usdz"
@@ -166,14 +170,16 @@ class Fixed(Struct, frozen=True):
     @property
     def left(self) -> tuple[Finding, ...]:
         """The errors and warnings that remain."""
-        return tuple(each for each in self.after if each.severity != "note")
+        return tuple(finding for finding in self.after if finding.severity != "note")
 
     @property
     def repaired(self) -> tuple[Finding, ...]:
         """The errors and warnings that are gone."""
-        kept = {site_of(each) for each in self.after}
+        kept = {site_of(finding) for finding in self.after}
         return tuple(
-            each for each in self.before if each.severity != "note" and site_of(each) not in kept
+            finding
+            for finding in self.before
+            if finding.severity != "note" and site_of(finding) not in kept
         )
 
 
@@ -243,7 +249,7 @@ def _fixed(
             release_start_values(stage)  # which edits are about to change
 
     before = judged(path, stage)
-    sites = dict.fromkeys(site_of(each) for each in before if _repair_of(each, options))
+    sites = dict.fromkeys(site_of(finding) for finding in before if _repair_of(finding, options))
     first = EditSession(stage, *asked, options.root_only, options.starter)
 
     def attempt(kept: frozenset[Site]) -> Attempt:
@@ -298,7 +304,7 @@ class _Rounds(Struct, frozen=True, eq=False):
                 break
             after = found
         edited = self.session.edited.values()
-        files = {Path(each.layer.realPath): new_bytes(each) for each in edited}
+        files = {Path(layer.layer.realPath): new_bytes(layer) for layer in edited}
         changed = {name: data for name, data in files.items() if name.read_bytes() != data}
         return Attempt(after, tuple(made), changed)
 
@@ -307,9 +313,9 @@ class _Rounds(Struct, frozen=True, eq=False):
 
         Prims are moved last: the other edits name them where they were found.
         """
-        asked = (each for each in findings if site_of(each) not in self.left_out)
-        repairs = [fix for each in asked if (fix := _repair_of(each, self.options))]
-        edits = dict.fromkeys(edit for each in repairs for edit in each.edits)
+        asked = (finding for finding in findings if site_of(finding) not in self.left_out)
+        repairs = [fix for finding in asked if (fix := _repair_of(finding, self.options))]
+        edits = dict.fromkeys(edit for repair in repairs for edit in repair.edits)
         for edit in sorted(edits, key=lambda each: isinstance(each, MovePrim)):
             apply_edit(self.session, edit)
         return repairs
@@ -363,13 +369,19 @@ def text_changes(report: Report, lab: Lab, starter: str | None) -> Changes:
 
     What is restored is taken from the starter, None for the bundled one.
     """
-    return {key: lines for each in report.results for key, lines in _changes(each, lab, starter)}
+    return {
+        key: lines for result in report.results for key, lines in _changes(result, lab, starter)
+    }
 
 
 def _changes(
     result: StageResult, lab: Lab, starter: str | None
 ) -> Iterator[tuple[tuple[str, Site], tuple[TextChange, ...]]]:
-    repairs = {site_of(each): each.fix for each in result.findings if each.fix and each.fix.safe}
+    repairs = {
+        site_of(finding): finding.fix
+        for finding in result.findings
+        if finding.fix and finding.fix.safe
+    }
     if not repairs:
         return
     stage, asked = open_stage(Path(result.path)), lab.checkpoints[result.checkpoint or lab.first]
@@ -385,9 +397,9 @@ def _lines(session: EditSession, repair: Repair, path: str) -> Iterator[TextChan
         for edit in repair.edits:
             apply_edit(session, edit)
         root = session.stage.GetRootLayer()
-        for each in session.edited.values():
-            name = path if each.layer == root else str(each.layer.realPath)
-            yield from _hunks(each, name) if is_text(each.layer) else ()
+        for layer in session.edited.values():
+            name = path if layer.layer == root else str(layer.layer.realPath)
+            yield from _hunks(layer, name) if is_text(layer.layer) else ()
     except StageError:  # the repair cannot be written as text
         return
     finally:

@@ -59,7 +59,7 @@ class Block(Struct):
 
     def of(self, name: str) -> list[Statement]:
         """Return the statements of one property, in the order of the file."""
-        return [each for each in self.statements if each.name == name]
+        return [statement for statement in self.statements if statement.name == name]
 
 
 def parent_path(path: str) -> str:

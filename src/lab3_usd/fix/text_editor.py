@@ -133,7 +133,7 @@ class PrimChange(NamedTuple):
 def apply_changes(text: str, changes: Iterable[PrimChange]) -> str:
     """Return the text of a layer with these changes made."""
     blocks = read_blocks(text)
-    return spliced(text, (one for each in changes for one in _prim(text, blocks, each)))
+    return spliced(text, (one for change in changes for one in _prim(text, blocks, change)))
 
 
 def _prim(text: str, blocks: Mapping[str, Block], change: PrimChange) -> Iterator[Splice]:
@@ -168,15 +168,20 @@ _Parts = tuple[str, str, str]  # words, value, metadata
 
 
 def _properties(text: str, block: Block, before: _Source, after: _Source) -> Iterator[Splice]:
-    names = dict.fromkeys(each.name for each in (*before[1].statements, *after[1].statements))
+    names = dict.fromkeys(
+        statement.name for statement in (*before[1].statements, *after[1].statements)
+    )
     for name in names:
         here = block.of(name)
-        declared = [each for each in here if each.key == ""]
+        declared = [statement for statement in here if statement.key == ""]
         olds, news = (_parts_of(*one, name, assumed=bool(declared)) for one in (before, after))
         for key in dict.fromkeys((*olds, *news)):
-            own = [each for each in here if each.key == key]
+            own = [statement for statement in here if statement.key == key]
             if key not in news:
-                yield from (removal(text, each.start, each.stop, each.end) for each in own)
+                yield from (
+                    removal(text, statement.start, statement.stop, statement.end)
+                    for statement in own
+                )
             elif own:
                 yield from _changed(text, own[-1], olds.get(key, _split(text, own[-1])), news[key])
             elif olds.get(key) != news[key]:
@@ -190,7 +195,7 @@ def _parts_of(text: str, block: Block, name: str, *, assumed: bool) -> dict[str,
     usd-core leaves out a declaration that says nothing beside other statements. One that stands in
     the file is `assumed` in the rendering as well.
     """
-    found = {each.key: _split(text, each) for each in block.of(name)}
+    found = {statement.key: _split(text, statement) for statement in block.of(name)}
     if assumed and found and "" not in found:
         key, (words, *_) = next(iter(found.items()))
         edit, _, suffix = key.partition(" ")
@@ -202,9 +207,9 @@ def _parts_of(text: str, block: Block, name: str, *, assumed: bool) -> dict[str,
 def _written(parts: _Parts, rendered: _Source, name: str, indent: str) -> str:
     """Return a statement as it is written at an indent."""
     source, block = rendered
-    for each in block.of(name):
-        if _split(source, each) == parts:
-            return _statement_text(source, each, indent)
+    for statement in block.of(name):
+        if _split(source, statement) == parts:
+            return _statement_text(source, statement, indent)
     return indent + parts[0]
 
 
@@ -239,9 +244,10 @@ def _part(span: tuple[int, int] | None, at: int, new: str, lead: str) -> Splice:
 
 def _metadata(text: str, block: Block, before: _Source, after: _Source) -> Iterator[Splice]:
     olds, news = (
-        {(each.key, each.name): each for each in read_metadata(*one)} for one in (before, after)
+        {(statement.key, statement.name): statement for statement in read_metadata(*one)}
+        for one in (before, after)
     )
-    own = {(each.key, each.name): each for each in read_metadata(text, block)}
+    own = {(statement.key, statement.name): statement for statement in read_metadata(text, block)}
     added = []
     for key in dict.fromkeys((*olds, *news)):
         if key not in news:
@@ -287,9 +293,9 @@ def _new_statement(text: str, block: Block, after: Statement | None, new: str) -
 
 def _indent_in(text: str, block: Block) -> str:
     """Return how far the statements of a block stand in."""
-    for each in block.statements[:1]:
-        if not text[line_start(text, each.start) : each.start].strip():
-            return indent_at(text, each.start)
+    for statement in block.statements[:1]:
+        if not text[line_start(text, statement.start) : statement.start].strip():
+            return indent_at(text, statement.start)
     return indent_at(text, block.start) + STEP
 
 
@@ -377,8 +383,8 @@ def _renamed_property(text: str, path: str, name: str, to: str) -> str:
     """Return the text of a layer with one property of a prim renamed where it stands."""
     block = read_blocks(text).get(path)
     renamed = []
-    for each in block.of(name) if block else ():
-        start = text.rindex(name, each.start, each.head)
+    for statement in block.of(name) if block else ():
+        start = text.rindex(name, statement.start, statement.head)
         renamed.append(Splice(start, start + len(name), to))
     return spliced(text, renamed)
 

@@ -69,10 +69,12 @@ def grade_class(
     salt = salt_of(rubric, settings.starter)
     with submissions_in(place) as location:
         found = find_submissions(location, settings.notify)
-        submissions = [_with_lateness(each, rubric) for each in found]
-        by_folder = {each.folder: each for each in submissions}
+        submissions = [_with_lateness(submission, rubric) for submission in found]
+        by_folder = {
+            student_submission.folder: student_submission for student_submission in submissions
+        }
         items = [item.id for item in rubric.items]
-        tasks = (_task(each, settings, salt, items) for each in submissions)
+        tasks = (_task(submission, settings, salt, items) for submission in submissions)
         pool = PoolSettings(
             settings.starter,
             settings.rubric,
@@ -136,8 +138,8 @@ def _files_of(starter: Path) -> Iterator[tuple[str, bytes]]:
     """Yield name and digest of every file that the starter consists of, wherever they lie."""
     from lab3_usd.stage.fence import files_of
 
-    for each in files_of(starter):
-        path = Path(each.partition("[")[0])  # a file in a package is read with the package
+    for file in files_of(starter):
+        path = Path(file.partition("[")[0])  # a file in a package is read with the package
         if path.is_file():
             yield path.name, hashlib.sha256(path.read_bytes()).digest()
 

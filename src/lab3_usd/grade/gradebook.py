@@ -35,11 +35,13 @@ MOST_LOST = 12  # requirements named at one item: the findings name the rest
 
 def grade_sheet(rubric: Rubric, points: Grade, student: str, name: str) -> GradeSummary:
     """Return the grade as the student's page shows it."""
-    graded = {each.id: each for each in points.items}
+    graded = {grade.id: grade for grade in points.items}
     lost: dict[str, list[str]] = {}
-    for each in points.lost:
-        part, slash, _ = each.requirement.partition("/")
-        lost.setdefault(each.item, []).append(f"{part}: {each.title}" if slash else "")
+    for requirement in points.lost:
+        part, slash, _ = requirement.requirement.partition("/")
+        lost.setdefault(requirement.item, []).append(
+            f"{part}: {requirement.title}" if slash else ""
+        )
     items = (
         _item(item, graded, rubric, list(filter(None, lost.get(item.id, ()))))
         for item in rubric.items
@@ -127,7 +129,7 @@ def gradescope(report: Report, rubric: Rubric, points: Grade) -> str:
     """
     document = json.loads(render("gradescope", report, None, Options()))
     said = {test["name"]: test["output"] for test in document["tests"]}
-    graded = {each.id: each for each in points.items}
+    graded = {grade.id: grade for grade in points.items}
     tests = [_test(item, graded[item.id], rubric, said) for item in rubric.items]
     tests += [{"name": name, "output": output} for name, output in said.items() if output]
     document["score"] = points.earned
@@ -136,7 +138,7 @@ def gradescope(report: Report, rubric: Rubric, points: Grade) -> str:
 
 
 def _test(item: Item, graded: ItemGrade, rubric: Rubric, said: dict[str, str]) -> Mapping[str, Any]:
-    groups = dict.fromkeys(each.group for each in rubric.asked[item.id])
+    groups = dict.fromkeys(requirement.group for requirement in rubric.asked[item.id])
     names = [f"Checkpoint {item.checkpoint}: {group}" for group in groups]
     blocks = [said.pop(name, "") for name in names]
     if graded.state in {"missing", "unreadable", "blocked"} or graded.because:
@@ -189,7 +191,7 @@ def check_target(out: Path, *, resume: bool) -> None:
             f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
         )
     students = out.glob(f"{STUDENTS}/*/")
-    _remove([*half, *(path for each in students for path in leftover_files(each, _FILES))])
+    _remove([*half, *(path for student in students for path in leftover_files(student, _FILES))])
 
 
 def _is_litter(path: Path) -> bool:
@@ -292,7 +294,7 @@ class Rows(Sized, Iterable[Row]):
         """Find the students of whom there is a result."""
         self._out = out
         self._submissions = tuple(
-            each for each in submissions if read_result(out, each) is not None
+            submission for submission in submissions if read_result(out, submission) is not None
         )
 
     def __len__(self) -> int:
@@ -301,8 +303,8 @@ class Rows(Sized, Iterable[Row]):
 
     def __iter__(self) -> Iterator[Row]:
         """Yield one row after the other."""
-        for each in self._submissions:
-            row = read_result(self._out, each)
+        for submission in self._submissions:
+            row = read_result(self._out, submission)
             if row is not None:
                 yield row
 

@@ -51,7 +51,7 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
 
     def asks(self, requirement: Requirement) -> bool:
         """Whether the requirement, of this item's checkpoint, is one of this item's."""
-        return any(fnmatchcase(requirement.group, each) for each in self.groups) and any(
+        return any(fnmatchcase(requirement.group, group) for group in self.groups) and any(
             fnmatchcase(requirement.id, each) for each in self.requirements
         )
 
@@ -72,7 +72,7 @@ class Cap(Struct, frozen=True, forbid_unknown_fields=True):
     def looks_at(self, number: str, item: Item) -> bool:
         """Whether an error in the stage of this checkpoint limits the item."""
         if self.checkpoints:
-            return any(fnmatchcase(number, each) for each in self.checkpoints)
+            return any(fnmatchcase(number, checkpoint) for checkpoint in self.checkpoints)
         return item.checkpoint in {"", number}
 
 
@@ -225,7 +225,11 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
         caps=said.caps,
         late=said.late,
         asked={
-            item.id: tuple(each for each in asked.get(item.checkpoint, ()) if item.asks(each))
+            item.id: tuple(
+                requirement
+                for requirement in asked.get(item.checkpoint, ())
+                if item.asks(requirement)
+            )
             for item in items
         },
     )
@@ -246,8 +250,15 @@ def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
     empty = StageModel("", 1.0, 1.0, (), {})
     return {
         number: tuple(
-            Requirement(each.id, each.group, each.kind, each.title, met=False, handout=each.handout)
-            for each in judge(lab, checkpoint, empty).requirements
+            Requirement(
+                requirement.id,
+                requirement.group,
+                requirement.kind,
+                requirement.title,
+                met=False,
+                handout=requirement.handout,
+            )
+            for requirement in judge(lab, checkpoint, empty).requirements
         )
         for number, checkpoint in lab.checkpoints.items()
     }
@@ -295,9 +306,9 @@ def _checklist_faults(lab: Lab, asked: tuple[Requirement, ...]) -> Iterator[LabF
     for line in lab.submission.checklist:
         key = f"checklist: {line.section}: '{line.text}'"
         for pattern in line.requirements:
-            if not any(fnmatchcase(each.id, pattern) for each in asked):
+            if not any(fnmatchcase(requirement.id, pattern) for requirement in asked):
                 message = f"'{pattern}' fits no requirement of checkpoint {lab.last}"
-                groups = ", ".join(dict.fromkeys(each.group for each in asked))
+                groups = ", ".join(dict.fromkeys(requirement.group for requirement in asked))
                 yield LabFault(SUBMISSION, f"{key}: requirements", message, f"groups: {groups}")
         for rule in line.rules:
             if rule not in all_rules():
@@ -325,7 +336,7 @@ def _sections_without_points(lab: Lab, rubric: Rubric, asked: _Asked) -> Iterato
 
 def _sections_of(line: ChecklistSpec, asked: tuple[Requirement, ...]) -> set[str | None]:
     return {
-        each.handout
-        for each in asked
-        if any(fnmatchcase(each.id, pattern) for pattern in line.requirements)
+        requirement.handout
+        for requirement in asked
+        if any(fnmatchcase(requirement.id, pattern) for pattern in line.requirements)
     }

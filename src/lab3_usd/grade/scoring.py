@@ -111,7 +111,7 @@ def _by_requirements(
         lost.setdefault(name, LostRequirement(item.id, name, f"{name} is {state}"))
         return ItemGrade(item.id, state, 0.0, item.points, 0.0)
     met = {each.id: each.met for each in result.requirements}
-    blocking = [each.id for each in needed if each.state != "full"]
+    blocking = [item_grade.id for item_grade in needed if item_grade.state != "full"]
     weights = {"met": 0.0, "lost": 0.0, "blocked": 0.0}
     for requirement in rubric.asked[item.id]:
         fate = "met"
@@ -142,7 +142,7 @@ def _weighed(item: Item, weights: Mapping[str, float]) -> ItemGrade:
 
 
 def _errors(result: StageResult) -> set[str]:
-    return {each.rule for each in result.findings if each.severity == "error"}
+    return {finding.rule for finding in result.findings if finding.severity == "error"}
 
 
 def _capped(
@@ -167,14 +167,16 @@ def _total(
     rubric: Rubric, found: Mapping[str, ItemGrade], lost: tuple[LostRequirement, ...], *, late: bool
 ) -> Grade:
     optional = {item.id for item in rubric.items if item.optional}
-    earned = sum(each.earned for each in found.values())
-    possible = sum(each.possible for name, each in found.items() if name not in optional)
+    earned = sum(item_grade.earned for item_grade in found.values())
+    possible = sum(
+        item_grade.possible for name, item_grade in found.items() if name not in optional
+    )
     because: tuple[str, ...] = ()
     if late and earned > possible * rubric.late.at_most:
         earned = possible * rubric.late.at_most
         because = (f"late: at most {rubric.late.at_most:.0%}",)
     return Grade(
-        items=tuple(_rounded(each) for each in found.values()),
+        items=tuple(_rounded(item_grade) for item_grade in found.values()),
         lost=lost,
         earned=round(earned, 2),
         possible=round(possible, 2),

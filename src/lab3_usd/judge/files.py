@@ -63,13 +63,13 @@ def _shown(
     room = MOST_BYTES
     for number, files in enumerate(_recordings(entries)):
         name = files[0].path
-        refused = next((each.why_not for each in files if each.why_not), "")
+        refused = next((file.why_not for file in files if file.why_not), "")
         if refused:
             yield RecordingShown(name, unread=refused)
         elif find_spec("rosbags") is None:
             yield RecordingShown(name, unread="needs the extra lab3-usd[sim]", for_lack=True)
         else:
-            room -= sum((root / each.path).stat().st_size for each in files)
+            room -= sum((root / entry.path).stat().st_size for entry in files)
             if room < 0 or number >= MOST:
                 most = f"{MOST} recordings of {MOST_BYTES // 10**6} MB in all are read"
                 yield RecordingShown(name, unread=f"no more than {most}")
@@ -81,15 +81,15 @@ def _shown(
 def _recordings(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
     """Yield the files of each recording: a folder with metadata is one, else each file is one."""
     folders: dict[str, list[Entry]] = {}
-    for each in entries:
-        if each.name == _METADATA or each.name.endswith(_ENDINGS):
-            folders.setdefault(each.folder, []).append(each)
+    for entry in entries:
+        if entry.name == _METADATA or entry.name.endswith(_ENDINGS):
+            folders.setdefault(entry.folder, []).append(entry)
     for inside in folders.values():
-        files = [each for each in inside if each.name != _METADATA]
+        files = [entry for entry in inside if entry.name != _METADATA]
         if files and len(files) < len(inside):
-            yield [*files, *(each for each in inside if each.name == _METADATA)]
+            yield [*files, *(entry for entry in inside if entry.name == _METADATA)]
         else:
-            yield from ([each] for each in files)
+            yield from ([file] for file in files)
 
 
 def _judged(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> RecordingShown:
@@ -99,15 +99,15 @@ def _judged(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> Recor
     lab, last = until
     name = files[0].path
     parts = reversed(PurePosixPath(name).parts)
-    known = (named_checkpoint(each, lab.files) for each in parts)
+    known = (named_checkpoint(part, lab.files) for part in parts)
     bounds = Bounds(MESSAGES, LISTED, LARGEST_FILE, UNPACKED)
     try:
-        layout = layout_of([root / each.path for each in files])
+        layout = layout_of([root / file.path for file in files])
         found = judge_what_came(layout, bounds, lab, next(filter(None, known), last))
     except (RecordingError, OSError) as error:
         return RecordingShown(name, unread=str(error).replace(f"{root}/", ""))
-    frames = {name for each in found.frames for name in (each.parent, each.child)}
-    topics = frozenset(each.name for each in found.topics)
+    frames = {name for frame in found.frames for name in (frame.parent, frame.child)}
+    topics = frozenset(topic.name for topic in found.topics)
     return RecordingShown(name, topics, frozenset(frames), found.checks)
 
 
@@ -162,8 +162,8 @@ def _map_path(contents: FolderContents, facts: MapFacts) -> Path | None:
         return find_map(contents.root / name, facts)
     if facts.yaml in contents.usable:
         return contents.root / facts.yaml
-    stages = [contents.lab.checkpoints[each] for each in contents.listing.stages]
-    is_due = not stages or any(each.localization for each in stages)
+    stages = [contents.lab.checkpoints[stage] for stage in contents.listing.stages]
+    is_due = not stages or any(checkpoint.localization for checkpoint in stages)
     if not is_due or not contents.listing.stage_folder:
         return None
     return contents.root / contents.spec.folders.maps / facts.yaml
@@ -268,8 +268,12 @@ def lone_stage_notes(checkpoint: str, lab: Lab) -> tuple[Finding, ...]:
 
 def _at_stage(findings: Iterable[Finding], maps: Path | None) -> Iterable[Finding]:
     """Tell findings about files as findings about a stage, whose sites are prims."""
-    for each in findings:
-        layer = str(maps / each.prim) if maps is not None else None
+    for finding in findings:
+        layer = str(maps / finding.prim) if maps is not None else None
         yield replace(
-            each, prim="/", property=None, layer=layer, message=f"{each.prim}: {each.message}"
+            finding,
+            prim="/",
+            property=None,
+            layer=layer,
+            message=f"{finding.prim}: {finding.message}",
         )

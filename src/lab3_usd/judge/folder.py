@@ -71,7 +71,7 @@ def is_submission(folder: Path) -> bool:
     if folder_named(folder, lab.submission.folders.stages):
         return True
     try:
-        numbered = [each for each in folder.iterdir() if named_checkpoint(each.name, lab.files)]
+        numbered = [path for path in folder.iterdir() if named_checkpoint(path.name, lab.files)]
     except OSError:
         return False
     return len(numbered) > 1
@@ -145,8 +145,8 @@ def _subject(
         listing=contents.listing,
         results=results,
         digests={
-            number: settings.digests.get(each.path) or _digest(Path(each.path))
-            for number, each in results.items()
+            number: settings.digests.get(stage_result.path) or _digest(Path(stage_result.path))
+            for number, stage_result in results.items()
         },
         starter=starters.submitted,
     )
@@ -161,16 +161,16 @@ def _digest(path: Path) -> str:
 
 
 def _last_stage(results: Mapping[str, StageResult]) -> Path | None:
-    readable = [each.path for each in results.values() if each.verdict != "unreadable"]
+    readable = [result.path for result in results.values() if result.verdict != "unreadable"]
     return Path(readable[-1]) if readable else None
 
 
 def _with_files(findings: Iterable[Finding], folder: Path) -> Iterator[Finding]:
     """Add the file to open to findings whose site is a file of the folder."""
-    for each in findings:
-        path = folder / each.prim
+    for finding in findings:
+        path = folder / finding.prim
         is_file = not path.is_symlink() and path.is_file()
-        yield replace(each, layer=str(path)) if is_file else each
+        yield replace(finding, layer=str(path)) if is_file else finding
 
 
 def find_starters(

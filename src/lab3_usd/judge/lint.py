@@ -142,7 +142,7 @@ def _stages_below(path: str) -> Iterator[Path]:
     for folder, folders, names in os.walk(path):
         folders[:] = [each for each in folders if not each.startswith(".")]
         yield from (
-            Path(folder, each) for each in names if Path(each).suffix.lower() in STAGE_ENDINGS
+            Path(folder, name) for name in names if Path(name).suffix.lower() in STAGE_ENDINGS
         )
 
 

@@ -57,8 +57,10 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
     if not notes:
         return result
     scopes = (_WITHOUT_SPEC if result.checkpoint is None else _WITH_SPEC).union(more)
-    used = {note for note in notes for each in result.findings if note.covers(each)}
-    kept = [each for each in result.findings if not any(note.covers(each) for note in notes)]
+    used = {note for note in notes for finding in result.findings if note.covers(finding)}
+    kept = [
+        finding for finding in result.findings if not any(note.covers(finding) for note in notes)
+    ]
     for note in notes:
         if note not in used and not _is_for_others(note, scopes):
             unused = _unused(note)
@@ -68,8 +70,8 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
 
 
 def _is_for_others(note: IgnoreNote, scopes: Collection[Scope]) -> bool:
-    named = [each for each in all_rules().values() if note.rule and each.id.startswith(note.rule)]
-    return bool(named) and not any(each.scope in scopes for each in named)
+    named = [rule for rule in all_rules().values() if note.rule and rule.id.startswith(note.rule)]
+    return bool(named) and not any(rule.scope in scopes for rule in named)
 
 
 def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:
@@ -80,7 +82,9 @@ def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[
     if not notes:
         return tuple(findings)
     pairs = zip(findings, located(findings, path, stage), strict=True)
-    return tuple(each for each, placed in pairs if not any(note.covers(placed) for note in notes))
+    return tuple(
+        finding for finding, placed in pairs if not any(note.covers(placed) for note in notes)
+    )
 
 
 def _unused(note: IgnoreNote) -> Iterator[Finding]:
@@ -89,8 +93,8 @@ def _unused(note: IgnoreNote) -> Iterator[Finding]:
         why = "it names no rule"
     elif note.rule not in FAMILIES and note.rule not in all_rules():
         why = "there is no such rule"
-    for each in run_rule(all_rules()[UNUSED], (note, why), None).findings:
-        yield replace(each, layer=note.layer or None, line=note.written)
+    for finding in run_rule(all_rules()[UNUSED], (note, why), None).findings:
+        yield replace(finding, layer=note.layer or None, line=note.written)
 
 
 UNREADABLE = "F01"
@@ -124,13 +128,15 @@ def crashed(path: str, checkpoint: str | None, how: str) -> StageResult:
 
 def verdict_of(findings: Iterable[Finding], crashes: Collection[Crash]) -> Verdict:
     """Return the verdict on a stage that could be read."""
-    has_errors = any(each.severity == "error" for each in findings)
+    has_errors = any(finding.severity == "error" for finding in findings)
     return "fail" if has_errors or crashes else "pass"
 
 
 def score_of(requirements: Collection[Requirement]) -> Score:
     """Count the requirements met and asked."""
-    return Score(float(sum(each.met for each in requirements)), float(len(requirements)))
+    return Score(
+        float(sum(requirement.met for requirement in requirements)), float(len(requirements))
+    )
 
 
 def with_findings(result: StageResult, findings: Iterable[Finding]) -> StageResult:
@@ -147,7 +153,7 @@ def located(findings: Collection[Finding], path: Path | str, stage: Any) -> Iter
         return
     from lab3_usd.stage.text import locate
 
-    places = locate(stage, str(path), [(each.prim, each.property) for each in findings])
-    for each in findings:
-        place = places[each.prim, each.property]
-        yield replace(each, layer=place.layer or None, line=place.line, column=place.column)
+    places = locate(stage, str(path), [(finding.prim, finding.property) for finding in findings])
+    for finding in findings:
+        place = places[finding.prim, finding.property]
+        yield replace(finding, layer=place.layer or None, line=place.line, column=place.column)

@@ -89,7 +89,7 @@ def check_open_stage(stage: Any, lab: Lab) -> RuleResults:
 def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageResult:
     findings = judged.findings
     # Notes ask for no repair: a stage that passes is not read a second time for them.
-    if any(each.severity != "note" for each in findings):
+    if any(finding.severity != "note" for finding in findings):
         findings = tuple(located(findings, path, stage))
     findings = ordered(findings)
     return StageResult(

@@ -63,7 +63,7 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
         return Starter(path, stage)
     first = next(iter(lab.checkpoints.values()))
     judged = judge(lab, first, read_model(stage, lab, str(path)))
-    return Starter(path, stage, frozenset(_fault(each) for each in judged.findings))
+    return Starter(path, stage, frozenset(_fault(finding) for finding in judged.findings))
 
 
 def _fault(finding: Finding) -> _Fault:
@@ -90,13 +90,13 @@ def open_against_starter(
     lab: Lab,
 ) -> StageResult:
     """Return the result of an open stage together with what it changed of the starter."""
-    kept = tuple(each for each in result.findings if not _is_excused(each, starter))
-    kept += tuple(_units(each for each in result.findings if _is_excused(each, starter)))
-    told = [each for each in kept if each.severity != "note"]
-    blamed = {(each.prim, each.property) for each in told}
+    kept = tuple(finding for finding in result.findings if not _is_excused(finding, starter))
+    kept += tuple(_units(finding for finding in result.findings if _is_excused(finding, starter)))
+    told = [finding for finding in kept if finding.severity != "note"]
+    blamed = {(finding.prim, finding.property) for finding in told}
     reported = _ReportedSites(
         frozenset(blamed.union(*map(_causes, told))),
-        frozenset(path for each in told for path in each.related),
+        frozenset(path for finding in told for path in finding.related),
     )
     beside = _Beside(starter, stage, Path(result.path), result.checkpoint or "", lab)
     try:
@@ -104,14 +104,14 @@ def open_against_starter(
         kept = tuple(_undone(kept, beside, frozenset(blamed)))
     except StageError as error:  # of a prim that nothing else asks for
         return unreadable(result.path, result.checkpoint, str(error))
-    kept = tuple(each for each in kept if not _follows(each, judged.findings))
+    kept = tuple(finding for finding in kept if not _follows(finding, judged.findings))
     requirements = result.requirements
     if len(kept) != len(result.findings):
         requirements = tuple(_again(result, kept, lab))
     findings = ordered((*kept, *judged.findings))
     requirements = with_other_faults(requirements, judged.findings, {})
     crashes = (*result.crashes, *judged.crashes)
-    is_bad = crashes or any(each.severity == "error" for each in findings)
+    is_bad = crashes or any(finding.severity == "error" for finding in findings)
     return replace(
         result,
         verdict="fail" if is_bad else "pass",
@@ -139,22 +139,24 @@ def _undone(
     findings: Collection[Finding], beside: _Beside, blamed: frozenset[Site]
 ) -> Iterator[Finding]:
     """Yield the findings; what a change of the starter causes is repaired by undoing the change."""
-    caused = [each for each in findings if each.rule in _CAUSES and each.severity != "note"]
+    caused = [
+        finding for finding in findings if finding.rule in _CAUSES and finding.severity != "note"
+    ]
     changes = _compared(beside, _ReportedSites(blamed)).findings if caused else ()
-    for each in findings:
-        sites = {*_causes(each)} if each in caused else ()
+    for finding in findings:
+        sites = {*_causes(finding)} if finding in caused else ()
         fixes = [change.fix for change in changes if (change.prim, change.property) in sites]
         edits = tuple(edit for fix in fixes if fix for edit in fix.edits)
-        yield replace(each, fix=repair_by(edits)) if edits else each
+        yield replace(finding, fix=repair_by(edits)) if edits else finding
 
 
 def _follows(finding: Finding, changes: Collection[Finding]) -> bool:
     """Whether what is found of a link follows from a change of a shape below it."""
     cause = _FOLLOWS.get(finding.rule)
     return cause is not None and any(
-        each.prim.startswith(f"{finding.prim}/") and cause.fullmatch(each.property or "")
-        for each in changes
-        if each.rule.startswith(_FAMILY) and each.severity == "error"
+        change.prim.startswith(f"{finding.prim}/") and cause.fullmatch(change.property or "")
+        for change in changes
+        if change.rule.startswith(_FAMILY) and change.severity == "error"
     )
 
 
@@ -164,9 +166,9 @@ def _is_excused(finding: Finding, starter: Starter) -> bool:
 
 def _units(excused: Iterable[Finding]) -> Iterator[Finding]:
     """Yield one warning for units and an up axis that are the starter's fault."""
-    told = [each for each in excused if each.rule == _UNITS]
+    told = [finding for finding in excused if finding.rule == _UNITS]
     if told:
-        wrong = "; ".join(each.message for each in told)
+        wrong = "; ".join(finding.message for finding in told)
         message = f"{wrong}: so it is in the starter, whose fault it is"
         hint = "tell your instructor; the starter needs other units or another up axis"
         yield replace(told[0], severity="warning", message=message, hint=hint)
@@ -175,9 +177,9 @@ def _units(excused: Iterable[Finding]) -> Iterator[Finding]:
 def _again(result: StageResult, kept: Collection[Finding], lab: Lab) -> Iterator[Requirement]:
     """Judge the requirements of the scene again, by the findings that were kept."""
     items = {item.id: item for item in scene_items(lab, lab.checkpoints[result.checkpoint or ""])}
-    for each in result.requirements:
-        item = items.get(each.id)
-        yield each if item is None else replace(each, met=is_met(item, kept))
+    for requirement in result.requirements:
+        item = items.get(requirement.id)
+        yield requirement if item is None else replace(requirement, met=is_met(item, kept))
 
 
 class _Beside(Struct, frozen=True, eq=False):

@@ -51,8 +51,8 @@ def read_params(
         mark = getattr(error, "problem_mark", None)
         place = f", see line {mark.line + 1}" if mark is not None else ""
         return NavigationSubject(ros, navigation, frames, file, fault=f"is not YAML{place}")
-    parameters = tuple(each for each in found if isinstance(each, Parameter))
-    refusals = tuple(each for each in found if isinstance(each, Refusal))
+    parameters = tuple(parameter for parameter in found if isinstance(parameter, Parameter))
+    refusals = tuple(parameter for parameter in found if isinstance(parameter, Refusal))
     fault = None if found else f"has no '{_PARAMETERS}'"
     return NavigationSubject(ros, navigation, frames, file, parameters, refusals, fault)
 
@@ -64,11 +64,11 @@ def _found(data: bytes, rewritten: Sequence[str]) -> Iterator[Parameter | Refusa
         repeated = _repeated(root)
         if repeated is not None:
             raise yaml.MarkedYAMLError(problem_mark=repeated.start_mark)
-        for each in _nodes(loader, root, ()):
-            why = _why_refused(each, rewritten) if isinstance(each, Parameter) else None
-            yield each
-            if why is not None and isinstance(each, Parameter):
-                yield Refusal(each.site, f"'{each.name}' {why}", each.line)
+        for node in _nodes(loader, root, ()):
+            why = _why_refused(node, rewritten) if isinstance(node, Parameter) else None
+            yield node
+            if why is not None and isinstance(node, Parameter):
+                yield Refusal(node.site, f"'{node.name}' {why}", node.line)
     finally:
         loader.dispose()
 

@@ -73,7 +73,7 @@ def collect_script(lab: Lab) -> str:
 
 def _without_images(ros: RosSpec) -> list[str]:
     """Return the options of `ros2 bag record` that leave the lab's images out."""
-    images = [re.escape(each.name) for each in ros.topics.values() if each.type == _IMAGE]
+    images = [re.escape(topic.name) for topic in ros.topics.values() if topic.type == _IMAGE]
     return ["--exclude", "|".join(images)] if images else []
 
 

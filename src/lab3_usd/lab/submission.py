@@ -57,7 +57,7 @@ def folder_named(root: Path, name: str) -> str:
 
     Empty where there is none; a link to a folder is none.
     """
-    names = sorted(each.name for each in _folders(root))
+    names = sorted(folder.name for folder in _folders(root))
     alike = [each for each in names if each.lower() == name.lower()]
     return name if name in names else next(iter(alike), "")
 
@@ -65,7 +65,7 @@ def folder_named(root: Path, name: str) -> str:
 def _folders(root: Path) -> Iterator[os.DirEntry[str]]:
     try:
         with os.scandir(root) as scan:
-            yield from (each for each in scan if each.is_dir(follow_symlinks=False))
+            yield from (dir_entry for dir_entry in scan if dir_entry.is_dir(follow_symlinks=False))
     except OSError:
         return
 
@@ -183,8 +183,8 @@ def _seconds(rest: Sequence[Entry], names: Mapping[str, str]) -> dict[str, tuple
 def _ending(entry: Entry, files: StageFiles) -> str:
     """Return the ending of a stage, '' for other files; `.usda.txt` is one of a stage as well."""
     known = (*files.endings, *files.openable, *files.slips)
-    endings = [each.lower() for each in PurePosixPath(entry.name).suffixes]
-    return next((each for each in reversed(endings) if each in known), "")
+    endings = [suffix.lower() for suffix in PurePosixPath(entry.name).suffixes]
+    return next((ending for ending in reversed(endings) if ending in known), "")
 
 
 def _stem(entry: Entry) -> str:

@@ -182,9 +182,9 @@ class Scene(Struct, frozen=True):
     def below(self, path: str) -> Iterator[Prim]:
         """Yield a prim and all below it."""
         inside = f"{path}/"
-        for each in self.prims.values():
-            if each.path == path or each.path.startswith(inside):
-                yield each
+        for prim in self.prims.values():
+            if prim.path == path or prim.path.startswith(inside):
+                yield prim
 
     def above(self, path: str) -> Iterator[Prim]:
         """Yield a prim and all above it, nearest first."""

@@ -227,7 +227,7 @@ def judge_best(
 
     A fault that a later output shows repaired is no fault; of equals the last one counts.
     """
-    problems = [judge(each) for each in shown]
+    problems = [judge(observation) for observation in shown]
     return min(reversed(problems), key=len, default=[])
 
 

@@ -67,12 +67,12 @@ class NativeErrors(Struct, frozen=True):
 
     def problems(self, rule: str) -> Iterator[Problem]:
         """Yield what the validator of a rule says; for `OTHER`, what all unknown ones say."""
-        for each in self.errors:
-            if rule_of(each.validator) != rule:
+        for error in self.errors:
+            if rule_of(error.validator) != rule:
                 continue
-            severity: Severity = "note" if each.is_open else each.severity
-            message = each.message if rule != OTHER else f"{each.validator}: {each.message}"
-            yield Problem(each.prim, message, property=each.property, severity=severity)
+            severity: Severity = "note" if error.is_open else error.severity
+            message = error.message if rule != OTHER else f"{error.validator}: {error.message}"
+            yield Problem(error.prim, message, property=error.property, severity=severity)
 
 
 def rule_of(validator: str) -> str:

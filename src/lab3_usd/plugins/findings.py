@@ -33,7 +33,7 @@ def _told(judge: Callable[[], RuleResults]) -> tuple[Finding, ...]:
         results = judge()
     except Exception as error:  # noqa: BLE001 - see above
         return (_crash(f"{type(error).__name__}: {error}"),)
-    crashes = (_crash(f"{each.rule}: {each.error}") for each in results.crashes)
+    crashes = (_crash(f"{crash.rule}: {crash.error}") for crash in results.crashes)
     return (*results.findings, *crashes)
 
 

@@ -31,7 +31,7 @@ def validator() -> Any:
             module = importlib.import_module(name)
         except ImportError:
             continue
-        if any(hasattr(module, each) for each in _DECORATORS):
+        if any(hasattr(module, decorator) for decorator in _DECORATORS):
             return module
     raise ImportError("no validator of NVIDIA is installed")
 
@@ -98,7 +98,9 @@ class Plugin:
     def on_startup(self) -> None:
         """Register the rules."""
         module = validator()
-        register = next(getattr(module, each) for each in _DECORATORS if hasattr(module, each))
+        register = next(
+            getattr(module, decorator) for decorator in _DECORATORS if hasattr(module, decorator)
+        )
         register(CATEGORY)(rule_class(module))
         register(CHECK_CATEGORY)(checkpoint_rule_class(module))
 

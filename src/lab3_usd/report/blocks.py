@@ -51,7 +51,7 @@ class Stage(Struct, frozen=True):
 
     def count(self, severity: Severity) -> int:
         """Return how many findings of one severity the stage has."""
-        return sum(each.severity == severity for each in self.result.findings)
+        return sum(finding.severity == severity for finding in self.result.findings)
 
 
 class Block(Struct, frozen=True):
@@ -78,7 +78,7 @@ class Block(Struct, frozen=True):
     @property
     def is_linted(self) -> bool:
         """Whether no lab asks for anything here: the stages were judged without a checkpoint."""
-        read = [each.result.checkpoint for each in self.stages]
+        read = [stage.result.checkpoint for stage in self.stages]
         return bool(read) and self.submission is None and not any(read)
 
     @property
@@ -234,13 +234,13 @@ def faults(block: Block, *, graded: bool = False) -> list[Fault]:
 
 def _causes(found: Iterable[Finding]) -> Iterator[Finding]:
     """Yield what was not opened, as far as something is wrong where it belongs."""
-    wrong = sorted(f"{each.prim}/" for each in found if each.severity == "error")
-    for each in found:
-        below = f"{each.prim}/"
+    wrong = sorted(f"{finding.prim}/" for finding in found if finding.severity == "error")
+    for finding in found:
+        below = f"{finding.prim}/"
         at = bisect_left(wrong, below)
         is_wrong = at < len(wrong) and wrong[at].startswith(below)
-        if each.rule in _NOT_OPENED or (each.rule == _NOT_FOUND and is_wrong):
-            yield each
+        if finding.rule in _NOT_OPENED or (finding.rule == _NOT_FOUND and is_wrong):
+            yield finding
 
 
 def _fault(

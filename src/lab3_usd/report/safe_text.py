@@ -75,8 +75,11 @@ def truncated_report(report: Report) -> Report:
         report,
         results=tuple(map(_truncated_result, report.results)),
         submissions=tuple(
-            replace(_truncated_result(each), checklist=tuple(map(_truncated_texts, each.checklist)))
-            for each in report.submissions
+            replace(
+                _truncated_result(submission),
+                checklist=tuple(map(_truncated_texts, submission.checklist)),
+            )
+            for submission in report.submissions
         ),
     )
 

@@ -231,7 +231,7 @@ def _repair_order(found: Sequence[Fault], block: Block, page: Page) -> Iterator[
 
     Where there are hardly more errors than that, nothing is said.
     """
-    errors = [each for each in found if each.finding.severity == "error" and each.stages]
+    errors = [fault for fault in found if fault.finding.severity == "error" and fault.stages]
     if len(errors) <= MOST:
         return
     points = page.options.points

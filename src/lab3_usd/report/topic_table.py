@@ -42,7 +42,7 @@ class TopicReport(Struct, frozen=True):
 
     def unknown(self, endpoint: Endpoint) -> tuple[str, ...]:
         """Return what cannot be known of the frames of an endpoint, in words."""
-        sent = (each for each in self.hidden if each.publisher == endpoint.node.path)
+        sent = (frames for frames in self.hidden if frames.publisher == endpoint.node.path)
         return tuple(each.what for each in sent)
 
 

@@ -37,13 +37,13 @@ EVERY = 6  # frames of the path, of which one is kept
 
 def outcome(stage: str, checkpoint: str, evidence: Evidence) -> Behaviour:
     """Return what a run comes to, judged by what its checkpoint asks for."""
-    checks = tuple(each for each in judge(evidence) if is_asked(each.name, evidence))
+    checks = tuple(check for check in judge(evidence) if is_asked(check.name, evidence))
     recording = evidence.recording
     return Behaviour(
         stage,
         checkpoint,
         recording.seconds,
-        "bad" if any(each.verdict == "bad" for each in checks) else "ok",
+        "bad" if any(check.verdict == "bad" for check in checks) else "ok",
         tuple(_topics(evidence)),
         tuple(_frames(evidence)),
         checks,
@@ -68,7 +68,7 @@ def is_asked(name: str, evidence: Evidence) -> bool:
         "camera": (wanted.image, wanted.info),
     }
     if name in topics:
-        return all(each and evidence.recording.topic(each) for each in topics[name])
+        return all(topic and evidence.recording.topic(topic) for topic in topics[name])
     if name == "topics":
         return bool(wanted.types)
     return bool(wanted.commands) and (name != "again" or len(evidence.drive) > 1)
@@ -77,11 +77,11 @@ def is_asked(name: str, evidence: Evidence) -> bool:
 def _topics(evidence: Evidence) -> Iterator[Topic]:
     """Yield the topics of the first session on the lab's domain, by name."""
     streams: dict[tuple[str, str], list[Message]] = {}
-    for each in evidence.recording.messages:
-        if each.away is None and not each.session:
-            streams.setdefault((each.topic, each.type), []).append(each)
+    for message in evidence.recording.messages:
+        if message.away is None and not message.session:
+            streams.setdefault((message.topic, message.type), []).append(message)
     for (topic, kind), messages in sorted(streams.items()):
-        frames = dict.fromkeys(each.frame for each in messages if each.frame)
+        frames = dict.fromkeys(message.frame for message in messages if message.frame)
         yield Topic(topic, kind, round(rate_of(messages), 2), ", ".join(frames))
 
 
@@ -97,10 +97,10 @@ def _frames(evidence: Evidence) -> Iterator[Frame]:
 
 def path_rows(evidence: Evidence) -> Iterator[tuple[float, float, float, float]]:
     """Yield where the robot was, in seconds since the first Play."""
-    for number, each in enumerate(evidence.recording.path):
+    for number, pose in enumerate(evidence.recording.path):
         if number % EVERY == 0:
             seconds = (number + 1) / RATE
-            yield (round(seconds, 3), round(each.x, 4), round(each.y, 4), round(each.heading, 4))
+            yield (round(seconds, 3), round(pose.x, 4), round(pose.y, 4), round(pose.heading, 4))
 
 
 def _unknown(evidence: Evidence) -> tuple[Unknown, ...]:
@@ -124,11 +124,11 @@ def told_legs(evidence: Evidence) -> Iterator[Leg]:
 
 def _remarks(evidence: Evidence, checks: tuple[Check, ...]) -> Iterator[str]:
     """Say what else is to be known of the robot."""
-    blocked = next((each for each in evidence.recording.path if each.blocked), None)
+    blocked = next((pose for pose in evidence.recording.path if pose.blocked), None)
     if blocked is not None:
         yield f"a wall stops the robot while it is told to go {blocked.leg}"
     yield from evidence.recording.remarks
-    if evidence.recording.not_simulated and any(each.verdict != "ok" for each in checks):
+    if evidence.recording.not_simulated and any(check.verdict != "ok" for check in checks):
         yield "what looks wrong may come from what is not simulated, and is no fault"
 
 

@@ -100,7 +100,7 @@ def _plane(prim: Prim) -> Iterator[Triangle]:
     order = TURN.get(str(prim.values.get("axis")), TURN["Z"])
     corners = [(-ENDLESS, -ENDLESS, 0.0), (ENDLESS, -ENDLESS, 0.0)]
     corners += [(ENDLESS, ENDLESS, 0.0), (-ENDLESS, ENDLESS, 0.0)]
-    turned = [tuple(each[order.index(k)] for k in range(3)) for each in corners]
+    turned = [tuple(corner[order.index(k)] for k in range(3)) for corner in corners]
     yield from _fan(turned)  # type: ignore[arg-type]
 
 

@@ -30,7 +30,7 @@ class Beam(Struct, frozen=True):
 def directions(start: float, step: float, count: int) -> tuple[list[float], list[float]]:
     """Return cosines and sines of the directions of a beam."""
     angles = [start + each * step for each in range(count)]
-    return [math.cos(each) for each in angles], [math.sin(each) for each in angles]
+    return [math.cos(angle) for angle in angles], [math.sin(angle) for angle in angles]
 
 
 @lru_cache(maxsize=_MOST_KEPT)

@@ -158,7 +158,7 @@ class Player:
 
 def driven(world: World) -> Machine | None:
     """Return the machine with the most joints: what is driven."""
-    machines = [each for each in world.machines.machines if each.joints]
+    machines = [machine for machine in world.machines.machines if machine.joints]
     return max(machines, key=lambda each: len(each.joints), default=None)
 
 
@@ -214,15 +214,17 @@ def _kept(messages: Iterable[Message], topics: frozenset[str]) -> Iterator[tuple
     """Yield the transforms that tf2 takes from the topics of static ones: those that are kept."""
     for message in messages:
         if message.topic in topics and message.static and message.away is None:
-            for each in message.transforms:
-                yield each, message.node
+            for transform in message.transforms:
+                yield transform, message.node
 
 
 def _room(player: Player, start: Affine) -> tuple[Segment, ...]:
     """Return what stands still, cut at the height of the lidar, or a little above the ground."""
     world, unit = player.world, player.world.scene.meters_per_unit
-    scans = (each.data for each in player.recording.messages if isinstance(each.data, Scan))
-    place = next((each.place for each in scans), None)
+    scans = (
+        message.data for message in player.recording.messages if isinstance(message.data, Scan)
+    )
+    place = next((scan.place for scan in scans), None)
     height = start.origin[2] + EYES if place is None else place.origin[2]
     cut = world.surroundings.level(height / unit)
     return tuple((a * unit, b * unit, c * unit, d * unit) for a, b, c, d in cut)

@@ -165,7 +165,9 @@ class GraphForm(Struct, frozen=True):
 
     def value(self, name: str) -> Value | None:
         """Return the value with which an Action Graph is saved."""
-        return next((each.value for each in self.attributes if each.name == name), None)
+        return next(
+            (attribute.value for attribute in self.attributes if attribute.name == name), None
+        )
 
 
 class _AttributeEntry(Struct, forbid_unknown_fields=True):
@@ -199,7 +201,8 @@ def graph_form(entry: GraphEntry, where: str) -> GraphForm:
         node_type=entry.node_type,
         gui_api=entry.gui_api,
         attributes=tuple(
-            _attribute(name, each, f"{where}: {name}") for name, each in entry.attributes.items()
+            _attribute(name, attribute_entry, f"{where}: {name}")
+            for name, attribute_entry in entry.attributes.items()
         ),
         evaluation=entry.evaluation,
         ignored_below=entry.ignored_below,
@@ -335,7 +338,7 @@ class NodeType(Struct, frozen=True, dict=True):
     @cached_property
     def execution_inputs(self) -> tuple[str, ...]:
         """The names of the inputs that take signals."""
-        signals = (each.name for each in self.ports.values() if each.is_execution)
+        signals = (port.name for port in self.ports.values() if port.is_execution)
         return tuple(name for name in signals if name.startswith(INPUT))
 
     def input(self, short: str) -> Port | None:

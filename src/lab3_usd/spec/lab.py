@@ -243,7 +243,7 @@ class Lab(Struct, frozen=True, eq=False):
 
     def first_sensor(self, kind: str) -> SensorSpec | None:
         """Return the first sensor of a kind in the scene file, None where there is none."""
-        return next((each for each in self.sensors.values() if each.kind == kind), None)
+        return next((sensor for sensor in self.sensors.values() if sensor.kind == kind), None)
 
     @property
     def lidar_link(self) -> str:
@@ -275,7 +275,9 @@ def _graph_at_root(spec: GraphSpec, lab: Lab) -> GraphSpec:
 
 
 def _node_at_root(node: NodeSpec, lab: Lab) -> NodeSpec:
-    return replace(node, targets=tuple(_target_at_root(each, node, lab) for each in node.targets))
+    return replace(
+        node, targets=tuple(_target_at_root(target, node, lab) for target in node.targets)
+    )
 
 
 def _target_at_root(target: Target, node: NodeSpec, lab: Lab) -> Target:

@@ -234,7 +234,9 @@ class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def required(self) -> dict[str, SensorAttribute]:
         """The attributes that are checked."""
-        return {name: each for name, each in self.attributes.items() if each.required}
+        return {
+            name: attribute for name, attribute in self.attributes.items() if attribute.required
+        }
 
 
 class SceneSpec(Struct, frozen=True, forbid_unknown_fields=True):

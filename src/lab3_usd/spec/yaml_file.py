@@ -226,9 +226,9 @@ def _inside(data: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:
     """Yield the name, the value and the type of everything in `data`."""
     if isinstance(data, dict) and _is_record(kind):
         yield from (
-            (each.encode_name, data[each.encode_name], each.type)
-            for each in _fields(kind)
-            if each.encode_name in data
+            (field.encode_name, data[field.encode_name], field.type)
+            for field in _fields(kind)
+            if field.encode_name in data
         )
     elif isinstance(data, dict) and _is_mapping(kind):
         yield from ((str(key), value, get_args(kind)[1]) for key, value in data.items())

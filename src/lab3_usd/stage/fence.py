@@ -146,7 +146,11 @@ def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
         if layer.identifier in fence.alone:
             continue
         is_trusted = os.path.realpath(layer.realPath) in fence.allowed
-        assets = [each for each in layer.GetCompositionAssetDependencies() if each]
+        assets = [
+            getcompositionassetdependency
+            for getcompositionassetdependency in layer.GetCompositionAssetDependencies()
+            if getcompositionassetdependency
+        ]
         if len(assets) > _MOST_ASSETS:
             raise StageError(
                 f"{shown_name(fence, root.realPath)}: refers to {len(assets)} files; not opened"

@@ -78,7 +78,7 @@ def scan_text(text: str, asked: Iterable[str] | None = None) -> dict[str, int]:
 
 def _bodies(paths: Iterable[str]) -> set[str]:
     """Return the paths of the bodies around these specs."""
-    cuts = ((path, each.span()) for path in paths for each in _BODY.finditer(path))
+    cuts = ((path, match.span()) for path in paths for match in _BODY.finditer(path))
     return {path[:end] for path, span in cuts for end in span}
 
 
@@ -235,10 +235,10 @@ def _in_custom_data(stage: Usd.Stage) -> Iterator[IgnoreNote]:
         path = str(prim.GetPath())
         if prim.HasAuthoredCustomData():
             yield from (IgnoreNote(rule, path) for rule in _noted(prim.GetCustomData()))
-        for each in prim.GetAuthoredProperties():
-            if each.HasAuthoredCustomData():
-                noted = _noted(each.GetCustomData())
-                yield from (IgnoreNote(rule, path, each.GetName()) for rule in noted)
+        for getauthoredproperty in prim.GetAuthoredProperties():
+            if getauthoredproperty.HasAuthoredCustomData():
+                noted = _noted(getauthoredproperty.GetCustomData())
+                yield from (IgnoreNote(rule, path, getauthoredproperty.GetName()) for rule in noted)
 
 
 def _noted(data: Mapping[str, Any]) -> list[str]:
@@ -306,7 +306,7 @@ def _spec(stage: Usd.Stage, prim_path: str, name: str | None) -> tuple[Sdf.Layer
 
 def _saved(specs: Sequence[Any], stage: Usd.Stage) -> Sequence[Any]:
     """Leave out what the session layer says, unless nobody else says anything."""
-    return [each for each in specs if each.layer != stage.GetSessionLayer()] or specs
+    return [spec for spec in specs if spec.layer != stage.GetSessionLayer()] or specs
 
 
 def _prim(stage: Usd.Stage, path: str) -> Usd.Prim | None:

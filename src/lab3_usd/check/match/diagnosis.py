@@ -37,8 +37,8 @@ def missing_roles(spec: GraphSpec, roles: Roles) -> list[NodeSpec]:
     if roles.graph is None:
         return []
     return [
-        each
-        for role, each in spec.nodes.items()
+        node
+        for role, node in spec.nodes.items()
         if roles.node_of[role] is None and role not in roles.retyped
     ]
 
@@ -56,12 +56,12 @@ def absent_nodes(
     offers = [*(() if roles.graph is None else roles.graph.absent), *outside]
     found: dict[str, AbsentPrim] = {}
     for must_be_named in (True, False):
-        for each in missing_roles(spec, roles):
-            for offer in offers if each.role not in found else ():
-                is_named = offer.path.endswith(f"/{each.role}")
-                fits = catalog.get(offer.type_name) is each.type
+        for role in missing_roles(spec, roles):
+            for offer in offers if role.role not in found else ():
+                is_named = offer.path.endswith(f"/{role.role}")
+                fits = catalog.get(offer.type_name) is role.type
                 if fits and (is_named or not must_be_named):
-                    found[each.role] = offer
+                    found[role.role] = offer
                     offers.remove(offer)
                     break
     return found

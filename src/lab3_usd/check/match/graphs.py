@@ -150,8 +150,8 @@ def _is_free_for(spec: GraphSpec, node: Node, users: Mapping[str, list[NodeSpec]
 
 def _alike(one: NodeSpec, other: NodeSpec) -> bool:
     asked = [
-        {(each.port, each.value) for each in spec.settings}
-        | {(each.port, each.prims) for each in spec.targets}
+        {(setting.port, setting.value) for setting in spec.settings}
+        | {(target.port, target.prims) for target in spec.targets}
         for spec in (one, other)
     ]
     return one.type is other.type and asked[0] == asked[1]
@@ -161,7 +161,7 @@ def _touches(node: Node, own: set[str], pairs: Pairs) -> bool:
     """Whether a wire joins the node to one of those in `own`."""
     if any(_leads_from(node, path) for path in own):
         return True
-    mine = (each for each in pairs.values() if each is not None and each.path in own)
+    mine = (pair for pair in pairs.values() if pair is not None and pair.path in own)
     return any(_leads_from(each, node.path) for each in mine)
 
 

@@ -105,7 +105,9 @@ def _wires(spec: GraphSpec, order: list[str]) -> dict[str, list[Wire]]:
 
 def _own(spec: NodeSpec, node: Node) -> _Cost:
     """Count what differs between a role and a node, its wires left out."""
-    unmet = sum(not setting_matches(node, each, node.value(each.port)) for each in spec.settings)
+    unmet = sum(
+        not setting_matches(node, setting, node.value(setting.port)) for setting in spec.settings
+    )
     unmet += sum(not target_matches(node, target) for target in spec.targets)
     return unmet, int(node.name != spec.role), unmet
 
@@ -243,12 +245,12 @@ def _same_input(
     one: Node, other: Node, port: str, players: Mapping[str, Node], nodes: Mapping[str, Node]
 ) -> bool:
     """Whether the same reaches two inputs: over wires, as a value, as targets."""
-    sources = [_played(each.sources(port), players) for each in (one, other)]
+    sources = [_played(node.sources(port), players) for node in (one, other)]
     if any(sources) and sources[0] == sources[1]:
         return True
     if one.targets(port) != other.targets(port):
         return False
-    values = [effective_value(each, port, nodes) for each in (one, other)]
+    values = [effective_value(node, port, nodes) for node in (one, other)]
     is_known = values[0] is not None or not any(sources)
     return is_known and values[0] == values[1]
 

@@ -161,8 +161,10 @@ def _axes(command: Command, stage: StageModel) -> list[Prim]:
     """Return the joints of the one robot of a command, none where they are not all plain axes."""
     root = stage.prim(command.roots[0]) if len(command.roots) == 1 else None
     links = (None if root is None else articulation_links(root, stage)) or {}
-    joints = [each for each in joints_of(command, stage).values() if set(ends(each)) & set(links)]
-    return joints if all(_is_axis(each) for each in joints) else []
+    joints = [
+        joint for joint in joints_of(command, stage).values() if set(ends(joint)) & set(links)
+    ]
+    return joints if all(_is_axis(prim) for prim in joints) else []
 
 
 def _is_axis(joint: Prim) -> bool:

@@ -50,7 +50,7 @@ def gravity_faults(subject: StageSubject) -> Iterator[Problem]:
 def _links(subject: StageSubject) -> list[Prim]:
     robot = subject.lab.scene.robot.path
     bodies = subject.stage.with_api(BODY_API)
-    return [each for each in bodies if each.present and is_at_or_below(each.path, robot)]
+    return [body for body in bodies if body.present and is_at_or_below(body.path, robot)]
 
 
 def _scenes(subject: StageSubject, links: list[Prim]) -> list[Prim]:
@@ -82,13 +82,15 @@ _LIGHT_API = re.compile(r"^(Mesh|Volume)?LightAPI$")
 
 def planes(stage: StageModel, robot: str) -> Iterator[Prim]:
     """Yield the endless fixed planes beside the robot that face up and that others bump into."""
-    fixed = (each for each in _solid_planes(stage, robot) if moving_body(stage, each.path) is None)
-    return (each for each in fixed if not _is_steep(each))
+    fixed = (
+        plane for plane in _solid_planes(stage, robot) if moving_body(stage, plane.path) is None
+    )
+    return (prim for prim in fixed if not _is_steep(prim))
 
 
 def steep_planes(stage: StageModel, robot: str) -> Iterator[Prim]:
     """Yield the planes that would carry the robot if they faced up."""
-    return (each for each in _solid_planes(stage, robot) if _is_steep(each))
+    return (plane for plane in _solid_planes(stage, robot) if _is_steep(plane))
 
 
 def _is_steep(plane: Prim) -> bool:
@@ -121,7 +123,7 @@ def _collides_above(stage: StageModel, path: str) -> bool:
 def boxes(subject: StageSubject) -> Iterator[Collider]:
     """Yield the fixed shapes that lie below the place where the starter has the robot."""
     stage = subject.stage
-    return (each for each in _boxes_below(subject) if moving_body(stage, each.path) is None)
+    return (box for box in _boxes_below(subject) if moving_body(stage, box.path) is None)
 
 
 def _boxes_below(subject: StageSubject) -> Iterator[Collider]:

@@ -124,7 +124,7 @@ def is_near(one: Vector, other: Vector, tolerance: float, units: Units) -> bool:
     A stage whose units are wrong is right in one of two ways: in its units, or in those asked for.
     """
     ways = (scaled(one, units.asked), scaled(one, units.is_))
-    return min(distance(each, other) for each in ways) <= tolerance
+    return min(distance(way, other) for way in ways) <= tolerance
 
 
 def pose_property(prim: Prim, kind: Kind) -> str:

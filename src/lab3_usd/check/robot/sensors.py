@@ -189,12 +189,14 @@ def second_lidars(subject: StageSubject) -> tuple[Prim, ...]:
 
     One at the path of another sensor is left to the rule of that sensor.
     """
-    places = [find_sensor(subject.lab, subject.stage, each) for each in sensors_of(subject, LIDAR)]
+    places = [
+        find_sensor(subject.lab, subject.stage, sensor) for sensor in sensors_of(subject, LIDAR)
+    ]
     right = tuple(place.prim.path for place in places if place.prim is not None)
     if not right or len(right) < len(places):
         return ()
     found = (find_sensor(subject.lab, subject.stage, name) for name in subject.checkpoint.sensors)
-    stand_ins = [each.wrong_type_prim for each in found if each.prim is None]
+    stand_ins = [location.wrong_type_prim for location in found if location.prim is None]
     later = [subject.lab.sensors[name].path for name in later_sensors(subject, LIDAR)]
     return tuple(
         prim for prim in lidars(subject, right) if prim not in stand_ins and prim.path not in later

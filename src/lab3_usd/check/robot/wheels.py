@@ -199,7 +199,7 @@ def second_commanders(
         same = any(path in found.equivalents for found in roles.values())
         if path in own or same or not _commands_wheels(node, stage, lab, live):
             continue
-        graph = next(each for each in stage.graphs if node in each.nodes)
+        graph = next(graph_model for graph_model in stage.graphs if node in graph_model.nodes)
         if not any(is_same_graph(lab.graphs[name], graph, live) for name in own.values()):
             yield node, next(iter(own))
 
@@ -216,8 +216,8 @@ def is_same_graph(spec: GraphSpec, graph: GraphModel, live: Nodes) -> bool:
         node = roles.node_of[role]
         if node is None or not all(target_matches(node, target) for target in asked.targets):
             return False
-        values = ((each, setting_value(live, node, each.port)) for each in asked.settings)
-        if not all(setting_matches(node, each, value) for each, value in values):
+        values = ((setting, setting_value(live, node, setting.port)) for setting in asked.settings)
+        if not all(setting_matches(node, setting, value) for setting, value in values):
             return False
     return True
 

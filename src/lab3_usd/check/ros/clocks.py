@@ -37,7 +37,11 @@ def context_inputs(subject: LintSubject) -> Iterator[ContextInput]:
 def domains(subject: LintSubject) -> dict[str, list[Node]]:
     """Return the contexts that a node uses by the domain they name, in words."""
     found: dict[str, list[Node]] = {}
-    used = {node.path: node for each in context_inputs(subject) for node in each.contexts}
+    used = {
+        node.path: node
+        for context_input in context_inputs(subject)
+        for node in context_input.contexts
+    }
     for node in used.values():
         if node.type is None or OUTPUT + _CONTEXT not in node.type.ports:
             continue

@@ -155,7 +155,7 @@ def stops(graph: GraphModel, subject: LintSubject) -> Iterator[Stop]:
             continue
         waiting = tuple(_behind(node, idle, subject))
         port = signal_inputs(node)[0]
-        written = any(node.sources(each) for each in signal_inputs(node))
+        written = any(node.sources(signal_input) for signal_input in signal_inputs(node))
         if not ahead:
             reason = "broken" if written else "unwired"
             yield Stop(node, port, reason, "", waiting)

@@ -62,7 +62,7 @@ def _is_shown(subject: EvidenceSubject, command: Command) -> bool:
     shown: Mapping[str, object] = getattr(subject.evidence, command.kind.name)
     recordings = subject.evidence.recordings
     return command.target in shown or any(
-        each.shows(command.kind.name, command.target) for each in recordings
+        recording.shows(command.kind.name, command.target) for recording in recordings
     )
 
 
@@ -232,7 +232,7 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
             return [Problem(shown.file, "the TF tree is empty")]
         parents = {child: parent for parent, child in shown.fact}
         found = list(_missing(required, parents, subject.frames.deeper_under, shown.file))
-        return [_before_localization(subject, each) for each in found]
+        return [_before_localization(subject, problem) for problem in found]
 
     yield from judge_best(subject.evidence.view_frames.get("", ()), judge)
 
@@ -370,12 +370,12 @@ def recording_not_read(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Example: `run_0.mcap` is missing.
     """
-    unread = [each for each in subject.evidence.recordings if each.unread]
-    lacking = [each for each in unread if each.for_lack]
-    for each in lacking[:1]:
-        message = f"{len(lacking)} recordings were not read: {each.unread}"
+    unread = [recording for recording in subject.evidence.recordings if recording.unread]
+    lacking = [shown for shown in unread if shown.for_lack]
+    for recording_shown in lacking[:1]:
+        message = f"{len(lacking)} recordings were not read: {recording_shown.unread}"
         hint = "pip install 'lab3-usd[sim]'"
-        yield Problem(each.file, message, handout="J1", severity="note", hint=hint)
-    for each in unread:
-        if not each.for_lack:
-            yield Problem(each.file, f"the recording {shortened(each.unread)}", handout="J1")
+        yield Problem(recording_shown.file, message, handout="J1", severity="note", hint=hint)
+    for shown in unread:
+        if not shown.for_lack:
+            yield Problem(shown.file, f"the recording {shortened(shown.unread)}", handout="J1")

@@ -192,10 +192,10 @@ def _wrong_durability(
     shown: Observation[tuple[Endpoint, ...]], topic: TopicSpec
 ) -> Iterator[Problem]:
     wanted = topic.durability
-    for each in shown.fact if wanted is not None else ():
-        actual = each.durability
-        if each.publishes and actual in _DURABILITIES and actual != wanted:
-            message = f"{each.node} publishes {topic.name} with durability {actual}, "
+    for endpoint in shown.fact if wanted is not None else ():
+        actual = endpoint.durability
+        if endpoint.publishes and actual in _DURABILITIES and actual != wanted:
+            message = f"{endpoint.node} publishes {topic.name} with durability {actual}, "
             message += f"expected {wanted}"
             yield Problem(shown.file, message, topic.name, wanted, actual)
 

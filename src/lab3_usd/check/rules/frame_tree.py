@@ -332,7 +332,7 @@ def _is_forbidden_name(path: str, subject: StageSubject) -> bool:
 def _put_away(subject: StageSubject) -> Iterator[Problem]:
     """Note the publishers that somebody deactivated, as 8.11 advises."""
     catalog = subject.lab.catalog
-    gone = [each for graph in subject.stage.graphs for each in graph.absent if graph.active]
+    gone = [prim for graph in subject.stage.graphs for prim in graph.absent if graph.active]
     for absent in (*gone, *subject.stage.absent):
         kind = catalog.get(absent.type_name)
         named = _is_forbidden_name(absent.path, subject)

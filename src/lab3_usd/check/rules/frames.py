@@ -179,14 +179,16 @@ def lost_frames(outcome: Outcome) -> Iterator[Problem]:
 
     Example: Isaac Compute Transform Tree is missing, and with it six frames.
     """
-    told = [each for each in outcome.findings if each.severity != "note"]
+    told = [finding for finding in outcome.findings if finding.severity != "note"]
     lost = [
-        each.title.partition(" is ")[0]
-        for each in outcome.requirements
-        if each.kind == "frame" and not each.met and not _is_named(each.id, told)
+        requirement.title.partition(" is ")[0]
+        for requirement in outcome.requirements
+        if requirement.kind == "frame"
+        and not requirement.met
+        and not _is_named(requirement.id, told)
     ]
     for path in _publishers(outcome) if lost else ():
-        faults = [each.prim for each in told if is_at_or_below(each.prim, path)]
+        faults = [finding.prim for finding in told if is_at_or_below(finding.prim, path)]
         yield Problem(
             path,
             f"through other faults, not published: {', '.join(lost)}",
@@ -200,10 +202,10 @@ def _is_named(requirement: str, told: list[Finding]) -> bool:
     frame = requirement.rpartition("/")[2]
     quoted = f"'{frame}'"
     return any(
-        each.prim.endswith(f"/{frame}")
-        or each.expected == quoted
-        or (each.rule[0] == _FAMILY and quoted in each.message)
-        for each in told
+        finding.prim.endswith(f"/{frame}")
+        or finding.expected == quoted
+        or (finding.rule[0] == _FAMILY and quoted in finding.message)
+        for finding in told
     )
 
 

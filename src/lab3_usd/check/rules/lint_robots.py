@@ -325,7 +325,7 @@ def _shared(one: Command, other: Command, subject: LintSubject) -> list[str]:
     if not kinds or not set(one.roots) & set(other.roots) or None in (one.names, other.names):
         return []
     every = list(joints_of(one, subject.stage))
-    first, second = (list(each.names or every) for each in (one, other))
+    first, second = (list(command.names or every) for command in (one, other))
     return [name for name in first if name in second]
 
 

@@ -118,9 +118,9 @@ def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
 def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
     """Return how many nodes each over holds that nothing makes a graph, as behind a payload."""
     above = Counter(
-        each.path.rpartition("/")[0]
-        for each in subject.stage.absent
-        if each.reason == OVER and each.type_name and not subject.catalog.graph.ignores(each.path)
+        prim.path.rpartition("/")[0]
+        for prim in subject.stage.absent
+        if prim.reason == OVER and prim.type_name and not subject.catalog.graph.ignores(prim.path)
     )
     return {path: n for path, n in above.items() if not is_unresolved(subject.stage, path)}
 

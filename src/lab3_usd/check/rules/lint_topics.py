@@ -22,12 +22,16 @@ from lab3_usd.model.finding import Problem, Severity, display
 
 def _running(subject: LintSubject, direction: str) -> list[Endpoint]:
     found = endpoints(subject.stage, subject.lab)
-    return [each for each in found if each.runs and each.topic and each.direction == direction]
+    return [
+        endpoint
+        for endpoint in found
+        if endpoint.runs and endpoint.topic and endpoint.direction == direction
+    ]
 
 
 def _grave(*ends: Endpoint) -> Severity | None:
     """Return the severity of a fault between these, milder where one of them only may run."""
-    return None if all(each.sure for each in ends) else "warning"
+    return None if all(end.sure for end in ends) else "warning"
 
 
 @rule("K40", "two-publishers", scope="lint")
@@ -79,7 +83,7 @@ def two_types(subject: LintSubject) -> Iterator[Problem]:
     """
     first: dict[str, Endpoint] = {}
     ends = [*_running(subject, "publishes"), *_running(subject, "subscribes")]
-    for endpoint in (each for each in ends if each.type is not None):
+    for endpoint in (end for end in ends if end.type is not None):
         known = first.setdefault(str(endpoint.topic), endpoint)
         if known.type != endpoint.type:
             yield Problem(
@@ -167,17 +171,17 @@ def two_clocks(subject: LintSubject) -> Iterator[Problem]:
     Example: two robots publish `/robot_1/clock` and `/robot_2/clock`.
     """
     clocks = [each for each in _running(subject, "publishes") if each.type == CLOCK]
-    topics = {each.topic for each in clocks}
+    topics = {clock.topic for clock in clocks}
     for endpoint in clocks if len(topics) > 1 else ():
         if endpoint.topic != "/clock":
-            others = [each for each in clocks if each.topic != endpoint.topic]
+            others = [clock for clock in clocks if clock.topic != endpoint.topic]
             yield Problem(
                 endpoint.node.path,
                 f"publishes a clock on {endpoint.topic}, another one is on {others[0].topic}",
                 property=endpoint.port,
                 expected="/clock",
                 actual=endpoint.topic,
-                related=tuple(each.node.path for each in others),
+                related=tuple(other.node.path for other in others),
             )
 
 

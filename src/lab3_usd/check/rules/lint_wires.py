@@ -28,8 +28,8 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
         if wire.source is not None:
             continue
         why = why_dead(wire, subject) if wire.source_prim else "is a prim and no port"
-        others = [each for each in wire.node.sources(wire.port) if each != wire.path]
-        is_fed = any(each.rpartition(".")[0] in subject.live for each in others)
+        others = [source for source in wire.node.sources(wire.port) if source != wire.path]
+        is_fed = any(other.rpartition(".")[0] in subject.live for other in others)
         name = (wire.source_prim or wire.path).rpartition("/")[2]
         if why is None:
             message = f"the source of {wire.port} cannot be known: {wire.source_prim} may be in an "
@@ -172,10 +172,11 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
         if len(wires) > 1:
             yield Problem(
                 path,
-                f"{port_name} has {len(wires)} sources: {', '.join(each.path for each in wires)}",
+                f"{port_name} has {len(wires)} sources: "
+                + ", ".join(connection.path for connection in wires),
                 property=port_name,
                 expected="one source",
-                actual=", ".join(each.path for each in wires),
+                actual=", ".join(connection.path for connection in wires),
             )
 
 
@@ -221,7 +222,7 @@ def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
         if kind is None or ends is None or not ends[1].is_execution or wire.node.path in told:
             continue
         if kind.role == "subscriber" and wire.source_port.startswith(OUTPUT) and _has_pace(wire):
-            others = [each for each in wire.node.sources(wire.port) if each != wire.path]
+            others = [source for source in wire.node.sources(wire.port) if source != wire.path]
             if not others:
                 told.add(wire.node.path)
                 yield Problem(

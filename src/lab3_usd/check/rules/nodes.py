@@ -46,12 +46,12 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
         return
     absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.catalog)
     missing = missing_roles(subject.spec, subject.roles)
-    overs = [each for each in absent.values() if each.reason == OVER]
+    overs = [prim for prim in absent.values() if prim.reason == OVER]
     asset = subject.stage.unresolved_above(graph.path)
     if asset is not None and len(overs) > 1:
         yield _missing_with_asset(subject, graph.path, asset.asset, overs)
-        missing = [each for each in missing if each.role in absent]
-        missing = [each for each in missing if absent[each.role] not in overs]
+        missing = [node for node in missing if node.role in absent]
+        missing = [node for node in missing if absent[node.role] not in overs]
     for spec in missing:
         there = absent.get(spec.role) or in_another_graph(spec, subject)
         why = "" if there is None else f": {there.path} is {there.reason}{_below(there, subject)}"
@@ -76,7 +76,7 @@ def _missing_with_asset(
         f"def, and {asset} below them cannot be found",
         expected=f"{len(subject.spec.nodes)} nodes",
         handout=subject.spec.handout,
-        related=tuple(each.path for each in overs),
+        related=tuple(over.path for over in overs),
         hint=f"hand in {asset} beside the stage, or choose File > Collect As in Isaac Sim",
     )
 
@@ -92,7 +92,7 @@ def _way_back(subject: GraphSubject, spec: NodeSpec, there: AbsentPrim | None) -
     graph = subject.roles.graph
     name = subject.spec.name
     if graph is not None:
-        name = shown_graph(graph.path, (each.path for each in subject.stage.graphs))
+        name = shown_graph(graph.path, (graph_model.path for graph_model in subject.stage.graphs))
     if there is None:
         return f"add {role_title(spec)} to {name} and {_wiring(subject, spec)}"
     if there.reason == DEACTIVATED:
@@ -252,9 +252,9 @@ def _published_again(subject: GraphSubject, node: Node) -> tuple[Endpoint, Endpo
     if subject.checkpoint.frames:
         asked -= set(subject.lab.policy.tree_topics)  # the rules of frames judge what it sends
     published = [
-        each
-        for each in endpoints(subject.stage, subject.lab)
-        if each.runs and each.direction == "publishes" and each.topic in asked
+        endpoint
+        for endpoint in endpoints(subject.stage, subject.lab)
+        if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic in asked
     ]
     pairs = [
         (own, other)
@@ -340,9 +340,9 @@ def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
     """
     lab, stage = subject.lab, subject.stage
     missed = {
-        each.path
+        absent_node.path
         for name, roles in subject.roles.items()
-        for each in absent_nodes(lab.graphs[name], roles, stage, lab.catalog).values()
+        for absent_node in absent_nodes(lab.graphs[name], roles, stage, lab.catalog).values()
     }
     for node in nodes_outside_graphs(stage):
         if node.path not in missed and not lab.catalog.scripts.runs(node.type_name):

@@ -231,7 +231,7 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
         present = [base, *(path for path in present if path in _let_go(subject, links))]
     groups = _groups(subject, links)
     # A link that is held by the world is S21's.
-    told = [groups[base], *(groups[_link_of(each, links)] for each in _held_bodies(subject))]
+    told = [groups[base], *(groups[_link_of(body, links)] for body in _held_bodies(subject))]
     for name, link in robot.links.items():
         path = f"{robot.path}/{name}"
         if path in present and name not in wheels and groups[path] not in told:

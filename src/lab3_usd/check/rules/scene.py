@@ -222,7 +222,7 @@ def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
             hint = f"in the Property panel of {link.name}, set Translate to"
             where = pose_property(link, "translate")
             yield _LinkPlace(link.path, where, decompose(seen).translation, "sits", hint)
-    joint = next((each for each in welds(subject) if link.path in bodies(each)), None)
+    joint = next((weld for weld in welds(subject) if link.path in bodies(weld)), None)
     rest = rest_frames(subject).get(link.path)
     if joint is not None and rest is not None and base is not None and base.offset is None:
         side = 1 - bodies(joint).index(link.path)
@@ -249,16 +249,16 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the lidar has a key at time 50 that puts it at (9, 9, 9).
     """
-    for each in subject.stage.moving:
-        severity = _severity(each, subject)
-        if severity is not None and each.prim not in subject.faulty_prims:
+    for attribute in subject.stage.moving:
+        severity = _severity(attribute, subject)
+        if severity is not None and attribute.prim not in subject.faulty_prims:
             yield Problem(
-                each.prim,
-                f"{each.property} is {each.first} at the start and {each.then} at time "
-                f"{each.time:g}, expected no time samples",
-                property=each.property,
-                expected=each.first,
-                actual=each.then,
+                attribute.prim,
+                f"{attribute.property} is {attribute.first} at the start and {attribute.then} "
+                f"at time {attribute.time:g}, expected no time samples",
+                property=attribute.property,
+                expected=attribute.first,
+                actual=attribute.then,
                 severity=severity,
             )
 

@@ -122,7 +122,9 @@ def misposed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
         if not resets_xform_stack(found.prim):
             transforms = candidate_transforms(subject.stage, found.place)
             pose = found.spec.pose
-            judged = [[*pose_errors(found.prim, each, pose, tolerance)] for each in transforms]
+            judged = [
+                [*pose_errors(found.prim, transform, pose, tolerance)] for transform in transforms
+            ]
             for error in min(judged, key=len, default=[]):
                 yield pose_problem(found, error)
 

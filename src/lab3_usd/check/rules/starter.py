@@ -132,7 +132,7 @@ def _told(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
         left = _untold(change, subject)
         if not left or left[0].kind != kind:
             continue
-        named = "; ".join(_says(each) for each in left[:_SHOWN])
+        named = "; ".join(_says(difference) for difference in left[:_SHOWN])
         more = f"; and {len(left) - _SHOWN} more" if len(left) > _SHOWN else ""
         first = left[0]
         yield Problem(
@@ -142,7 +142,7 @@ def _told(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
             first.was,
             first.now,
             subject.rules.handout,
-            severity=_severity(physics=any(each.physics for each in left)),
+            severity=_severity(physics=any(difference.physics for difference in left)),
         )
 
 
@@ -171,7 +171,11 @@ def _untold(change: Change, subject: StarterSubject) -> list[Difference]:
     if (change.prim, None) in subject.faulty_sites:
         return []
     names |= {name for group in subject.rules.together if names & {*group} for name in group}
-    left = [each for each in change.differences if not _is_silent(each, names, subject)]
+    left = [
+        difference
+        for difference in change.differences
+        if not _is_silent(difference, names, subject)
+    ]
     return sorted(left, key=lambda each: KINDS.index(each.kind))
 
 

@@ -224,11 +224,11 @@ def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
 
 def _lost(earlier: StageResult, later: StageResult) -> list[str]:
     """Return the titles of what the earlier stage has and the later one lacks."""
-    had = {each.id for each in earlier.requirements if each.met}
+    had = {requirement.id for requirement in earlier.requirements if requirement.met}
     return [
-        f"{each.group}: {each.title}"
-        for each in later.requirements
-        if each.id in had and not each.met
+        f"{requirement.group}: {requirement.title}"
+        for requirement in later.requirements
+        if requirement.id in had and not requirement.met
     ]
 
 

@@ -196,16 +196,17 @@ def topic_of_commands_published(subject: StageSubject) -> Iterator[Problem]:
     played = role_specs(subject)
     found = endpoints(subject.stage, subject.lab)
     taken = {
-        each.topic: each.node.path
-        for each in found
-        if each.topic and each.direction == "subscribes" and each.node.path in played
+        endpoint.topic: endpoint.node.path
+        for endpoint in found
+        if endpoint.topic and endpoint.direction == "subscribes" and endpoint.node.path in played
     }
-    for each in found:
-        if each.runs and each.direction == "publishes" and each.topic in taken:
+    for endpoint in found:
+        if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic in taken:
             yield Problem(
-                each.node.path,
-                f"publishes {each.topic}, which {taken[each.topic]} takes from outside the stage",
-                property=each.port,
-                actual=each.topic,
-                related=(taken[each.topic],),
+                endpoint.node.path,
+                f"publishes {endpoint.topic}, which {taken[endpoint.topic]} takes "
+                "from outside the stage",
+                property=endpoint.port,
+                actual=endpoint.topic,
+                related=(taken[endpoint.topic],),
             )

@@ -296,7 +296,9 @@ def _says(found: Vector, wanted: Vector, limit: float) -> str:
 
 def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:
     """Name the axis, or the rotation where all wheel joints have the same axis."""
-    axes = {None if each.prim is None else each.prim.attributes.get(AXIS, "X") for each in others}
+    axes = {
+        None if other.prim is None else other.prim.attributes.get(AXIS, "X") for other in others
+    }
     side = base_side(joint)
     is_rotation = len(axes) == 1 and len(others) > 1 and side is not None
     return f"physics:localRot{side}" if is_rotation else AXIS

@@ -137,7 +137,11 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: `differential_controller.inputs:maxLinearSpeed` connected to a constant.
     """
     # A wire that makes a value wrong, or reaches what must keep its default, is told as that.
-    told = {(each.node.path, each.setting.port) for each in settings_of(subject) if not each.met}
+    told = {
+        (setting.node.path, setting.setting.port)
+        for setting in settings_of(subject)
+        if not setting.met
+    }
     told.update(stopping_inputs(subject))
     kept = subject.lab.policy.keep_default
     for fault in _faults(subject, "unasked"):

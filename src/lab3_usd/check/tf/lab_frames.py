@@ -70,23 +70,23 @@ def repeated_publishers(subject: StageSubject) -> Iterator[tuple[Endpoint, tuple
     asked = required_topics(subject)
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
     together: dict[str, list[Endpoint]] = {}
-    for each in endpoints(subject.stage, subject.lab):
-        if each.topic and each.runs and each.direction == "publishes":
-            required = required_topic(played.get(each.node.path), each.port)
-            if each.node.path not in played or required == each.topic:
-                together.setdefault(each.topic, []).append(each)
+    for endpoint in endpoints(subject.stage, subject.lab):
+        if endpoint.topic and endpoint.runs and endpoint.direction == "publishes":
+            required = required_topic(played.get(endpoint.node.path), endpoint.port)
+            if endpoint.node.path not in played or required == endpoint.topic:
+                together.setdefault(endpoint.topic, []).append(endpoint)
     for topic, group in together.items():
         if topic in subject.lab.policy.tree_topics:
             continue
-        owner = next((each for each in group if each.node.path in played), group[0])
-        for each in group:
-            is_lab_graph = _graph_of(each) in lab_graphs and topic in asked
+        owner = next((endpoint for endpoint in group if endpoint.node.path in played), group[0])
+        for endpoint in group:
+            is_lab_graph = _graph_of(endpoint) in lab_graphs and topic in asked
             if (
-                each is not owner
+                endpoint is not owner
                 and not is_lab_graph
-                and each.node.path not in subject.faulty_prims
+                and endpoint.node.path not in subject.faulty_prims
             ):
-                yield each, tuple(other for other in group if other is not each)
+                yield endpoint, tuple(other for other in group if other is not endpoint)
 
 
 def _graph_of(endpoint: Endpoint) -> str:
@@ -240,7 +240,7 @@ def may_be_unresolved(frame: str, maker: FrameSource, view: TfView) -> bool:
     is_told = prim is not None and not is_target_unresolved(home, stage)
     if is_told and prim is not None and not {BODY_API, *FRAME_APIS} & set(prim.apis):
         return False  # no target stands for a prim that is neither a body nor a link
-    return any(each.cause == maker.node.path and each.may_give(home) for each in view.hidden)
+    return any(frames.cause == maker.node.path and frames.may_give(home) for frames in view.hidden)
 
 
 def self_parent_pairs(node: Node, view: TfView) -> list[Pair]:

@@ -52,11 +52,11 @@ class Compared(NamedTuple):
 
 def write_baseline(report: Report, path: Path) -> int:
     """Write every finding of a report as known, and return how many there are."""
-    known = [each for each, _ in _told(report, path)]
+    known = [finding for finding, _ in _told(report, path)]
     content = {
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},
-        "findings": [msgspec.to_builtins(each) for each in known],
+        "findings": [msgspec.to_builtins(known_finding) for known_finding in known],
     }
     write_whole(path, (json.dumps(content, indent=1) + "\n").encode(), force=True)
     return len(known)
@@ -90,28 +90,32 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
         UsageError: the baseline cannot be read, or is none.
     """
     known, told = _grouped(read_baseline(path).findings), list(_told(report, path))
-    present = _grouped(each for each, _ in told)
+    present = _grouped(known_finding for known_finding, _ in told)
     kept = {
         id(finding)
-        for each, finding in told
-        if not _is_among(each, present[_key(each)], known.get(_key(each), []))
+        for known_finding, finding in told
+        if not _is_among(
+            known_finding, present[_key(known_finding)], known.get(_key(known_finding), [])
+        )
     }
 
     def new(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
-        return tuple(each for each in findings if id(each) in kept)
+        return tuple(finding for finding in findings if id(finding) in kept)
 
     paths = [result.path for result in report.results]
     paths += [submission.path for submission in report.submissions]
     here = {_from(path, each) for each in paths}
     gone = tuple(
-        each
+        known_finding
         for key, group in known.items()
-        for each in group
-        if each.file in here
-        and not _is_among(each, group, present.get(key, []))
-        and chosen(each.rule, options["select"], options["ignore"])
+        for known_finding in group
+        if known_finding.file in here
+        and not _is_among(known_finding, group, present.get(key, []))
+        and chosen(known_finding.rule, options["select"], options["ignore"])
     )
-    results = tuple(with_findings(each, new(each.findings)) for each in report.results)
+    results = tuple(
+        with_findings(stage_result, new(stage_result.findings)) for stage_result in report.results
+    )
     submissions = tuple(replace(each, findings=new(each.findings)) for each in report.submissions)
     return Compared(Report(results, submissions), gone)
 
@@ -123,8 +127,8 @@ def _key(known: KnownFinding) -> tuple[str, str]:
 
 def _grouped(findings: Iterable[KnownFinding]) -> dict[tuple[str, str], list[KnownFinding]]:
     groups: dict[tuple[str, str], list[KnownFinding]] = {}
-    for each in findings:
-        groups.setdefault(_key(each), []).append(each)
+    for finding in findings:
+        groups.setdefault(_key(finding), []).append(finding)
     return groups
 
 
@@ -136,7 +140,7 @@ def _is_among(
     A lone one is, whatever it says now; of several the message tells which is which.
     """
     is_lone = len(own) == len(others) == 1
-    return is_lone or any(each.message == finding.message for each in others)
+    return is_lone or any(other.message == finding.message for other in others)
 
 
 def _told(report: Report, path: Path) -> list[tuple[KnownFinding, Finding]]:

@@ -132,8 +132,11 @@ def _judged(entries: list[Entry], judge: Judge, options: Mapping[str, Any]) -> R
     with closing(judged), _progress(judged, len(entries), options) as bar:
         for stages, about in bar:
             results += (
-                with_findings(each, selected_findings(each.findings, each.path, options))
-                for each in _played(stages, options)
+                with_findings(
+                    stage_result,
+                    selected_findings(stage_result.findings, stage_result.path, options),
+                )
+                for stage_result in _played(stages, options)
             )
             submissions += (
                 replace(each, findings=selected_findings(each.findings, each.path, options))
@@ -147,7 +150,7 @@ def _played(stages: Iterable[StageResult], options: Mapping[str, Any]) -> Iterab
         return stages
     from lab3_usd.commands.steps.dry_runs import with_dry_run
 
-    return (with_dry_run(each, options["dry_runs"]) for each in stages)
+    return (with_dry_run(stage, options["dry_runs"]) for stage in stages)
 
 
 def _progress(judged: Iterable[Any], count: int, options: Mapping[str, Any]) -> Any:

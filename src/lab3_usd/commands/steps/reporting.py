@@ -74,8 +74,10 @@ def selected_findings(
     every = tuple(findings)
     others = (each for each in every if each.rule != UNREADABLE)
     kept = with_config_applied(others, path, options["config"])
-    asked = (each for each in kept if chosen(each.rule, options["select"], options["ignore"]))
-    return (*(each for each in every if each.rule == UNREADABLE), *asked)
+    asked = (
+        finding for finding in kept if chosen(finding.rule, options["select"], options["ignore"])
+    )
+    return (*(finding for finding in every if finding.rule == UNREADABLE), *asked)
 
 
 def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
@@ -98,8 +100,8 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
     found = without_known(report, written or given, options)
     if found.gone:
         click.echo(f"lab3: {len(found.gone)} of {given} found no longer:", err=True)
-    for each in found.gone:
-        click.echo(f"  {each.file}: {each.rule} {each.site}", err=True)
+    for finding in found.gone:
+        click.echo(f"  {finding.file}: {finding.rule} {finding.site}", err=True)
     return found.report
 
 
@@ -134,7 +136,7 @@ def _changes(report: Report, options: Mapping[str, Any]) -> Changes:
 
 def _points(report: Report) -> dict[str, float]:
     """Return what each checkpoint is worth by the lab's rubric, where stages are told together."""
-    if len(report.results) < 2 or all(each.checkpoint is None for each in report.results):  # noqa: PLR2004
+    if len(report.results) < 2 or all(result.checkpoint is None for result in report.results):  # noqa: PLR2004
         return {}
     from lab3_usd.grade.rubric import load_rubric
     from lab3_usd.spec.lab import RUBRIC
@@ -162,10 +164,12 @@ def write_report(text: str, output: str | None) -> None:
 def exit_code(report: Report, options: Mapping[str, Any]) -> int:
     """Return the exit code of a run, which a crash of ours decides before anything else."""
     judged: list[StageResult | Submission] = [*report.results, *report.submissions]
-    if any(each.crashes for each in judged):
+    if any(stage_result.crashes for stage_result in judged):
         return EXIT_CRASH
     if options["exit_zero"]:
         return 0
     bad = ("error", "warning") if options["fail_on"] == "warning" else ("error",)
-    found = any(finding.severity in bad for each in judged for finding in each.findings)
+    found = any(
+        finding.severity in bad for stage_result in judged for finding in stage_result.findings
+    )
     return EXIT_FOUND if found else 0

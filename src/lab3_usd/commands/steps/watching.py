@@ -83,16 +83,16 @@ def changes_between(before: Report, after: Report) -> ReportChanges:
     added = list(_surplus(new, -known))
     repaired = list(_surplus(old, +known))
     changed = []
-    for each in list(added):
-        twin = next((other for other in repaired if _place(other) == _place(each)), None)
+    for entry in list(added):
+        twin = next((other for other in repaired if _place(other) == _place(entry)), None)
         if twin is not None:
-            added.remove(each)
+            added.remove(entry)
             repaired.remove(twin)
-            changed.append(each)
+            changed.append(entry)
     return ReportChanges(
-        tuple(each.finding for each in added),
-        tuple(each.finding for each in changed),
-        tuple(each.finding for each in repaired),
+        tuple(entry.finding for entry in added),
+        tuple(entry.finding for entry in changed),
+        tuple(entry.finding for entry in repaired),
     )
 
 
@@ -108,24 +108,28 @@ def _said(entry: Entry) -> tuple[_Place, str]:
 def _surplus(told: list[Entry], more: Counter[tuple[_Place, str]]) -> Iterator[Entry]:
     """Yield as many entries as one report has more than the other."""
     left = Counter(more)
-    for each in told:
-        if left[_said(each)] > 0:
-            left[_said(each)] -= 1
-            yield each
+    for entry in told:
+        if left[_said(entry)] > 0:
+            left[_said(entry)] -= 1
+            yield entry
 
 
 def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str]:
     """Yield when which file was saved and what that changed in figures; then finding by finding."""
-    left = Counter(each.finding.severity for each in entries(after))
+    left = Counter(entry.finding.severity for entry in entries(after))
     figures = [f"{count} {name}{'s' * (count != 1)}" for name, count in left.items()]
     changed = f", {len(news.changed)} changed" if news.changed else ""
     told = f"{len(news.repaired)} repaired, {len(news.new)} new{changed}"
     yield printable(f"{clock()}  {saved}: {told}; {', '.join(figures) or 'nothing'} left")
     for word, findings in (("new", news.new), ("changed", news.changed)):
-        for each in findings:
-            yield printable(f"  {word:<9} {each.severity} {each.rule} {site(each)}: {each.message}")
-    for each in news.repaired:
-        yield printable(f"  repaired  {each.severity} {each.rule} {site(each)}: {each.message}")
+        for finding in findings:
+            yield printable(
+                f"  {word:<9} {finding.severity} {finding.rule} {site(finding)}: {finding.message}"
+            )
+    for finding in news.repaired:
+        yield printable(
+            f"  repaired  {finding.severity} {finding.rule} {site(finding)}: {finding.message}"
+        )
 
 
 def clock() -> str:
@@ -326,8 +330,8 @@ class _Session:
     def _whole(self) -> Report:
         reports = self._reports.values()
         return Report(
-            tuple(result for each in reports for result in each.results),
-            tuple(submission for each in reports for submission in each.submissions),
+            tuple(result for report in reports for result in report.results),
+            tuple(submission for report in reports for submission in report.submissions),
         )
 
     def _tell(self, lines: Iterable[str]) -> None:

@@ -123,7 +123,7 @@ def _from_zip(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
     with zipfile.ZipFile(archive) as packed:
         entries = packed.infolist()
         copy.limits.check_count(len(entries))
-        names = [] if copy.archives else [each.filename for each in entries if not each.is_dir()]
+        names = [] if copy.archives else [info.filename for info in entries if not info.is_dir()]
         top = _common_top(names)
         for entry in entries:
             name = prefix + entry.filename.removeprefix(top)
@@ -221,7 +221,7 @@ def _tar_entries(
 
 def _common_top(names: Iterable[str]) -> str:
     """Return the folder that everything in an archive lies in, with its slash; '' for none."""
-    parts = [each.partition("/") for each in names if not each.startswith("__MACOSX/")]
+    parts = [name.partition("/") for name in names if not name.startswith("__MACOSX/")]
     tops = {top for top, _, _ in parts}
     if len(tops) != 1 or not all(slash for _, slash, _ in parts) or tops & {"", ".", ".."}:
         return ""

@@ -127,12 +127,14 @@ def _canvas(names: Iterable[str]) -> dict[str, FileOwner]:
     for name in names:
         anonymous = _CANVAS_ANONYMOUS.match(name)
         every = [_anonymous(anonymous)] if anonymous else list(_canvas_readings(name))
-        late = [each for each in every if each.late]
+        late = [owner for owner in every if owner.late]
         if every:
             readings[name] = late or every
-    certain = {(each[0].student, each[0].name) for each in readings.values() if len(each) == 1}
+    certain = {
+        (reading[0].student, reading[0].name) for reading in readings.values() if len(reading) == 1
+    }
     used = [
-        Counter(each[min(rank, len(each) - 1)].upload for each in readings.values())
+        Counter(reading[min(rank, len(reading) - 1)].upload for reading in readings.values())
         for rank in range(2)
     ]
     return {name: _likeliest(every, certain, used) for name, every in readings.items()}
@@ -155,17 +157,17 @@ def _likeliest(
     """Choose between two readings of a name by what the rest of the class shows."""
     if len(readings) == 1:
         return readings[0]
-    known = [each for each in readings if (each.student, each.name) in certain]
+    known = [reading for reading in readings if (reading.student, reading.name) in certain]
     possible = [
-        each
-        for rank, each in enumerate(readings)
-        if not each.upload or used[rank][each.upload] == 1
+        owner
+        for rank, owner in enumerate(readings)
+        if not owner.upload or used[rank][owner.upload] == 1
     ]
     for some in (known, possible):
         if len(some) == 1:
             return some[0]
     longest = max(readings, key=lambda each: (len(str(each.upload)), len(each.student)))
-    (other, *_) = (each for each in readings if each is not longest)
+    (other, *_) = (file_owner for file_owner in readings if file_owner is not longest)
     return replace(longest, doubt=f"{other.name} ({other.student})")
 
 

@@ -152,13 +152,14 @@ def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) ->
     every = list(sources)
     for source in every:
         _take(source, copy, alone=len(every) == 1)
-    unread = [each for each in copy.refused if each.reason.startswith(_UNREAD)]
+    unread = [file for file in copy.refused if file.reason.startswith(_UNREAD)]
     if unread and not copy.digests:
         raise ArchiveError(f"{unread[0].path}: {unread[0].reason.removeprefix('it ')}")
     folder = _submission_in(target)
     inside = folder.relative_to(target).as_posix()
     refused = tuple(
-        RefusedFile(each.path.removeprefix(f"{inside}/"), each.reason) for each in copy.refused
+        RefusedFile(refused_file.path.removeprefix(f"{inside}/"), refused_file.reason)
+        for refused_file in copy.refused
     )
     start = f"{folder}{os.sep}"
     digests = {
@@ -172,8 +173,8 @@ def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) ->
 def _take(source: Source, copy: SubmissionCopy, *, alone: bool) -> None:
     if source.fault:
         raise ArchiveError(f"{source.name or source.path.name}: {source.fault}")
-    for each in source.left_out:
-        copy.refuse(each.path, each.reason)
+    for file in source.left_out:
+        copy.refuse(file.path, file.reason)
     if os.path.isdir(source.path) and not source.path.is_symlink():  # noqa: PTH112 - never raises
         _take_folder(source, copy)
     else:
@@ -285,5 +286,5 @@ def _submission_in(target: Path) -> Path:
         for folder in level:
             if is_submission(folder):
                 return folder
-        level = [each for folder in level for each in sorted(folder.iterdir()) if each.is_dir()]
+        level = [path for folder in level for path in sorted(folder.iterdir()) if path.is_dir()]
     return target

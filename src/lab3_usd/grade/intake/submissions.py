@@ -73,8 +73,8 @@ def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:
     if not archive.is_file() or not is_archive(archive.name):
         raise UsageError(f"{given}: is neither a folder nor an archive of submissions")
     folder, empty_folder = scratch / "class", scratch / "empty_folder"
-    for each in (folder, empty_folder):
-        each.mkdir()
+    for path in (folder, empty_folder):
+        path.mkdir()
     copy = SubmissionCopy(folder, _CLASS, archives=True)
     try:
         unpack(archive, "", copy)
@@ -95,7 +95,7 @@ def _left_out(copy: SubmissionCopy) -> _LeftOut:
     """
     found = []
     for path, reason in [
-        *((each.path, each.reason) for each in copy.refused),
+        *((file.path, file.reason) for file in copy.refused),
         *((path, _PASSED_OVER) for path in copy.hidden),
     ]:
         parts = path.replace("\\", "/").split("/")
@@ -221,8 +221,8 @@ def _at_address(at: ClassLocation, address: str, notify: Notify) -> list[Submiss
     if (METADATA, False) in entries:
         names = names_in(read_at(address, METADATA))
     return [
-        replace(each, source=_elsewhere(each.source, address))
-        for each in _parts(at, entries, names, notify)
+        replace(part, source=_elsewhere(part.source, address))
+        for part in _parts(at, entries, names, notify)
     ]
 
 
@@ -250,8 +250,8 @@ def _in(at: ClassLocation, folder: Path, notify: Notify) -> list[SubmissionPart]
     for (entry, _), refused in at.left_out:
         left_out.setdefault(entry, []).append(refused)
     return [
-        _placed(each, at, folder, left_out.get(each.source.path.name, []))
-        for each in _parts(at, entries, names, notify)
+        _placed(part, at, folder, left_out.get(part.source.path.name, []))
+        for part in _parts(at, entries, names, notify)
     ]
 
 

@@ -84,7 +84,7 @@ def _all_below(folder: Path, starter: Path | None) -> bool:
 
     real = folder.resolve()
     return starter is not None and all(
-        Path(each).is_relative_to(real) for each in files_of(starter)
+        Path(file).is_relative_to(real) for file in files_of(starter)
     )
 
 

@@ -82,7 +82,7 @@ def grade_submission(
     return {
         **_record(points, _status(found, task.broken, staged.refused)),
         "digest": staged.digest,
-        "verdicts": {each.checkpoint: each.verdict for each in found.results},
+        "verdicts": {result.checkpoint: result.verdict for result in found.results},
         "crashes": [crash.rule for crash in _crashes(found)],
         "reports": reports,
     }
@@ -91,8 +91,8 @@ def grade_submission(
 def _without_repairs(found: FolderResult) -> FolderResult:
     """Let reports to students say what is wrong, and not how a program would change it."""
     results = (
-        replace(each, findings=tuple(replace(one, fix=None) for one in each.findings))
-        for each in found.results
+        replace(result, findings=tuple(replace(one, fix=None) for one in result.findings))
+        for result in found.results
     )
     return replace(found, results=tuple(results))
 
@@ -116,9 +116,9 @@ def _inside(folder: Path) -> Iterator[None]:
 def _not_pictured(results: Sequence[StageResult]) -> set[str]:
     """Name the stages without faults, but for the last: its pictures show what they show."""
     return {
-        each.path
-        for each in results[:-1]
-        if all(finding.severity == "note" for finding in each.findings)
+        result.path
+        for result in results[:-1]
+        if all(finding.severity == "note" for finding in result.findings)
     }
 
 
@@ -151,10 +151,10 @@ def _status(
     for path, how in broken.items():
         return status_of(how), f"{path}: {how}"
     if not found.results:
-        because = "; ".join(f"{each.path}: {each.reason}" for each in refused[:1])
+        because = "; ".join(f"{file.path}: {file.reason}" for file in refused[:1])
         return "empty", because or "holds no stage of a checkpoint"
     crashes = _crashes(found)
-    if any(each.error.startswith(MemoryError.__name__) for each in crashes):
+    if any(crash.error.startswith(MemoryError.__name__) for crash in crashes):
         raise MemoryError  # in a rule, which is not at fault
     if crashes:
         return "tool failed", "a rule of the checker failed; please report it"
@@ -162,7 +162,7 @@ def _status(
 
 
 def _crashes(found: FolderResult) -> Sequence[Crash]:
-    crashes = [crash for each in found.results for crash in each.crashes]
+    crashes = [crash for result in found.results for crash in result.crashes]
     return [*crashes, *found.submission.crashes]
 
 
@@ -174,15 +174,17 @@ def _with_fence(
 ) -> FolderResult:
     """Add what was left out to the results, as findings of the rules about it."""
     rules = all_rules()
-    files = [_finding(rules["Z01"], each.path, each.reason) for each in refused]
+    files = [_finding(rules["Z01"], file.path, file.reason) for file in refused]
     grave: dict[str, list[Finding]] = {}
-    for each in blocked:
-        if each.is_error:
-            finding = _finding(rules["Z02"], each.asset, each.reason)
-            grave.setdefault(each.stage, []).append(replace(finding, layer=each.stage))
+    for asset in blocked:
+        if asset.is_error:
+            finding = _finding(rules["Z02"], asset.asset, asset.reason)
+            grave.setdefault(asset.stage, []).append(replace(finding, layer=asset.stage))
     results = tuple(
-        with_findings(each, (*each.findings, *grave[each.path])) if each.path in grave else each
-        for each in found.results
+        with_findings(result, (*result.findings, *grave[result.path]))
+        if result.path in grave
+        else result
+        for result in found.results
     )
     findings = ordered((*found.submission.findings, *files))
     return FolderResult(results, replace(found.submission, path=student, findings=findings))

@@ -42,11 +42,11 @@ def chart_svg(moments: Sequence[Moment]) -> str:
     end = moments[-1].seconds or 1.0
     parts = [_legs(moments, end)]
     for number, (name, unit) in enumerate(_NAMES):
-        moved = [(each.seconds, _value(each.robot, start, number)) for each in moments]
+        moved = [(moment.seconds, _value(moment.robot, start, number)) for moment in moments]
         told = [
-            (each.seconds, _value(each.odometry, start, number))
-            for each in moments
-            if each.odometry is not None
+            (moment.seconds, _value(moment.odometry, start, number))
+            for moment in moments
+            if moment.odometry is not None
         ]
         parts += _row(number, f"{name}, {unit}", moved, told, end)
     tall = TOP + 3 * ROW + 8
@@ -120,9 +120,9 @@ Extent = tuple[float, float, float, float]
 def room_svg(found: Replay, *, still: bool = False) -> str:
     """Return the room with the robot and what its lidar sees, moment by moment or at one."""
     start = found.moments[0].robot
-    walls = [each for each in found.walls if _near(each[:2], start) and _near(each[2:], start)]
+    walls = [wall for wall in found.walls if _near(wall[:2], start) and _near(wall[2:], start)]
     ends = [point for a, b, c, d in walls for point in ((a, b), (c, d))]
-    seen = [point for each in found.moments for point in each.points if _near(point, start)]
+    seen = [point for moment in found.moments for point in moment.points if _near(point, start)]
     box = _box([*ends, *seen, *_path(found)], least=2.0)
     parts = [
         _grid(box),
@@ -135,7 +135,7 @@ def room_svg(found: Replay, *, still: bool = False) -> str:
 
 def near_svg(found: Replay, *, still: bool = False) -> str:
     """Return the path from near, with what odometry says of it."""
-    told = [each.odometry for each in found.moments if each.odometry is not None]
+    told = [moment.odometry for moment in found.moments if moment.odometry is not None]
     start, edge = found.moments[0].robot, min(found.radius, FAR)
     says = [(x, y) for x, y, _ in told if _near((x, y), start)]
     ends = [(x + dx, y + dy) for x, y in (*_path(found), *says) for dx, dy in _around(edge)]
@@ -154,13 +154,15 @@ def near_svg(found: Replay, *, still: bool = False) -> str:
 def furthest(found: Replay) -> int:
     """Return the number of the moment to show first: when the robot has gone furthest."""
     x, y, _ = found.moments[0].robot
-    ways = [(each.robot[0] - x) ** 2 + (each.robot[1] - y) ** 2 for each in found.moments]
+    ways = [(moment.robot[0] - x) ** 2 + (moment.robot[1] - y) ** 2 for moment in found.moments]
     return ways.index(max(ways))
 
 
 def _path(found: Replay) -> list[tuple[float, float]]:
     start = found.moments[0].robot
-    return [(x, y) for x, y, _ in (each.robot for each in found.moments) if _near((x, y), start)]
+    return [
+        (x, y) for x, y, _ in (moment.robot for moment in found.moments) if _near((x, y), start)
+    ]
 
 
 def _near(point: Sequence[float], start: Sequence[float]) -> bool:
@@ -279,7 +281,7 @@ def dry_run_summary(found: Behaviour, seen: Replay | None) -> DryRunSummary | No
     return DryRunSummary(
         sum_text(found),
         tuple(map(leg_text, found.legs)),
-        tuple(each for each in found.checks if each.verdict != "ok"),
+        tuple(check for check in found.checks if check.verdict != "ok"),
         Markup(room_svg(seen, still=True)),  # noqa: S704 - no name of the stage is in it
         Markup(near_svg(seen, still=True)),  # noqa: S704
     )
@@ -329,9 +331,9 @@ def render(found: Behaviour, seen: Replay | None, lab: Lab) -> str:
 def tree_lines(frames: Sequence[Frame]) -> Iterator[str]:
     """Yield the TF tree line by line; a ring of frames is left where it closes."""
     below: dict[str, list[Frame]] = {}
-    for each in frames:
-        below.setdefault(each.parent, []).append(each)
-    children = {each.child for each in frames}
+    for frame in frames:
+        below.setdefault(frame.parent, []).append(frame)
+    children = {frame.child for frame in frames}
     roots = [each for each in below if each not in children] or [*below][:1]
     for root in roots:
         yield root
@@ -342,14 +344,14 @@ def _branches(
     parent: str, below: dict[str, list[Frame]], lead: str, above: set[str]
 ) -> Iterator[str]:
     rows = below.get(parent, [])
-    for number, each in enumerate(rows, start=1):
+    for number, frame in enumerate(rows, start=1):
         last = number == len(rows)
-        static = " (static)" if each.static else ""
-        ring = " (again)" if each.child in above else ""
-        yield f"{lead}{'└── ' if last else '├── '}{each.child}{static}{ring}"
+        static = " (static)" if frame.static else ""
+        ring = " (again)" if frame.child in above else ""
+        yield f"{lead}{'└── ' if last else '├── '}{frame.child}{static}{ring}"
         if not ring:
             inside = lead + ("    " if last else "│   ")
-            yield from _branches(each.child, below, inside, above | {each.child})
+            yield from _branches(frame.child, below, inside, above | {frame.child})
 
 
 def _graph_drawings(path: Path, lab: Lab, computed: Mapping[str, int]) -> Iterator[tuple[str, str]]:
@@ -366,7 +368,7 @@ def _graph_drawings(path: Path, lab: Lab, computed: Mapping[str, int]) -> Iterat
 
 
 def _counted(picture: Picture, computed: Mapping[str, int], ids: str) -> str:
-    counts = "".join(_count(each, computed.get(each.key)) for each in picture.boxes)
+    counts = "".join(_count(box, computed.get(box.key)) for box in picture.boxes)
     drawn = svg(picture, ids)
     return drawn.removesuffix("</svg>") + counts + "</svg>"
 

@@ -67,7 +67,7 @@ def leg_text(leg: Leg) -> str:
 
 def sum_text(found: Behaviour) -> str:
     """Return how the checks came out."""
-    verdicts = [each.verdict for each in found.checks]
+    verdicts = [check.verdict for check in found.checks]
     bad, unsure = verdicts.count("bad"), verdicts.count("not-simulated")
     said = f"{len(verdicts)} checks: {verdicts.count('ok')} ok, {bad} bad"
     return f"{said}, {unsure} not simulated" if unsure else said
@@ -84,7 +84,7 @@ def render(found: Behaviour, width: int, *, color: bool) -> str:
     name = printable(found.recording or found.stage)
     lines = [f"{paint(name, 'heading', color=color)}: {what}"]
     if found.verdict == "unreadable":
-        lines += [f"  {printable(each.reason)}" for each in found.not_simulated]
+        lines += [f"  {printable(unknown.reason)}" for unknown in found.not_simulated]
         return "\n".join(lines) + "\n"
     lines += ["", *_topics(found), ""]
     looks = LOOKS_OF_A_RECORDING if found.recording else LOOKS
@@ -96,9 +96,9 @@ def render(found: Behaviour, width: int, *, color: bool) -> str:
 
 def _topics(found: Behaviour) -> Iterator[str]:
     rows: list[tuple[str, ...]] = [("topic", "type", "rate", "frame")]
-    rows += [(each.name, each.type, rate(each.hz), each.frame) for each in found.topics]
+    rows += [(topic.name, topic.type, rate(topic.hz), topic.frame) for topic in found.topics]
     if found.recording:
-        more = [("arrival", "QoS"), *(_as_offered(each) for each in found.topics)]
+        more = [("arrival", "QoS"), *(_as_offered(topic) for topic in found.topics)]
         rows = [(*row, *cells) for row, cells in zip(rows, more, strict=True)]
     yield from _table([tuple(map(printable, row)) for row in rows])
     if not found.topics:
@@ -139,12 +139,15 @@ def _drive(found: Behaviour, width: int) -> Iterator[str]:
 
 
 def _others(found: Behaviour, width: int) -> Iterator[str]:
-    said = [f"not simulated: {each.prim}: {each.reason}" for each in found.not_simulated]
+    said = [f"not simulated: {unknown.prim}: {unknown.reason}" for unknown in found.not_simulated]
     if found.differences is not None:
-        said += [f"unlike the dry run: {each.name} {each.message}" for each in found.differences]
+        said += [
+            f"unlike the dry run: {difference.name} {difference.message}"
+            for difference in found.differences
+        ]
         said += [] if found.differences else ["topics and frames are those of the dry run"]
-    for each in (*found.remarks, *said):
-        yield from textwrap.wrap(printable(each), max(width, 40), subsequent_indent="  ")
+    for remark in (*found.remarks, *said):
+        yield from textwrap.wrap(printable(remark), max(width, 40), subsequent_indent="  ")
 
 
 VERSION = 1
@@ -157,18 +160,22 @@ def render_json(found: Behaviour) -> str:
 
 def behaviour_json(found: Behaviour) -> dict[str, Any]:
     """Return the behaviour as plain data, keys in the order of the schema."""
-    more = [] if found.differences is None else [asdict(each) for each in found.differences]
+    more = (
+        []
+        if found.differences is None
+        else [asdict(difference) for difference in found.differences]
+    )
     return {
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},
         **({"recording": found.recording} if found.recording else {"stage": found.stage}),
         "seconds": round(found.seconds, 3),
         "verdict": found.verdict,
-        "topics": [_topic(each) for each in found.topics],
-        "frames": [asdict(each) for each in found.frames],
-        "checks": [_check_json(each) for each in found.checks],
+        "topics": [_topic(topic) for topic in found.topics],
+        "frames": [asdict(frame) for frame in found.frames],
+        "checks": [_check_json(check) for check in found.checks],
         "path": [list(each) for each in found.path],
-        "not_simulated": [asdict(each) for each in found.not_simulated],
+        "not_simulated": [asdict(unknown) for unknown in found.not_simulated],
         **({} if found.differences is None else {"differences": more}),
     }
 

@@ -51,13 +51,15 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
 def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
     found = faults(block, graded=graded)
     read = {stage.index: read_content(stage.result, lab) for stage in block.stages}
-    contents = {index: each for index, each in read.items() if each is not None}
+    contents = {index: content for index, content in read.items() if content is not None}
     shown = gallery(block, contents, found)
     return BlockView(
         block=block,
         ranks=ranks(list(cards(block, found, shown.links)), lab),
-        graphs=tuple(each for each in shown.pictures if each.kind == "graph"),
-        trees=tuple(each for each in shown.pictures if each.kind == "frames"),
+        graphs=tuple(picture for picture in shown.pictures if picture.kind == "graph"),
+        trees=tuple(
+            page_picture for page_picture in shown.pictures if page_picture.kind == "frames"
+        ),
         topics=topics(contents),
         checks=tuple(
             _checklist_sections(() if block.submission is None else block.submission.checklist)

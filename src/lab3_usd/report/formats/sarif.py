@@ -115,9 +115,9 @@ def _fixes(entry: Entry, options: Options) -> Json:
     changes = [
         {
             "artifactLocation": file_uri(file, options.root),
-            "replacements": [_replacement(each) for each in lines if each.file == file],
+            "replacements": [_replacement(line) for line in lines if line.file == file],
         }
-        for file in dict.fromkeys(each.file for each in lines)
+        for file in dict.fromkeys(change.file for change in lines)
     ]
     return {
         "fixes": [{"description": message(entry.finding.fix.title), "artifactChanges": changes}]

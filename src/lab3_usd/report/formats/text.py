@@ -35,7 +35,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     lines = [*_spaced(sections), summary_line(summarize(report))]
     count = sum(is_repairable(entry.finding) for entry in entries(report))
     if count and not quiet:
-        lints = all(each.checkpoint is None for each in report.results)
+        lints = all(result.checkpoint is None for result in report.results)
         by = "lab3 fix --lint" if lints else "lab3 fix"
         lines.append(f"{REPAIRABLE} {plural(count, 'finding')} can be repaired with {by}")
     return "\n".join(lines) + "\n"
@@ -95,14 +95,14 @@ def _together(block: Block, page: Page) -> list[str]:
 def _stage_section(result: StageResult, page: Page) -> list[str]:
     lines = [_stage_heading(result, page), *_crash_lines(result.crashes, page)]
     if page.options.verbosity != "quiet":
-        lines += finding_blocks(((each, "") for each in result.findings), page)
+        lines += finding_blocks(((finding, "") for finding in result.findings), page)
     return lines
 
 
 def _submission_section(submission: Submission, page: Page) -> list[str]:
     lines = [*_submission_heading(submission, page)]
     if page.options.verbosity != "quiet":
-        lines += finding_blocks(((each, "") for each in submission.findings), page)
+        lines += finding_blocks(((finding, "") for finding in submission.findings), page)
         lines += checklist_lines(submission.checklist, page.options, page.width)
     return lines
 

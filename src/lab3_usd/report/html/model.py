@@ -60,7 +60,7 @@ def _content(result: StageResult, model: StageModel, lab: Lab) -> StageContent:
     return StageContent(
         pictures=tuple(stage_pictures(lab, checkpoint, model, result.findings)),
         tree=tuple(as_text(tree)),
-        topics=tuple(tuple(cells(each, topics)) for each in topics.endpoints),
+        topics=tuple(tuple(cells(endpoint, topics)) for endpoint in topics.endpoints),
     )
 
 
@@ -239,8 +239,8 @@ def _excerpt(finding: Finding, excerpts: Excerpts) -> Iterator[ExcerptLine]:
 def ranks(found: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
     """Group cards, which are in order already, by severity, part and section of the handout."""
     titles: dict[str, list[str]] = {}
-    for each in lab.checkpoints.values():
-        titles.setdefault(each.part, []).append(each.title)
+    for checkpoint in lab.checkpoints.values():
+        titles.setdefault(checkpoint.part, []).append(checkpoint.title)
     return tuple(
         Rank(severity, tuple(_chapters(list(inside), titles)))
         for severity, inside in groupby(found, key=_severity)
@@ -264,7 +264,7 @@ def _chapters(found: Iterable[Card], titles: Mapping[str, list[str]]) -> Iterato
 
 def _chapter(section: str, titles: Mapping[str, list[str]]) -> str:
     """Name the part of the handout that a section is in, by the checkpoint of that part."""
-    part = max((each for each in titles if _is_in(section, each)), key=len, default="")
+    part = max((title for title in titles if _is_in(section, title)), key=len, default="")
     _, letter, number, _, _ = section_key(section)
     if part:
         name = f"Part {part}" if len(part) == 1 else part

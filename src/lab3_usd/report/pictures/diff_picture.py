@@ -47,8 +47,14 @@ def diff_picture(graph: GraphVersions, changes: Sequence[StageChange]) -> Pictur
     keys = dict(_keys(graph))
     curves = tuple(_curves(graph, keys))
     found = findings_by_site(_findings(changes))
-    was = {(each.path, each.property): each.was for each in changes if each.part in _ON_ROWS}
-    touched = {each.path for each in changes if each.part == "node" and each.edit == "changed"}
+    was = {
+        (change.path, change.property): change.was for change in changes if change.part in _ON_ROWS
+    }
+    touched = {
+        stage_change.path
+        for stage_change in changes
+        if stage_change.part == "node" and stage_change.edit == "changed"
+    }
     boxes = [
         _with_old_values(_box(pair, key, curves, found, touched), was) for key, pair in keys.items()
     ]
@@ -79,10 +85,10 @@ def _keys(graph: GraphVersions) -> Iterator[tuple[str, NodePair]]:
 
 def _findings(changes: Iterable[StageChange]) -> Iterator[Finding]:
     """Yield values and targets that are not as before as faults, which boxes know how to mark."""
-    for each in changes:
-        if each.part in _ON_ROWS and each.edit == "changed":
-            message = f"{each.property} was {each.was}, is {each.now}"
-            yield Finding("", "", "error", each.path, message, each.property)
+    for change in changes:
+        if change.part in _ON_ROWS and change.edit == "changed":
+            message = f"{change.property} was {change.was}, is {change.now}"
+            yield Finding("", "", "error", change.path, message, change.property)
 
 
 def _box(

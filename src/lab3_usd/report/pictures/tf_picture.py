@@ -60,9 +60,10 @@ def frames_picture(
     branches = [
         branch
         for branch in _branches(frames, edges, required=required)
-        if branch.state != "missing" or not any(each.may_be(branch.child) for each in hidden)
+        if branch.state != "missing"
+        or not any(unresolved_frames.may_be(branch.child) for unresolved_frames in hidden)
     ]
-    branches += [_unknown(each) for each in hidden]
+    branches += [_unknown(unresolved_frames) for unresolved_frames in hidden]
     if localized and frames.localization is not None:
         branches.insert(0, _localization(frames.localization))
     return _picture("TF", _counted(branches), branches, judged=True)

@@ -120,14 +120,14 @@ def bound_readers(unpacker: Unpacker, topics: int) -> Iterator[None]:
         "zstd": lambda data, size: unpacker.zstd(data, min(size, LARGEST_CHUNK)),
         "lz4": lambda data, size: unpacker.lz4(data, min(size, LARGEST_CHUNK)),
     }
-    for each in libraries:
-        each.parse_qos = _bound_parser(parse, topics)
+    for library in libraries:
+        library.parse_qos = _bound_parser(parse, topics)
     try:
         yield
     finally:
         storage_mcap.DECOMPRESSORS = unbound
-        for each in libraries:
-            each.parse_qos = parse
+        for library in libraries:
+            library.parse_qos = parse
 
 
 def _bound_parser(parse: Callable[[str], Any], most: int) -> Callable[[str], Any]:
@@ -262,9 +262,9 @@ class Bag(Struct, frozen=True):
         """What was offered, by topic and type."""
         found: dict[tuple[str, str], tuple[Offered, ...]] = {}
         for reader in self.readers:
-            for each in reader.connections:
-                offered = tuple(map(_offered, each.ext.offered_qos_profiles))
-                key = (each.topic, each.msgtype)
+            for connection in reader.connections:
+                offered = tuple(map(_offered, connection.ext.offered_qos_profiles))
+                key = (connection.topic, connection.msgtype)
                 found[key] = max(found.get(key, ()), offered, key=len)
         return found
 
@@ -298,8 +298,8 @@ def opened(layout: Layout, bounds: Bounds) -> Iterator[Bag]:
     unpacker, most = Unpacker(bounds.parts), MOST_TOPICS * len(layout.paths)
     with ExitStack() as stack:
         stack.enter_context(bound_readers(unpacker, most))
-        plain = [plain_file(each, stack, bounds.file) for each in layout.paths]
-        readers = [_reader(each) for each in plain]
+        plain = [plain_file(path, stack, bounds.file) for path in layout.paths]
+        readers = [_reader(path) for path in plain]
         for reader in readers:
             stack.callback(reader.close)
         if sum(len(each.connections) for each in readers) > most:
@@ -326,11 +326,11 @@ def layout_of(files: Sequence[Path]) -> Layout:
     Raises:
         RecordingError: it is none, or a file is missing.
     """
-    there = {each.name: each for each in files}
+    there = {file.name: file for file in files}
     said = _metadata(there[METADATA]) if METADATA in there else {}
     names = said.get("relative_file_paths")
     if isinstance(names, list) and names:
-        wanted = [PurePath(str(each)).name for each in names]
+        wanted = [PurePath(str(name)).name for name in names]
         missing = next((each for each in wanted if each not in there), None)
         if missing is not None:
             raise RecordingError(f"{missing} is missing")

@@ -66,36 +66,36 @@ def unreadable(recorded: Recorded) -> Iterator[Fault]:
 
 def qos(recorded: Recorded) -> Iterator[Fault]:
     """Each topic is offered with the durability that is asked for, by as many as are asked for."""
-    for each in recorded.asked:
-        for tally in recorded.found.of_topic(each.name):
+    for topic in recorded.asked:
+        for tally in recorded.found.of_topic(topic.name):
             offered = [one.durability for one in tally.offered]
-            odd = next((one for one in offered if each.durability not in {None, one}), None)
+            odd = next((one for one in offered if topic.durability not in {None, one}), None)
             if odd is not None:
-                yield Fault(f"{each.name} is offered {odd}, not {each.durability}", "E07")
-            if each.publishers is not None and len(offered) > each.publishers:
-                yield Fault(f"{len(offered)} publishers of {each.name}", "E14")
+                yield Fault(f"{topic.name} is offered {odd}, not {topic.durability}", "E07")
+            if topic.publishers is not None and len(offered) > topic.publishers:
+                yield Fault(f"{len(offered)} publishers of {topic.name}", "E14")
 
 
 def rates(recorded: Recorded) -> Iterator[Fault]:
     """What is to stream comes more than once in a while, and its stamps go on."""
     is_short = recorded.found.timeline.arrived < SHORT
-    for each in recorded.asked:
-        for tally in recorded.found.of_topic(each.name):
-            if each.rate is not None and tally.count and not (any(tally.rates()) or is_short):
-                yield Fault(f"{each.name} comes only once", "E04")
-            elif each.rate is not None and tally.stuck > STUCK * tally.count:
-                said = f"{tally.stuck} of {tally.count} stamps of {each.name} are not later"
+    for topic in recorded.asked:
+        for tally in recorded.found.of_topic(topic.name):
+            if topic.rate is not None and tally.count and not (any(tally.rates()) or is_short):
+                yield Fault(f"{topic.name} comes only once", "E04")
+            elif topic.rate is not None and tally.stuck > STUCK * tally.count:
+                said = f"{tally.stuck} of {tally.count} stamps of {topic.name} are not later"
                 yield Fault(f"{said} than the one before", "W01")
 
 
 def headers(recorded: Recorded) -> Iterator[Fault]:
     """The headers name the frames that are asked for."""
-    for each in recorded.asked:
-        wanted = [(each.fields or {})[name] for name in _FRAMES if name in (each.fields or {})]
-        for tally in recorded.found.of_topic(each.name):
+    for topic in recorded.asked:
+        wanted = [(topic.fields or {})[name] for name in _FRAMES if name in (topic.fields or {})]
+        for tally in recorded.found.of_topic(topic.name):
             odd = [frame for frame in tally.frames if frame not in wanted]
             if wanted and odd:
-                said = f"{each.name} is in {', '.join(odd)}, not {' and '.join(wanted)}"
+                said = f"{topic.name} is in {', '.join(odd)}, not {' and '.join(wanted)}"
                 yield Fault(said, "E05")
 
 
@@ -115,7 +115,7 @@ def frames(recorded: Recorded) -> Iterator[Fault]:
     for child, several in parents.items():
         if len(several) > 1:
             yield Fault(f"{child} has the parents {', '.join(several)}", "E12")
-    static = {(each.parent, each.child) for each in recorded.found.frames if each.static}
+    static = {(frame.parent, frame.child) for frame in recorded.found.frames if frame.static}
     for (parent, child), link in recorded.found.links.items():
         if link.gap > GAP and (parent, child) not in static and child != _root(recorded):
             yield Fault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "E11")
@@ -132,7 +132,7 @@ def odometry(recorded: Recorded) -> Iterator[Fault]:
         recorded.evidence,
         recorded.evidence.recording.topic(recorded.topics.wanted.odometry, 0),
     )
-    times = [each.at for each in messages if each.data is not None]
+    times = [message.at for message in messages if message.data is not None]
     end = 0.0
     for leg in evidence.drive[0].legs:
         start, end = end, end + leg.seconds
@@ -159,7 +159,7 @@ def way(recorded: Recorded) -> Iterator[Fault]:
     """All in all the robot goes about as far as it is told."""
     evidence = recorded.evidence
     most = evidence.wanted.limits[0] or math.inf
-    told = sum(min(abs(each.forward), most) * each.seconds for each in evidence.drive[0].legs)
+    told = sum(min(abs(leg.forward), most) * leg.seconds for leg in evidence.drive[0].legs)
     poses = evidence.recording.path
     done = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(poses))
     if told > LEAST and not is_about(done, told):
@@ -216,7 +216,7 @@ def differences(recorded: Behaviour, dry: Behaviour) -> tuple[Difference, ...]:
 
 def _topics(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
     """Compare what the stage publishes; other nodes may publish more."""
-    came = {each.name: each for each in recorded.topics}
+    came = {topic.name: topic for topic in recorded.topics}
     for expected in dry.topics:
         found = came.get(expected.name)
         if found is None:
@@ -238,13 +238,13 @@ def _parts(found: Topic, expected: Topic) -> Iterator[str]:
 def _frames(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
     """Compare who is the parent of each frame that the stage publishes."""
     came: dict[str, set[str]] = {}
-    for each in recorded.frames:
-        came.setdefault(each.child, set()).add(each.parent)
-    for each in dry.frames:
-        parents = came.get(each.child, set())
-        if each.parent not in parents:
+    for frame in recorded.frames:
+        came.setdefault(frame.child, set()).add(frame.parent)
+    for frame in dry.frames:
+        parents = came.get(frame.child, set())
+        if frame.parent not in parents:
             said = f"is below {', '.join(sorted(parents))}" if parents else "never comes"
-            yield Difference(each.child, f"{said}, in the dry run below {each.parent}")
+            yield Difference(frame.child, f"{said}, in the dry run below {frame.parent}")
 
 
 _LONG = 1.0  # seconds of one command, from which on it is judged
@@ -313,7 +313,7 @@ def _judged(
         "",
         checkpoint,
         found.timeline.now,
-        "bad" if any(each.verdict == "bad" for each in checks) else "ok",
+        "bad" if any(check.verdict == "bad" for check in checks) else "ok",
         tuple(_judged_topics(found)),
         tuple(found.frames),
         checks,
@@ -331,7 +331,7 @@ def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> 
     if not found.commands or not evidence.recording.path:
         names |= {*_MOVED}
     map_name, _ = map_topic(lab, checkpoint)
-    seen = {each.child for each in found.frames if each.parent == recorded.map_frame}
+    seen = {frame.child for frame in found.frames if frame.parent == recorded.map_frame}
     goal = lab.ros.goal
     robot = () if goal is None else found.of_topic(goal.robot)
     came = found.of_topic(map_name) or robot or seen
@@ -362,7 +362,7 @@ def _judged_topics(found: Gathered) -> Iterator[Topic]:
     for (topic, kind), tally in sorted(found.tallies.items(), key=lambda each: each[0]):
         if not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) or not tally.count:
             continue
-        by_stamp, by_arrival = (round(each, 2) for each in tally.rates())
+        by_stamp, by_arrival = (round(rate, 2) for rate in tally.rates())
         offered = tuple(each.text for each in tally.offered)
         frame = next(iter(tally.frames), "")
         yield Topic(topic, kind, by_stamp, frame, by_arrival, offered)

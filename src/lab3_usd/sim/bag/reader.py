@@ -172,11 +172,11 @@ def _odometry(message: Any) -> Decoded | None:
 
 def _transforms(message: Any) -> Decoded | None:
     found = []
-    for each in message.transforms:
-        place = (_xyz(each.transform.translation), _wxyz(each.transform.rotation))
+    for transform in message.transforms:
+        place = (_xyz(transform.transform.translation), _wxyz(transform.transform.rotation))
         if not all(map(_finite, place)):
             return None
-        names = (each.header.frame_id[:LONGEST], each.child_frame_id[:LONGEST])
+        names = (transform.header.frame_id[:LONGEST], transform.child_frame_id[:LONGEST])
         found.append(Transform(*names, *place))
     # It has a header for each transform, and so no frame of its own.
     first = Header(_head(message.transforms[0].header).stamp, "") if found else None
@@ -292,7 +292,7 @@ class Gathered(Struct):
 
     def of_topic(self, name: str) -> list[Tally]:
         """Return what came on a topic, by type."""
-        return [each for (topic, _), each in self.tallies.items() if topic == name]
+        return [tally for (topic, _), tally in self.tallies.items() if topic == name]
 
 
 def gather(
@@ -400,17 +400,17 @@ def _keep_whole(found: Gathered, message: Message, wanted: Interface) -> None:
 
 
 def _gathered_goals(found: Gathered, goals: tuple[Goal, ...]) -> None:
-    for each in goals[:MOST_NAMES]:
-        if each.id in found.goals or len(found.goals) < MOST_NAMES:
-            found.goals[each.id] = each.status
+    for goal in goals[:MOST_NAMES]:
+        if goal.id in found.goals or len(found.goals) < MOST_NAMES:
+            found.goals[goal.id] = goal.status
 
 
 def _links(
     found: Gathered, transforms: tuple[Transform, ...], at: float, root: str, *, static: bool
 ) -> tuple[Transform, ...]:
     """Note who is whose parent, and return what is below the root."""
-    for each in transforms:
-        key = (each.parent, each.child)
+    for transform in transforms:
+        key = (transform.parent, transform.child)
         link = found.links.get(key)
         if link is None:
             if len(found.links) >= MOST_NAMES:
@@ -418,7 +418,7 @@ def _links(
             link = found.links[key] = Link(last=at)
             found.frames[Frame(*key, static)] = None
             if static:
-                found.recording.static = (*found.recording.static, (each, ""))
+                found.recording.static = (*found.recording.static, (transform, ""))
         link.gap = max(link.gap, 0.0 if static else at - link.last)
         link.count, link.last = link.count + 1, at
-    return tuple(each for each in transforms if each.child != root)
+    return tuple(transform for transform in transforms if transform.child != root)

@@ -201,11 +201,11 @@ def _starts(evidence: Evidence) -> list[float]:
 
 def _messages(evidence: Evidence) -> Iterator[Record]:
     starts = _starts(evidence)
-    for each in evidence.recording.messages:
-        data = None if each.away is not None else serialized(each)
+    for message in evidence.recording.messages:
+        data = None if message.away is not None else serialized(message)
         if data is not None:
-            time = nanoseconds(starts[each.session] + each.at)
-            yield Record(time, each.topic, each.type, data, each.profile)
+            time = nanoseconds(starts[message.session] + message.at)
+            yield Record(time, message.topic, message.type, data, message.profile)
 
 
 def _commands(evidence: Evidence) -> Iterator[Record]:

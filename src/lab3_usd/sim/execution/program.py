@@ -64,18 +64,18 @@ class Program(Struct):
 
     def run(self, what: str, world: World) -> None:
         """Run what an event starts; push graphs run with each frame."""
-        for each in self.events.get(what, ()):
-            push(each, world, len(self.nodes))
+        for running in self.events.get(what, ()):
+            push(running, world, len(self.nodes))
         if what == FRAME:
-            for each in self.pushed:
-                if each.computed != world.frame:
-                    each.computed = world.frame
-                    each.compute(world)
+            for running in self.pushed:
+                if running.computed != world.frame:
+                    running.computed = world.frame
+                    running.compute(world)
 
     def reset(self) -> None:
         """Forget what the nodes remember, as on Stop."""
-        for each in self.nodes.values():
-            each.reset()
+        for node in self.nodes.values():
+            node.reset()
 
 
 def compile_graphs(scene: Scene, catalog: Catalog) -> Program:
@@ -176,8 +176,8 @@ def _in_order(nodes: dict[str, Running]) -> list[Running]:
     for node in nodes.values():
         before[node.path].update(source.path for source, _ in node.wires.values())
         for followers in node.follows.values():
-            for each in followers:
-                before[each.path].add(node.path)
+            for follower in followers:
+                before[follower.path].add(node.path)
     found: dict[str, Running] = {}
     while len(found) < len(nodes):
         ready = [each for each in nodes if each not in found and before[each] <= found.keys()]

@@ -90,7 +90,7 @@ def drive_of(text: str, limits: tuple[float, float]) -> tuple[Session, ...]:
         UsageError: it is neither a file nor a drive.
     """
     legs = tuple(_legs(_lines(text), limits))
-    if not legs or sum(each.seconds for each in legs) > LONGEST:
+    if not legs or sum(leg.seconds for leg in legs) > LONGEST:
         raise UsageError(f"--drive '{text}': is no drive of up to {LONGEST:.0f} seconds")
     return (Session((Leg("idle", 0.5), *legs)),)
 
@@ -242,8 +242,8 @@ class Recording(Struct):
     def topic(self, name: str, session: int | None = None) -> list[Message]:
         """Return what was sent on a topic in the lab's domain."""
         if not self._sorted:
-            for each in self.messages:
-                if each.away is None:
-                    self._sorted.setdefault((each.topic, each.session), []).append(each)
-                    self._sorted.setdefault((each.topic, None), []).append(each)
+            for message in self.messages:
+                if message.away is None:
+                    self._sorted.setdefault((message.topic, message.session), []).append(message)
+                    self._sorted.setdefault((message.topic, None), []).append(message)
         return self._sorted.get((name, session), [])

@@ -35,10 +35,10 @@ def computes(*names: str, on: str = "") -> Callable[[Function], Function]:
     """
 
     def register(function: Function) -> Function:
-        for each in names:
-            _FUNCTIONS[each] = function
+        for name in names:
+            _FUNCTIONS[name] = function
             if on:
-                _EVENTS[each] = on
+                _EVENTS[name] = on
         return function
 
     return register

@@ -74,8 +74,8 @@ def namespace_of(node: Running, world: World, start: str = "") -> str:
         return given
     names = [] if start else [node.node.namespace]
     above = world.scene.above(start or node.path)
-    names += [str(each.values.get("isaac:namespace") or "") for each in above]
-    names = [each for each in reversed(names) if each]
+    names += [str(prim.values.get("isaac:namespace") or "") for prim in above]
+    names = [name for name in reversed(names) if name]
     outermost = "TransformTree" in node.type.type
     return names[0] if outermost and names else "/".join(names)
 
@@ -192,7 +192,7 @@ class World(Struct):
 
     def detach(self, node: Running) -> None:
         """Take the writers of a node off their products."""
-        self.writers[:] = [each for each in self.writers if each.node is not node]
+        self.writers[:] = [writer for writer in self.writers if writer.node is not node]
 
     def stop(self) -> None:
         """Put everything back, as on Stop; what counts on does so."""

@@ -121,7 +121,7 @@ class Evidence(Struct):
 
     def stretches(self, *names: str) -> Iterator[Stretch]:
         """Yield the legs of the first session that have one of these names."""
-        poses = [each for each in self.recording.path if not each.session]
+        poses = [pose for pose in self.recording.path if not pose.session]
         first = 0
         for leg in self.drive[0].legs:
             count = round(leg.seconds * RATE)
@@ -131,7 +131,7 @@ class Evidence(Struct):
 
     def pose(self, message: Message) -> Pose:
         """Return where the robot was when a message was sent."""
-        poses = [each for each in self.recording.path if each.session == message.session]
+        poses = [pose for pose in self.recording.path if pose.session == message.session]
         return poses[min(len(poses), max(1, round(message.at * RATE))) - 1]
 
     def motion_fault(self, message: str, rule: str) -> Fault:
@@ -151,8 +151,8 @@ class Evidence(Struct):
     def stands(self) -> bool:
         """Whether the robot never goes anywhere."""
         first = self.recording.path[0]
-        poses = [each for each in self.recording.path if not each.session]
-        ways = [displacement(first, each) for each in poses[::SOON]]
+        poses = [pose for pose in self.recording.path if not pose.session]
+        ways = [displacement(first, pose) for pose in poses[::SOON]]
         near, turned = self.tolerance.still
         return all(math.hypot(x, y) < near and abs(turn) < turned for x, y, turn in ways)
 

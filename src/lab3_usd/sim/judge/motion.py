@@ -28,7 +28,7 @@ def rest(evidence: Evidence) -> Iterator[Fault]:
         if _moves(evidence, displacement(before, poses[-1])):
             rule = "S10" if leg.name == "idle" else "W02"
             yield evidence.motion_fault(f"moves while told {leg.name}", rule)
-    poses = [each for each in evidence.recording.path if not each.session]
+    poses = [pose for pose in evidence.recording.path if not pose.session]
     for at, (one, other) in enumerate(pairwise(poses), start=1):
         if one.leg != "stop" and other.leg == "stop":
             later = poses[at + SOON : at + 2 * SOON + 1]
@@ -63,7 +63,7 @@ def _straight(evidence: Evidence, stretch: Stretch) -> Fault | None:
     leg, before, poses = stretch
     ahead, left, turned = displacement(before, poses[-1])
     told = leg.forward * leg.seconds
-    if any(each.blocked for each in poses) and 0 <= ahead / told < SIZE[0]:
+    if any(pose.blocked for pose in poses) and 0 <= ahead / told < SIZE[0]:
         said = f"told to go {told:.2f} m, a wall stops it after {ahead:.2f} m"
         return Fault(said, "S03", sure=False)
     if not is_about(ahead, told):
@@ -116,7 +116,7 @@ def limits(evidence: Evidence) -> Iterator[Fault]:
             ahead, left, turned = displacement(before, poses[-1])
             done = math.hypot(ahead, left) if name == "fast" else abs(turned)
             told = limit * leg.seconds
-            stopped = done < told and any(each.blocked for each in poses)
+            stopped = done < told and any(pose.blocked for pose in poses)
             if not is_about(done, told) and not stopped:
                 unit = "m" if name == "fast" else "rad"
                 said = f"told to go {name}, does {done / leg.seconds:.2f} of {limit} {unit}/s"
@@ -129,11 +129,11 @@ def again(evidence: Evidence) -> Iterator[Fault]:
     if evidence.stands():
         return
     for number, session in enumerate(evidence.drive):
-        poses = [each for each in evidence.recording.path if each.session == number]
+        poses = [pose for pose in evidence.recording.path if pose.session == number]
         leg = session.legs[-1]
         if not number or leg.command is None or not poses:
             continue
-        start = next(each for each in poses if each.leg == leg.name)
+        start = next(pose for pose in poses if pose.leg == leg.name)
         ahead, left, _ = displacement(start, poses[-1])
         if not is_about(ahead, leg.forward * leg.seconds) or abs(left) > evidence.tolerance.slip[0]:
             said = f"does not follow {evidence.wanted.commands}{evidence.when([number])}"
@@ -186,7 +186,7 @@ def _velocity_faults(evidence: Evidence, messages: list[Message]) -> Iterator[Fa
         if len(poses) < SETTLED:
             continue
         one, other = poses[-4], poses[-3]
-        at = [each for each in messages if abs(each.at - other.at) < 0.5 / RATE]
+        at = [message for message in messages if abs(message.at - other.at) < 0.5 / RATE]
         if not at:
             continue
         ahead, left, turned = (each * RATE for each in displacement(one, other))

@@ -67,7 +67,7 @@ def scan(evidence: Evidence) -> Iterator[Fault]:
 
 def _lasts(evidence: Evidence, *streams: Sequence[Message]) -> bool:
     """Whether streams show their rates: of one message in a short recording nothing is known."""
-    return evidence.recording.seconds > SHORT or all(len(each) > 1 for each in streams)
+    return evidence.recording.seconds > SHORT or all(len(stream) > 1 for stream in streams)
 
 
 def camera(evidence: Evidence) -> Iterator[Fault]:
@@ -85,7 +85,9 @@ def _pairs(images: Sequence[Message], infos: Sequence[Message], least: float) ->
     if one.frame != other.frame:
         yield Fault(f"image in {one.frame}, info in {other.frame}", "P02", other.node)
     sizes = [
-        (each.data.width, each.data.height) for each in (one, other) if isinstance(each.data, View)
+        (message.data.width, message.data.height)
+        for message in (one, other)
+        if isinstance(message.data, View)
     ]
     if len(set(sizes)) > 1:
         yield Fault("image and info differ in size", "P02", other.node)

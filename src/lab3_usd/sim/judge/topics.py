@@ -33,14 +33,14 @@ _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
     """Return what somebody at the other end of ROS is to see of a stage of this checkpoint."""
     reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
-    asked = [each for each in lab.topics.values() if _of_stage(each, reached)]
+    asked = [topic for topic in lab.topics.values() if _of_stage(topic, reached)]
     names = {part: _named(asked, kind) for part, kind in _PARTS.items()}
-    odometry = [each for each in lab.topics.values() if each.type == _PARTS["odometry"]]
+    odometry = [topic for topic in lab.topics.values() if topic.type == _PARTS["odometry"]]
     frames = odometry[0].fields or {} if odometry else {}
     lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
     view = camera.looks if camera else None
     return Interface(
-        types={each.name: each.type for each in asked if not each.subscribed},
+        types={topic.name: topic.type for topic in asked if not topic.subscribed},
         domain=lab.ros.system.domain,
         commands=_named(asked, _COMMANDS),
         **names,
@@ -59,20 +59,20 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
 def reached_topics(lab: Lab, checkpoint: str) -> tuple[TopicSpec, ...]:
     """Return all topics of the running system from the first checkpoint to one of them."""
     reached = (FROM_THE_FIRST, *lab.until(checkpoint))
-    return tuple(each for each in lab.topics.values() if each.since in reached)
+    return tuple(topic for topic in lab.topics.values() if topic.since in reached)
 
 
 def static_topics(lab: Lab) -> frozenset[str]:
     """Return the topics of transforms that are kept for those who come late."""
-    kept = (each for each in lab.topics.values() if each.durability == _KEPT)
-    return frozenset(each.name for each in kept if each.type == _PARTS["transforms"])
+    kept = (topic for topic in lab.topics.values() if topic.durability == _KEPT)
+    return frozenset(topic.name for topic in kept if topic.type == _PARTS["transforms"])
 
 
 def map_topic(lab: Lab, checkpoint: str) -> tuple[str, str]:
     """Return the topic of the map and its frame; empty where no map is asked for."""
-    for each in reached_topics(lab, checkpoint):
-        if each.type == _MAP:
-            return each.name, (each.fields or {}).get(_PARENT, "")
+    for topic in reached_topics(lab, checkpoint):
+        if topic.type == _MAP:
+            return topic.name, (topic.fields or {}).get(_PARENT, "")
     return "", ""
 
 
@@ -83,7 +83,7 @@ def _of_stage(topic: TopicSpec, reached: tuple[str, ...]) -> bool:
 
 
 def _named(topics: list[TopicSpec], kind: str) -> str:
-    return next((each.name for each in topics if each.type == kind), "")
+    return next((topic.name for topic in topics if topic.type == kind), "")
 
 
 def _rate(sensor: SensorSpec | None) -> float:
@@ -100,7 +100,7 @@ def _limits(lab: Lab) -> tuple[float, float]:
         for node in graph.nodes.values()
         for setting in node.settings
     }
-    ahead, turning = (float(settings.get(each, 0.0)) for each in _LIMITS)
+    ahead, turning = (float(settings.get(limit, 0.0)) for limit in _LIMITS)
     return (ahead, turning)
 
 
@@ -109,14 +109,14 @@ def topics(evidence: Evidence) -> Iterator[Fault]:
     wanted, recording = evidence.wanted, evidence.recording
     sessions = range(len(evidence.drive))
     for topic, kind in wanted.types.items():
-        silent = [each for each in sessions if not recording.topic(topic, each)]
+        silent = [session for session in sessions if not recording.topic(topic, session)]
         if silent:
             yield _silence(evidence, topic, kind, silent)
         messages = recording.topic(topic)
-        odd = next((each for each in messages if each.type != kind), None)
+        odd = next((message for message in messages if message.type != kind), None)
         if odd is not None:
             yield Fault(f"{topic} is {odd.type}, not {kind}", "Q02", odd.node)
-        senders = list(dict.fromkeys(each.node for each in messages))
+        senders = list(dict.fromkeys(message.node for message in messages))
         if topic != wanted.transforms and len(senders) > 1:
             yield Fault(f"{len(senders)} nodes publish {topic}", "Q01", senders[1])
 
@@ -138,7 +138,7 @@ def clock(evidence: Evidence) -> Iterator[Fault]:
             said = f"{evidence.wanted.clock} jumps back by {back:.2f} s"
             yield Fault(said, "P02", other.node)
             return
-    first = [each for each in messages if not each.session]
+    first = [message for message in messages if not message.session]
     if first:
         ran, passed = first[-1].stamp - first[0].stamp, first[-1].at - first[0].at
         if abs(ran - passed) > evidence.tolerance.lag:
@@ -210,10 +210,10 @@ def _parents(
     """Return for each frame its parents, who says so, and when it was said last."""
     parents: dict[str, dict[tuple[str, str], float]] = {}
     for message in messages:
-        for each in message.transforms:
-            parents.setdefault(each.child, {})[each.parent, message.node] = message.at
-    for each, node in evidence.recording.static:
-        parents.setdefault(each.child, {})[each.parent, node] = math.inf
+        for transform in message.transforms:
+            parents.setdefault(transform.child, {})[transform.parent, message.node] = message.at
+    for transform, node in evidence.recording.static:
+        parents.setdefault(transform.child, {})[transform.parent, node] = math.inf
     return parents
 
 

@@ -42,20 +42,22 @@ class RunCauses(Struct, frozen=True):
         """Say what the sizes of the robot do to its commands."""
         robot = self.robot
         radii = {round(each.radius, 4) for each in robot.wheels} if robot is not None else set()
-        nodes = [each for each in self.program.nodes.values() if each.type.step_limits]
-        told = {each.values.get(_RADIUS) or 0.0 for each in nodes if _RADIUS not in each.wires}
+        nodes = [node for node in self.program.nodes.values() if node.type.step_limits]
+        told = {
+            running.values.get(_RADIUS) or 0.0 for running in nodes if _RADIUS not in running.wires
+        }
         if len(radii) == len(told) == 1 and radii != told and all(told):
             wheel, number = radii.pop(), told.pop()
             said = f"the wheels measure {wheel:g} m and the controller is told {number:g} m"
             yield f"{said}: the robot goes {wheel / number:.2f} times as far as it is told"
 
     def _elsewhere(self, node: Running, topic: str) -> Cause | None:
-        own = [each for each in self.sent if each.node == node.path]
-        other = next((each for each in own if each.topic != topic), None)
+        own = [message for message in self.sent if message.node == node.path]
+        other = next((message for message in own if message.topic != topic), None)
         if other is not None:
             rule = "P06" if other.topic.endswith(topic) else "P01"
             return Cause(node.path, f"it publishes {other.topic}", rule)
-        away = next((each for each in own if each.away is not None), None)
+        away = next((message for message in own if message.away is not None), None)
         if away is not None:
             return Cause(node.path, f"it publishes in domain {away.away}", "P02")
         return None
@@ -63,9 +65,9 @@ class RunCauses(Struct, frozen=True):
     def _broken(self, node: Running, seen: frozenset[str] = frozenset()) -> Cause | None:
         """Return what is broken: first of what feeds or drives a node, then of the node."""
         seen |= {node.path}
-        for each in self._before(node):
-            if each.path not in seen:
-                cause = self._broken(each, seen)
+        for running in self._before(node):
+            if running.path not in seen:
+                cause = self._broken(running, seen)
                 if cause is not None:
                     return cause
         if node.failure is not None:
@@ -76,9 +78,9 @@ class RunCauses(Struct, frozen=True):
         return None
 
     def _before(self, node: Running) -> Iterator[Running]:
-        for each in self.program.nodes.values():
-            if any(node is follower for some in each.follows.values() for follower in some):
-                yield each
+        for running in self.program.nodes.values():
+            if any(node is follower for some in running.follows.values() for follower in some):
+                yield running
         for source, _ in node.wires.values():
             yield source
 
@@ -98,20 +100,20 @@ class RunCauses(Struct, frozen=True):
             return Cause(robot.base, "no ground is below the robot", "S13")
         if not robot.wheels:
             return Cause(robot.base, "no wheel of the robot touches the ground", "S19")
-        found = (_of_joint(each, robot.base) for each in robot.joints.values())
+        found = (_of_joint(joint, robot.base) for joint in robot.joints.values())
         return next(filter(None, found), None)
 
     def _of_commands(self) -> Cause | None:
         nodes = self.program.nodes.values()
-        controllers = [each for each in nodes if each.type.drives is not None]
+        controllers = [running for running in nodes if running.type.drives is not None]
         if not controllers:
             return Cause("", "no node commands the joints", "N01")
-        for each in controllers:
-            cause = self._broken(each)
+        for controller in controllers:
+            cause = self._broken(controller)
             if cause is not None:
                 return cause
-        chain = [each for node in controllers for each in self._before(node)]
-        speeds = next((each for each in chain if each.type.step_limits), controllers[0])
+        chain = [running for node in controllers for running in self._before(node)]
+        speeds = next((running for running in chain if running.type.step_limits), controllers[0])
         return Cause(speeds.path, "", "")
 
 
@@ -162,8 +164,8 @@ def verdict(name: str, faults: list[Fault], evidence: Evidence) -> Check:
     if not faults:
         return Check(name, "ok")
     unknown = evidence.recording.not_simulated or (name in SENSED and evidence.recording.assumed)
-    known = not unknown and any(each.sure for each in faults)
-    told = next((each for each in faults if each.prim), faults[0])
-    said = "; ".join(each.message for each in faults)
+    known = not unknown and any(fault.sure for fault in faults)
+    told = next((fault for fault in faults if fault.prim), faults[0])
+    said = "; ".join(fault.message for fault in faults)
     outcome: Verdict = "bad" if known else "not-simulated"
     return Check(name, outcome, said, told.prim, told.rule, told.cause)

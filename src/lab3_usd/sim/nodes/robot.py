@@ -48,7 +48,7 @@ def differential_controller(node: Running, world: World) -> bool:
     if not known and not _read_parameters(node, world):
         return False
     dt = node.number("dt", world)
-    if dt <= 0 and any(known[each] for each in _LIMITS):
+    if dt <= 0 and any(known[limit] for limit in _LIMITS):
         return node.fails("an acceleration limit is set and no time step reaches it", "P11")
     v = _within(known["maxLinearSpeed"], node.number("linearVelocity", world))
     w = _within(known["maxAngularSpeed"], node.number("angularVelocity", world))
@@ -69,8 +69,8 @@ def _read_parameters(node: Running, world: World) -> bool:
         if size <= 0:
             return node.fails(f"its {each} is {size:g}", "P02")
     node.memory.update(sizes, v=0.0, w=0.0)
-    for each in _LIMITS:
-        node.memory[each] = abs(node.number(each, world))
+    for limit in _LIMITS:
+        node.memory[limit] = abs(node.number(limit, world))
     for each in ("maxLinearSpeed", "maxAngularSpeed", "maxWheelSpeed"):
         node.memory[each] = abs(node.number(each, world)) or _NO_LIMIT
     return True
@@ -110,14 +110,14 @@ def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None
     names = node.items("jointNames", world)
     if names and names != known["names"]:
         known["names"] = names
-        found = [machine.articulated.get(str(each)) for each in names]
+        found = [machine.articulated.get(str(name)) for name in names]
         known["joints"] = None if None in found else found
         if known["joints"] is None:
             _say_unknown(node, machine, str(names[found.index(None)]))
     every = list(machine.articulated.values())
     indices = node.items("jointIndices", world)
     if any(indices) and not known["names"]:
-        known["joints"] = [every[int(each)] for each in indices if int(each) < len(every)]
+        known["joints"] = [every[int(index)] for index in indices if int(index) < len(every)]
     joints: list[Joint] | None = known["joints"]
     return every if joints is None and not known["names"] else joints
 

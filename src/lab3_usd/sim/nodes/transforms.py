@@ -83,11 +83,11 @@ def _expanded(scene: Scene, prim: Prim, parent: str) -> Iterator[tuple[Prim, str
     """Yield what a target stands for, each with the prim that its frame hangs below."""
     if ROOT in prim.apis:
         bodies = [each for each in scene.below(prim.path) if BODY in each.apis]
-        paths = {each.path for each in bodies}
+        paths = {body.path for body in bodies}
         if bodies:
-            for each in bodies:
-                above = [up.path for up in scene.above(each.path) if up.path in paths]
-                yield each, above[1] if len(above) > 1 else ""
+            for body in bodies:
+                above = [up.path for up in scene.above(body.path) if up.path in paths]
+                yield body, above[1] if len(above) > 1 else ""
             return
     if ROBOT in prim.apis:
         found = [each for each in scene.below(prim.path) if each.apis & COMPONENTS]
@@ -142,7 +142,7 @@ def _names(prims: Sequence[Prim]) -> list[str]:
     for number, prim in enumerate(prims):
         if not names[number]:
             parts = prim.path.split("/")
-            tries = [parts[-1], *(f"{each}_{parts[-1]}" for each in parts[2:-1])]
+            tries = [parts[-1], *(f"{part}_{parts[-1]}" for part in parts[2:-1])]
             free = [each for each in tries if each not in names]
             names[number] = free[0] if free else "_".join(parts[2:] or parts[1:])
     return names
@@ -244,8 +244,8 @@ def compute_transform_tree(node: Running, world: World) -> bool:
     node.outputs.update(
         parentFrames=tuple(pair.parent for pair in tree.pairs),
         childFrames=tuple(pair.child for pair in tree.pairs),
-        translations=tuple(each.origin for each in poses),
-        orientations=tuple(xyzw(each) for each in poses),
+        translations=tuple(pose.origin for pose in poses),
+        orientations=tuple(xyzw(pose) for pose in poses),
     )
     node.enabled.append("execOut")
     return True
@@ -270,7 +270,7 @@ def publish_transform_tree(node: Running, world: World) -> bool:
         node.items(name, world)
         for name in ("parentFrames", "childFrames", "translations", "orientations")
     ]
-    if not arrays[0] or len({len(each) for each in arrays}) > 1:
+    if not arrays[0] or len({len(array) for array in arrays}) > 1:
         return node.fails("its four arrays are not equally long", "W01")
     transforms = tuple(
         Transform(str(parent), str(child), _metres(Affine(HERE.rows, at), world), (q[3], *q[:3]))

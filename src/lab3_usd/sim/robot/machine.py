@@ -108,7 +108,7 @@ class Machine(Struct):
     @property
     def articulated(self) -> dict[str, Joint]:
         """The joints that the articulation knows."""
-        return {name: each for name, each in self.joints.items() if not each.excluded}
+        return {name: joint for name, joint in self.joints.items() if not joint.excluded}
 
     def reset(self) -> None:
         """Go back to where playing starts."""

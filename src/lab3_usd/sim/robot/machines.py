@@ -30,7 +30,7 @@ class Bodies:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.prims = {each.path: each for each in scene.prims.values() if is_dynamic(each)}
+        self.prims = {prim.path: prim for prim in scene.prims.values() if is_dynamic(prim)}
 
     def machines(self) -> list[Machine]:
         """Return what hangs together, each placed from its root over its joints."""
@@ -39,10 +39,10 @@ class Bodies:
 
     def of(self, path: str) -> str:
         """Return the body that a prim goes with; '' for the world."""
-        for each in self.scene.above(path):
-            if each.path in self.prims:
-                return each.path
-            if each.loose:
+        for prim in self.scene.above(path):
+            if prim.path in self.prims:
+                return prim.path
+            if prim.loose:
                 break
         return ""
 
@@ -52,9 +52,9 @@ class Bodies:
         if prim.type not in JOINTS or not on:
             return None
         ends = [prim.targets.get(f"physics:body{each}", ()) for each in (0, 1)]
-        if any(each and each[0] not in self.scene.prims for each in ends):
+        if any(end and end[0] not in self.scene.prims for end in ends):
             return None  # PhysX makes no joint to a prim that is not there
-        bodies = [self.of(each[0]) if each else "" for each in ends]
+        bodies = [self.of(end[0]) if end else "" for end in ends]
         drive = DRIVE.get(prim.type, "")
         kind = drive.split(":")[1] if drive else ""
         force = number(prim.values.get(f"{drive}maxForce"))
@@ -158,25 +158,25 @@ class Machines:
         self.bodies = self._bodies.prims
         self.static = [
             triangle
-            for each in scene.prims.values()
-            if collides(each) and self.body_of(each.path) == ""
-            for triangle in placed(each, each.world)
+            for prim in scene.prims.values()
+            if collides(prim) and self.body_of(prim.path) == ""
+            for triangle in placed(prim, prim.world)
         ]
         self.machines = self._bodies.machines()
-        self.member = {body: each for each in self.machines for body in each.rest}
+        self.member = {body: machine for machine in self.machines for body in machine.rest}
         self._local: dict[str, tuple[str, Affine]] = {}
         self._now: dict[str, Affine] = {}
         self._back: dict[str, Affine] = {}
-        for each in self.machines:
-            self._set_down(each)
+        for machine in self.machines:
+            self._set_down(machine)
         self.reset()
 
     def reset(self) -> None:
         """Put everything where playing starts."""
         self._now.clear()
         self._back.clear()
-        for each in self.machines:
-            each.reset()
+        for machine in self.machines:
+            machine.reset()
 
     def body_of(self, path: str) -> str:
         """Return the body that a prim goes with; '' for the world."""
@@ -188,8 +188,8 @@ class Machines:
             enabled = prim.values.get("physxArticulation:articulationEnabled") is not False
             if ROOT in prim.apis and enabled:
                 bodies = [each.path for each in self.scene.below(prim.path)]
-                bodies = [each for each in bodies if each in self.member]
-                found = [self.member[each] for each in bodies if self.member[each].joints]
+                bodies = [body for body in bodies if body in self.member]
+                found = [self.member[body] for body in bodies if self.member[body].joints]
                 return found[0] if found else None
         return None
 
@@ -242,9 +242,9 @@ class Machines:
         """Move everything on."""
         self._now.clear()
         self._back.clear()
-        for each in self.machines:
-            if each.joints or not each.grounded:
-                each.step(dt)
+        for machine in self.machines:
+            if machine.joints or not machine.grounded:
+                machine.step(dt)
 
     def _set_down(self, machine: Machine) -> None:
         """Let a machine fall on the ground below it, and see which wheels touch."""
@@ -289,13 +289,13 @@ def is_pulled(scene: Scene) -> bool:
 
     Without one Isaac Sim makes one.
     """
-    first = next((each.values for each in scene.prims.values() if each.type == SCENE), {})
+    first = next((prim.values for prim in scene.prims.values() if prim.type == SCENE), {})
     return is_felt(first, scene.meters_per_unit) and is_down(first)
 
 
 def _bound(machine: Machine, points: list[Vector]) -> None:
     """Note the circle that a machine takes up on the ground."""
-    xs, ys = [each[0] for each in points], [each[1] for each in points]
+    xs, ys = [point[0] for point in points], [point[1] for point in points]
     machine.middle = ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2)
     u, v = machine.middle
     machine.radius = max(math.hypot(x - u, y - v) for x, y in zip(xs, ys, strict=True))
@@ -306,7 +306,7 @@ def _wheel_at(
 ) -> Wheel | None:
     """Return the wheel at a joint, or None where it does not touch or cannot roll."""
     body = next(each for each, parent in machine.parents.items() if parent is joint)
-    low = min((each[2] for each in points[body]), default=math.inf)
+    low = min((point[2] for point in points[body]), default=math.inf)
     if joint.kind != HINGE or low > touch:
         return None
     inner = joint.bodies.index(body)

@@ -80,7 +80,7 @@ def file_of(graph: GraphSpec) -> str:
 
 def value_of(node: NodeSpec, port: str) -> Value | None:
     """Return what an input has by the spec: the value set there, else the default."""
-    said = next((each.value for each in node.settings if each.port == port), None)
+    said = next((setting.value for setting in node.settings if setting.port == port), None)
     if said is not None:
         return said
     found = node.type.port(port)
@@ -145,7 +145,7 @@ def graph_frames(lab: Lab) -> Iterator[GraphFrame]:
 def _frames_of_prims(
     lab: Lab, graph: GraphSpec, node: NodeSpec, ports: tuple[str, ...]
 ) -> Iterator[GraphFrame]:
-    targets = {each.port: each.prims for each in node.targets}
+    targets = {target.port: target.prims for target in node.targets}
     above = next((_name(path) for path in targets.get(ports[0], ())), lab.catalog.world_frame)
     robot = lab.scene.robot
     for path in targets.get(ports[1], ()):
@@ -213,26 +213,26 @@ def _double_parents(lab: Lab) -> Iterator[LabFault]:
 
 def _unpublished(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
     """Yield the transforms of the tree that no node of a graph gives."""
-    published = {each.child for each in given}
+    published = {frame.child for frame in given}
     for parent, child in lab.frames.edges:
         key = f"{TREE}: {parent} -> {child}"
-        makers = [each for each in given if each.child == child]
+        makers = [graph_frame for graph_frame in given if graph_frame.child == child]
         if not makers:
             message = f"no node of a graph publishes the frame '{child}'"
             yield LabFault(CHECKPOINTS, key, message, _places(given))
-        elif all(each.parent != parent for each in makers) and parent not in published:
+        elif all(maker.parent != parent for maker in makers) and parent not in published:
             message = f"the graphs publish '{child}' below '{makers[0].parent}'"
             yield LabFault(CHECKPOINTS, key, message, makers[0].place)
 
 
 def _places(given: list[GraphFrame]) -> str:
-    places = ", ".join(dict.fromkeys(each.place for each in given))
+    places = ", ".join(dict.fromkeys(frame.place for frame in given))
     return f"frames are published by {places}" if places else "no graph has a node that does"
 
 
 def _graph_references(lab: Lab, given: list[GraphFrame]) -> Iterator[tuple[str, str, str]]:
-    for each in (*given, *named_frames(lab)):
-        yield each.file, each.key, each.child
+    for frame in (*given, *named_frames(lab)):
+        yield frame.file, frame.key, frame.child
 
 
 def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
@@ -254,8 +254,8 @@ def _ros_references(lab: Lab) -> Iterator[tuple[str, str, str]]:
             if field in _FRAME_FIELDS:
                 yield ROS, f"topics: {topic.name}: fields: {field}", value
     navigation = lab.ros.navigation if lab.checkpoints[lab.last].localization else None
-    for each in () if navigation is None else navigation.frames:
-        yield ROS, f"navigation: frames: {each.node}.{each.name}", each.frame
+    for parameter in () if navigation is None else navigation.frames:
+        yield ROS, f"navigation: frames: {parameter.node}.{parameter.name}", parameter.frame
     for number, command in enumerate(lab.ros.commands, start=1):
         if command.kind.name == _FRAME_COMMAND:
             for key, name in (("of", command.of), ("to", command.to)):
@@ -271,10 +271,10 @@ def topic_faults(lab: Lab) -> Iterator[LabFault]:
     given = list(graph_topics(lab))
     for topic in lab.ros.topics.values():
         yield from _about_topic(lab, topic, given)
-    for each in given:
-        if each.name not in lab.ros.topics:
-            message = f"'{each.name}' is missing, so that no saved output of it is judged"
-            yield LabFault(ROS, "topics", message, each.place, "warning")
+    for graph_topic in given:
+        if graph_topic.name not in lab.ros.topics:
+            message = f"'{graph_topic.name}' is missing, so that no saved output of it is judged"
+            yield LabFault(ROS, "topics", message, graph_topic.place, "warning")
     if lab.checkpoints[lab.last].localization and lab.ros.navigation is not None:
         yield from _navigation(lab, lab.ros.navigation, given)
     yield from _commands(lab)
@@ -285,18 +285,18 @@ def topic_faults(lab: Lab) -> Iterator[LabFault]:
 
 def _about_topic(lab: Lab, topic: TopicSpec, given: list[GraphTopic]) -> Iterator[LabFault]:
     key = f"topics: {topic.name}"
-    ends = [each for each in given if each.is_subscribed == topic.subscribed]
-    same = [each for each in ends if each.name == topic.name]
+    ends = [graph_topic for graph_topic in given if graph_topic.is_subscribed == topic.subscribed]
+    same = [end for end in ends if end.name == topic.name]
     if not same:
         if (topic.source is None and not topic.optional) or topic.subscribed:
             does = "subscribes to" if topic.subscribed else "publishes"
             message = f"no node of a graph {does} '{topic.name}'"
             yield LabFault(ROS, key, message, _likely(lab, topic, ends))
         return
-    for each in same:
-        if each.type is not None and each.type != topic.type:
-            message = f"'type' is {topic.type}, but the graph's messages are {each.type}"
-            yield LabFault(ROS, key, message, each.place)
+    for graph_topic in same:
+        if graph_topic.type is not None and graph_topic.type != topic.type:
+            message = f"'type' is {topic.type}, but the graph's messages are {graph_topic.type}"
+            yield LabFault(ROS, key, message, graph_topic.place)
     yield from _too_early(lab, topic, same)
 
 
@@ -304,10 +304,10 @@ def _too_early(lab: Lab, topic: TopicSpec, same: list[GraphTopic]) -> Iterator[L
     """Yield that a topic is asked for before the graph that has it."""
     first = next(
         (
-            (checkpoint.id, each)
+            (checkpoint.id, graph_topic)
             for checkpoint in lab.checkpoints.values()
-            for each in same
-            if each.graph in checkpoint.graphs
+            for graph_topic in same
+            if graph_topic.graph in checkpoint.graphs
         ),
         None,
     )
@@ -320,9 +320,9 @@ def _too_early(lab: Lab, topic: TopicSpec, same: list[GraphTopic]) -> Iterator[L
 
 def _likely(lab: Lab, topic: TopicSpec, ends: Iterable[GraphTopic]) -> str:
     """Return the place in the graphs where the topic has another name, as it seems."""
-    free = [each for each in ends if each.name not in lab.ros.topics]
-    alike = [each for each in free if each.type == topic.type]
-    by_name = {each.name: each for each in alike or free}
+    free = [end for end in ends if end.name not in lab.ros.topics]
+    alike = [graph_topic for graph_topic in free if graph_topic.type == topic.type]
+    by_name = {graph_topic.name: graph_topic for graph_topic in alike or free}
     meant = nearest(topic.name, by_name) or next(iter(by_name if alike else ()), None)
     return f"{by_name[meant].place} is '{meant}'" if meant else ""
 
@@ -337,7 +337,7 @@ def _navigation(
         "velocity_topic": (navigation.velocity_topic, True),
     }
     for key, (name, is_subscribed) in wanted.items():
-        ends = {each.name: each for each in given if each.is_subscribed == is_subscribed}
+        ends = {topic.name: topic for topic in given if topic.is_subscribed == is_subscribed}
         if name not in ends:
             does = "subscribes to" if is_subscribed else "publishes"
             message = f"no node of a graph {does} '{name}'"

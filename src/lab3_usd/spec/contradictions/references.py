@@ -72,7 +72,7 @@ def _line_key(line: ChecklistSpec, key: str) -> str:
 
 def checklist_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield what the checklists name and nobody hands in or saves."""
-    saved = {(each.kind.name, each.target) for each in lab.ros.commands} | {(_GOALS, "")}
+    saved = {(command.kind.name, command.target) for command in lab.ros.commands} | {(_GOALS, "")}
     for line in lab.submission.checklist:
         for name in line.deliverables:
             if name not in lab.submission.deliverables:
@@ -146,7 +146,7 @@ def section_faults(lab: Lab) -> Iterator[LabFault]:
         return
     leads = lab.handout.leads
     form = re.compile(
-        "|".join([*(rf"(?<!\w){re.escape(each)}\d+" for each in leads.values()), _FORM])
+        "|".join([*(rf"(?<!\w){re.escape(lead)}\d+" for lead in leads.values()), _FORM])
     )
     named: dict[str, tuple[str, str]] = {}
     for file, key, text in _section_references(lab):
@@ -202,8 +202,8 @@ def _of_graph(graph: GraphSpec) -> Iterator[tuple[str, str]]:
     yield "handout", graph.handout
     for node in graph.nodes.values():
         yield f"{node.role}: handout", node.handout
-        said = [(each.port, each.handout) for each in node.settings]
-        said += [(each.port, each.handout) for each in node.targets]
+        said = [(setting.port, setting.handout) for setting in node.settings]
+        said += [(target.port, target.handout) for target in node.targets]
         for port, section in (*said, *node.keep):
             yield f"{node.role}: {port.partition(':')[2]}", section
     for wire in (*graph.wires, *graph.optional_wires, *graph.forbidden_wires):
@@ -247,7 +247,7 @@ def refuse_faulty(lab: Lab) -> None:
     Raises:
         SpecError: it does; the line names file, key and both places of the first contradiction.
     """
-    errors = [each for each in lab_faults(lab) if each.severity == "error"]
+    errors = [fault for fault in lab_faults(lab) if fault.severity == "error"]
     if errors:
         more = f"; and {len(errors) - 1} more, see lab3 lab check" if len(errors) > 1 else ""
         raise SpecError(f"{errors[0]}{more}")

@@ -104,7 +104,10 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
     """
     said = record(data, _CatalogFile, CATALOG)
     return Catalog(
-        types={name: _node_type(name, each, said.usd_types) for name, each in said.types.items()},
+        types={
+            name: _node_type(name, type_entry, said.usd_types)
+            for name, type_entry in said.types.items()
+        },
         graph=graph_form(said.graph, f"{CATALOG}: graph"),
         prefixes=said.prefixes,
         renamed=said.renamed,
@@ -126,7 +129,9 @@ def parse_types(
         SpecError: names the file, the type and the port that are wrong.
     """
     said = record(data, dict[str, _TypeEntry], file)
-    return {name: _node_type(name, each, usd_types, file) for name, each in said.items()}
+    return {
+        name: _node_type(name, type_entry, usd_types, file) for name, type_entry in said.items()
+    }
 
 
 def _node_type(

@@ -109,7 +109,7 @@ def _node(role: str, entry: _NodeEntry, catalog: Catalog, graph: str) -> NodeSpe
     _check_uses(entry, ports, node_type, where)
     settings = tuple(_settings(entry, ports, where))
     targets = tuple(_targets(entry, ports, where))
-    ports_set = [*(each.port for each in settings), *(each.port for each in targets)]
+    ports_set = [*(setting.port for setting in settings), *(target.port for target in targets)]
     for port, count in Counter(ports_set).items():
         if count > 1:
             raise SpecError(f"{where}: {port} is set twice")

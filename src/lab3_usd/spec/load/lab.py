@@ -105,8 +105,10 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
             raise SpecError(f"{where}: '{spec.path}' is the path of {places[spec.path]}")
         places[spec.path] = sensor
         typed = {
-            name: replace(each, value=typed_value(each.value, each.type, f"{where}: {name}"))
-            for name, each in spec.attributes.items()
+            name: replace(
+                attribute, value=typed_value(attribute.value, attribute.type, f"{where}: {name}")
+            )
+            for name, attribute in spec.attributes.items()
         }
         sensors[sensor] = replace(spec, attributes=typed)
     return replace(scene, sensors=sensors)
@@ -135,9 +137,9 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
         deliverables=records(said.deliverables, Deliverable, f"{SUBMISSION}: deliverables"),
         starter=said.starter or _usual_starter(),
         checklist=tuple(
-            record({"section": section, **each}, ChecklistSpec, f"{checklist}: {section}")
+            record({"section": section, **line}, ChecklistSpec, f"{checklist}: {section}")
             for section, lines in said.checklist.items()
-            for each in lines
+            for line in lines
         ),
     )
 

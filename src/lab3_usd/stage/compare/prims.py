@@ -168,7 +168,7 @@ def _acts(prim: Usd.Prim, kind: str, terms: Terms) -> bool:
     if kind.endswith("Joint"):
         is_on = _value(prim, "physics:jointEnabled") is not False
         return is_on and any(
-            _is_robots(each, terms) for name in _ENDS for each in _targets(prim, name)
+            _is_robots(target, terms) for name in _ENDS for target in _targets(prim, name)
         )
     if not _is_robots(str(Usd.Prim.GetPath(prim)), terms):
         return False
@@ -215,8 +215,14 @@ def read_starter_prim(prim: Usd.Prim) -> StarterPrim:
         prim.GetTypeName(),
         prim.GetPrimTypeInfo(),
         prim.GetAuthoredPropertyNames(),
-        {each.GetName(): each.Get() for each in prim.GetAuthoredAttributes()},
-        {each.GetName(): targets_of(each) for each in prim.GetAuthoredRelationships()},
+        {
+            getauthoredattribute.GetName(): getauthoredattribute.Get()
+            for getauthoredattribute in prim.GetAuthoredAttributes()
+        },
+        {
+            getauthoredrelationship.GetName(): targets_of(getauthoredrelationship)
+            for getauthoredrelationship in prim.GetAuthoredRelationships()
+        },
     )
 
 
@@ -254,7 +260,7 @@ def authored_differences(was: StarterPrim, twin: Usd.Prim, terms: Terms) -> list
     found = [*_type(was.kind, twin, prim, terms)] if twin.GetTypeName() else []
     dropped = _dropped_schemas(twin)
     schemas = _schemas(was.form, form, prim, twin, terms)
-    found += [each for each in schemas if dropped is None or each.was in dropped]
+    found += [schema for schema in schemas if dropped is None or schema.was in dropped]
     poses = []
     for name in _unequal(was, twin, twin.GetAuthoredPropertyNames()):
         kind = terms.classes(name)

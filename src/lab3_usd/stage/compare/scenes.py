@@ -125,7 +125,7 @@ def _below(was: Usd.Prim, now: Usd.Prim, scenes: _Scenes, lists: _Lists) -> Iter
 
 def _children(prim: Usd.Prim, scenes: _Scenes) -> dict[str, Usd.Prim]:
     children = prim.GetFilteredChildren(Usd.TraverseInstanceProxies())
-    return {each.GetName(): each for each in children if not scenes.is_left_aside(each)}
+    return {child.GetName(): child for child in children if not scenes.is_left_aside(child)}
 
 
 def _prim(was: Usd.Prim, now: Usd.Prim, scenes: _Scenes) -> Iterator[StageChange]:
@@ -179,7 +179,7 @@ def _property(was: Usd.Prim, now: Usd.Prim, name: str, scenes: _Scenes) -> Itera
             sorted(str(each) for each in _content(now, name) or ()),
         ]
         if targets[0] != targets[1]:
-            shown = [", ".join(each) or "no prim" for each in targets]
+            shown = [", ".join(target) or "no prim" for target in targets]
             yield StageChange(part, "changed", path, name, *shown)
         return
     before, after = _content(was, name), _content(now, name)

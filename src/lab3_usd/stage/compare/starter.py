@@ -201,7 +201,7 @@ def compare_starter(
     before = open_stage(starter) if isinstance(starter, Path) else starter
     after = open_stage(stage) if isinstance(stage, Path) else stage
     terms = _terms(rules, lab, after, bodies_rest=checkpoint == next(iter(lab.checkpoints)))
-    terms = replace(terms, unknown=tuple(each.prim for each in find_unresolved(before)))
+    terms = replace(terms, unknown=tuple(asset.prim for asset in find_unresolved(before)))
     pair = Pair(before, after, terms, tuple(_hidden(before, after)), _share_layers(before, after))
     key = ("changes", id(before), id(after), terms.bodies_rest)
     return StarterSubject(rules, cached(key, lambda: tuple(_changes(pair))))

@@ -126,7 +126,7 @@ def connect(session: EditSession, edit: Connect) -> None:
     session.touch(spec.layer, edit.prim)
     attribute = session.stage.GetPrimAtPath(edit.prim).GetAttribute(edit.property)
     _rewrite(spec.connectionPathList, edit.sources, explicit=False)
-    if [str(each) for each in attribute.GetConnections()] != list(edit.sources):
+    if [str(getconnection) for getconnection in attribute.GetConnections()] != list(edit.sources):
         _rewrite(spec.connectionPathList, edit.sources, explicit=True)
 
 
@@ -140,13 +140,13 @@ def set_targets(session: EditSession, edit: Retarget) -> None:
         spec = Sdf.RelationshipSpec(prim, edit.property, custom=edit.property.startswith(_PORTS))
     relationship = session.stage.GetPrimAtPath(edit.prim).GetRelationship(edit.property)
     _rewrite(spec.targetPathList, edit.targets, explicit=bool(edit.targets))
-    if [str(each) for each in relationship.GetTargets()] != list(edit.targets):
+    if [str(gettarget) for gettarget in relationship.GetTargets()] != list(edit.targets):
         _rewrite(spec.targetPathList, edit.targets, explicit=True)
 
 
 def _rewrite(items: Any, paths: Iterable[str], *, explicit: bool) -> None:
     """Write a list of paths in the form that it has: explicit, or put before what is weaker."""
-    found = [Sdf.Path(each) for each in paths]
+    found = [Sdf.Path(path) for path in paths]
     if items.isExplicit and found:
         items.explicitItems = found
     elif explicit:
@@ -176,7 +176,9 @@ def apply_schema(session: EditSession, edit: ApplySchema) -> None:
     session.touch(spec.layer, edit.prim)
     items = spec.GetInfo(_SCHEMAS) if spec.HasInfo(_SCHEMAS) else Sdf.TokenListOp()
     kind = "explicitItems" if items.isExplicit else "prependedItems"
-    items.deletedItems = [each for each in items.deletedItems if each != edit.schema]
+    items.deletedItems = [
+        deleteditem for deleteditem in items.deletedItems if deleteditem != edit.schema
+    ]
     setattr(items, kind, [*getattr(items, kind), edit.schema])
     spec.SetInfo(_SCHEMAS, items)
 
@@ -280,7 +282,7 @@ def move_prim(session: EditSession, edit: MovePrim) -> None:
     if not session.stands(edit.prim) or not is_free or Sdf.Path(edit.to).HasPrefix(edit.prim):
         return
     layers = session.layers()
-    if any(each.layer not in layers for each in session.opinions(edit.prim)):
+    if any(opinion.layer not in layers for opinion in session.opinions(edit.prim)):
         return
     if any(_is_taken(session.begin(layer), edit.to) for layer in layers):
         return

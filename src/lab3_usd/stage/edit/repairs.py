@@ -59,7 +59,10 @@ def _restore_property(session: EditSession, path: str, name: str) -> None:
     elif isinstance(found, Sdf.AttributeSpec):
         set_typed(session, path, name, str(found.typeName), found.default)
     elif found is not None:
-        targets = tuple(str(each) for each in found.targetPathList.GetAddedOrExplicitItems())
+        targets = tuple(
+            str(getaddedorexplicititem)
+            for getaddedorexplicititem in found.targetPathList.GetAddedOrExplicitItems()
+        )
         set_targets(session, Retarget(path, name, targets))
     else:
         _erase(session, path, name)
@@ -77,7 +80,7 @@ def _source(session: EditSession, path: str, name: str) -> str:
     if not asked or (found and found.IsAuthored()):
         return session.source(path, name)
     specs = (each for each in asked.GetPropertyStack() if each.layer == session.reference())
-    sources = (str(each.path.GetPrimPath()) for each in specs)
+    sources = (str(spec.path.GetPrimPath()) for spec in specs)
     return next(filter(session.stands, sources), path)
 
 
@@ -193,7 +196,11 @@ def _below(prim: Sdf.PrimSpec, graph_type: str) -> Iterator[Sdf.PrimSpec]:
 def _is_moved(session: EditSession, wanted: Sdf.PrimSpec) -> bool:
     """Whether the pose of a prim is written otherwise than in the reference."""
     prim = session.stage.GetPrimAtPath(wanted.path)
-    poses = {each.name: each.default for each in wanted.attributes if each.name.startswith(_POSE)}
+    poses = {
+        attribute.name: attribute.default
+        for attribute in wanted.attributes
+        if attribute.name.startswith(_POSE)
+    }
     return any(prim.GetAttribute(name).Get() != value for name, value in poses.items()) or any(
         name.startswith(_POSE) and name not in poses for name in prim.GetAuthoredPropertyNames()
     )
@@ -204,7 +211,10 @@ def _naming(prim: Sdf.PrimSpec, path: Sdf.Path, graph: str) -> Iterator[Sdf.Prim
     for child in prim.nameChildren:
         if child.typeName == graph:
             continue
-        named = (each.targetPathList.GetAddedOrExplicitItems() for each in child.relationships)
+        named = (
+            relationship.targetPathList.GetAddedOrExplicitItems()
+            for relationship in child.relationships
+        )
         if any(path in paths for paths in named):
             yield child
         yield from _naming(child, path, graph)

@@ -45,7 +45,7 @@ def _fields(layer: Sdf.Layer) -> dict[Sdf.Path, dict[str, str]]:
     def keep(path: Sdf.Path) -> None:
         spec = layer.GetObjectAtPath(path)  # None for a target or a source
         names = spec.ListInfoKeys() if spec else ()
-        found[path] = {each: str(spec.GetInfo(each)) for each in names}
+        found[path] = {name: str(spec.GetInfo(name)) for name in names}
 
     layer.Traverse(Sdf.Path.absoluteRootPath, keep)
     return found
@@ -185,7 +185,7 @@ class EditSession(Struct, eq=False):
         prim = self.stage.GetPrimAtPath(path)
         found = prim.GetProperty(name) if prim else None
         specs = found.GetPropertyStack(Usd.TimeCode.Default()) if found else []
-        specs = [each for each in specs if each.layer != self.stage.GetSessionLayer()]
+        specs = [spec for spec in specs if spec.layer != self.stage.GetSessionLayer()]
         if not specs:
             return self.prim_layer(path)
         return self._strongest(specs, f"{path}.{name}")
@@ -196,7 +196,7 @@ class EditSession(Struct, eq=False):
         found = prim.GetProperty(name) if prim else None
         specs = found.GetPropertyStack(Usd.TimeCode.Default()) if found else []
         allowed = self.layers()
-        at = (str(each.path.GetPrimPath()) for each in specs if each.layer in allowed)
+        at = (str(spec.path.GetPrimPath()) for spec in specs if spec.layer in allowed)
         return next(at, path)
 
     def _strongest(self, specs: list[Any], path: str) -> Sdf.Layer:
@@ -220,8 +220,8 @@ class EditSession(Struct, eq=False):
 
     def close(self) -> None:
         """Give every layer back what it held before."""
-        for each in self.edited.values():
-            each.layer.TransferContent(each.before)
+        for layer in self.edited.values():
+            layer.layer.TransferContent(layer.before)
 
 
 def _is_local(layer: Sdf.Layer, root: Sdf.Layer) -> bool:

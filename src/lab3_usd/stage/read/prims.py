@@ -240,8 +240,11 @@ def authored_attributes(path: Path, prims: Iterable[str]) -> dict[str, Authored]
         for prim_path in prims:
             prim = stage.GetPrimAtPath(prim_path)
             said = found.setdefault(prim_path, {})
-            for each in prim.GetAuthoredAttributes():
-                value = plain_value(each.Get())
+            for getauthoredattribute in prim.GetAuthoredAttributes():
+                value = plain_value(getauthoredattribute.Get())
                 if value is not None:
-                    said[each.GetName()] = (str(each.GetTypeName()), value)
+                    said[getauthoredattribute.GetName()] = (
+                        str(getauthoredattribute.GetTypeName()),
+                        value,
+                    )
     return found

@@ -104,7 +104,7 @@ def hold_start_values(stage: Usd.Stage) -> None:
     """
     session = stage.GetSessionLayer()
     layers = stage.GetUsedLayers()
-    if _KEY in session.customLayerData or not any(each.ListAllTimeSamples() for each in layers):
+    if _KEY in session.customLayerData or not any(layer.ListAllTimeSamples() for layer in layers):
         return
     start = stage.GetStartTimeCode()
     sampled = list(_sampled(stage))
@@ -115,7 +115,7 @@ def hold_start_values(stage: Usd.Stage) -> None:
             _write(session, attribute, value)
         import json
 
-        session.customLayerData = {_KEY: json.dumps([astuple(each) for each in changes])}
+        session.customLayerData = {_KEY: json.dumps([astuple(change) for change in changes])}
 
 
 def release_start_values(stage: Usd.Stage) -> None:
@@ -131,7 +131,7 @@ def changes_after_start(stage: Usd.Stage) -> tuple[AnimatedAttribute, ...]:
         return ()
     import json
 
-    return tuple(AnimatedAttribute(*each) for each in json.loads(written))
+    return tuple(AnimatedAttribute(*load) for load in json.loads(written))
 
 
 def _sampled(stage: Usd.Stage) -> Iterator[Usd.Attribute]:

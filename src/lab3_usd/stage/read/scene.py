@@ -43,7 +43,7 @@ def read_scene(stage: Usd.Stage) -> Scene:
         str(stage.GetMetadata("upAxis")),
         tuple(_graph(path, prim, tuple(nodes[path])) for path, prim in graphs.items()),
         prims,
-        {each.prim: each.asset for each in find_unresolved(stage)},
+        {asset.prim: asset.asset for asset in find_unresolved(stage)},
     )
 
 
@@ -73,7 +73,9 @@ def _graph(path: str, prim: Usd.Prim, nodes: tuple[Node, ...]) -> Graph:
 
 def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> Node:
     inputs, targets = {}, {}
-    names = [str(each) for each in prim.GetAuthoredPropertyNames()]
+    names = [
+        str(getauthoredpropertyname) for getauthoredpropertyname in prim.GetAuthoredPropertyNames()
+    ]
     for name in names:
         if not name.startswith("inputs:"):
             continue
@@ -113,17 +115,17 @@ def _prim(
 ) -> Prim:
     values, targets = {}, {}
     shape = kind in SHAPES or kind == "Camera"
-    for each in prim.GetAuthoredProperties():
-        name = str(each.GetName())
+    for getauthoredproperty in prim.GetAuthoredProperties():
+        name = str(getauthoredproperty.GetName())
         if name.startswith(("xformOp", "primvars", "ui:")):
             continue
-        if isinstance(each, Usd.Attribute):
-            value = each.Get(NO_TIME if name.startswith(TIMELESS) else time)
+        if isinstance(getauthoredproperty, Usd.Attribute):
+            value = getauthoredproperty.Get(NO_TIME if name.startswith(TIMELESS) else time)
             # What a file gives another type than the schema does, no simulation can read.
-            if type(value) is type(each.GetTypeName().defaultValue):
+            if type(value) is type(getauthoredproperty.GetTypeName().defaultValue):
                 values[name] = plain(value)
         else:
-            targets[name] = tuple(map(str, targets_of(each)))
+            targets[name] = tuple(map(str, targets_of(getauthoredproperty)))
     if shape:
         values.update(_shape_values(prim, kind, time))
     parent = before.get(path.rpartition("/")[0])
