@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import import_rules, rules_of
-from lab3_usd.check.repairs import TYPE, modern_types, repair_by
+from lab3_usd.check.repairs import TYPE, modern_types
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults, merge_results, run_rule
-from lab3_usd.model.changes import ApplySchema, Connect, Edit, RenameProperty, SetValue
+from lab3_usd.model.changes import ApplySchema, Connect, Edit, RenameProperty, SetValue, repair_by
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.catalog import Port, can_connect
@@ -47,7 +47,8 @@ _Edits = Iterator[Edit]
 def with_lint_repairs(findings: Iterable[Finding], subject: LintSubject) -> Iterator[Finding]:
     """Yield the findings, those that have one right repair together with it."""
     for finding in findings:
-        repaired = _BY_RULE.get(finding.rule) if finding.severity != "note" else None
+        is_open = finding.severity != "note" and finding.fix is None
+        repaired = _BY_RULE.get(finding.rule) if is_open else None
         edits = tuple(repaired(finding, subject)) if repaired else ()
         yield replace(finding, fix=repair_by(edits)) if edits else finding
 

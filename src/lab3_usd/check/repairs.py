@@ -25,10 +25,10 @@ from lab3_usd.model.changes import (
     RemovePrim,
     RemoveSchema,
     RenameProperty,
-    Repair,
     Restore,
     Retarget,
     SetValue,
+    repair_by,
 )
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.physics import FIXED, JOINT_ENABLED
@@ -151,7 +151,6 @@ _NOT_AT_REST = "S19"
 _OTHER_ASSET = "L11"  # a reference to an asset that is not here
 _FRAMES = "physics:local"
 _SCENE = ("S", "L", "C")
-_NEEDS_CONSENT = (AddGraph, AddNode, RemovePrim, MovePrim)
 
 
 def with_repairs(
@@ -159,23 +158,9 @@ def with_repairs(
 ) -> Iterator[Finding]:
     """Yield the findings, those that have one right repair together with it."""
     for finding in findings:
-        edits = () if finding.severity == "note" else tuple(_edits(finding, subjects, whole))
+        is_open = finding.severity != "note" and finding.fix is None
+        edits = tuple(_edits(finding, subjects, whole)) if is_open else ()
         yield replace(finding, fix=repair_by(edits)) if edits else finding
-
-
-def repair_by(edits: tuple[Edit, ...]) -> Repair:
-    """Return the repair that makes these edits, safe where none adds, removes or moves a prim."""
-    is_safe = not any(
-        isinstance(edit, _NEEDS_CONSENT) or (isinstance(edit, Restore) and edit.property is None)
-        for edit in edits
-    )
-    return Repair("; ".join(map(_title, edits)), edits, is_safe)
-
-
-def _title(edit: Edit) -> str:
-    words = type(edit).__struct_config__.tag
-    name = getattr(edit, "property", None)
-    return f"{str(words).replace('-', ' ')} {edit.prim}{f'.{name}' if name else ''}"
 
 
 def _edits(

@@ -10,6 +10,7 @@ from msgspec import Struct
 from lab3_usd.check.manual import in_words_of
 from lab3_usd.check.registry import Rule, Scope, rules_of
 from lab3_usd.errors import StageError
+from lab3_usd.model.changes import repair_by
 from lab3_usd.model.finding import Crash, Finding, Problem
 from lab3_usd.spec.lab import Lab
 
@@ -67,10 +68,11 @@ def merge_results(results: Iterable[RuleResults]) -> RuleResults:
 def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
     """Stamp the rule's id, name and severity on what it yielded."""
     section = None if lab is None else lab.handout.rules.get(found.id)
+    severity = problem.severity or found.severity
     return Finding(
         rule=found.id,
         name=found.name,
-        severity=problem.severity or found.severity,
+        severity=severity,
         prim=problem.prim or "/",
         property=problem.property,
         message=problem.message,
@@ -79,4 +81,5 @@ def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
         handout=problem.handout or section,
         hint=problem.hint or in_words_of(lab, found.section("Fix")) or None,
         related=problem.related,
+        fix=repair_by(problem.fix) if problem.fix and severity != "note" else None,
     )

@@ -11,13 +11,13 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
-from lab3_usd.check.repairs import repair_by, with_starter_repairs
+from lab3_usd.check.repairs import with_starter_repairs
 from lab3_usd.check.requirements import with_other_faults
 from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.check.scene_requirements import is_met, scene_items
 from lab3_usd.errors import StageError
 from lab3_usd.judge.results import located, score_of, unreadable
-from lab3_usd.model.changes import Site
+from lab3_usd.model.changes import Site, repair_by
 from lab3_usd.model.finding import Finding, Requirement, StageResult, ordered
 from lab3_usd.model.physics import JOINT_ENABLED
 from lab3_usd.spec.lab import Lab

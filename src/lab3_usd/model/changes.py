@@ -135,6 +135,24 @@ class Repair(Struct, frozen=True):
     safe: bool = True
 
 
+_NEEDS_CONSENT = (AddGraph, AddNode, RemovePrim, MovePrim)
+
+
+def repair_by(edits: tuple[Edit, ...]) -> Repair:
+    """Return the repair that makes these edits, safe where none adds, removes or moves a prim."""
+    is_safe = not any(
+        isinstance(edit, _NEEDS_CONSENT) or (isinstance(edit, Restore) and edit.property is None)
+        for edit in edits
+    )
+    return Repair("; ".join(map(_title, edits)), edits, is_safe)
+
+
+def _title(edit: Edit) -> str:
+    words = type(edit).__struct_config__.tag
+    name = getattr(edit, "property", None)
+    return f"{str(words).replace('-', ' ')} {edit.prim}{f'.{name}' if name else ''}"
+
+
 class TextChange(Struct, frozen=True):
     """Lines of a file that give way to others; `first` counts from 0, `last` is not included."""
 

@@ -11,7 +11,7 @@ from typing import Literal
 
 from msgspec import Struct, field
 
-from lab3_usd.model.changes import Repair
+from lab3_usd.model.changes import Edit, Repair
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.catalog import Value
@@ -30,7 +30,9 @@ class Problem(Struct, frozen=True):
     """What a rule yields: the site (prim and property) and what is wrong there.
 
     `severity` is None where the rule's own severity holds. `handout` names the section of the
-    handout that asks for it (`C9`, `8.11`).
+    handout that asks for it (`C9`, `8.11`). `fix` are the edits that repair it, `requirements` the
+    ids of the demands that it leaves unmet, `causes` the sites (prim and property) whose change
+    may have brought it about.
     """
 
     prim: str
@@ -42,6 +44,9 @@ class Problem(Struct, frozen=True):
     related: tuple[str, ...] = ()
     severity: Severity | None = None
     hint: str | None = None
+    fix: tuple[Edit, ...] = ()
+    requirements: tuple[str, ...] = ()
+    causes: tuple[tuple[str, str | None], ...] = ()
 
 
 class Finding(Struct, frozen=True):
