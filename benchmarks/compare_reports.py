@@ -5,6 +5,7 @@ the stages of other people in `../shared/corpus` where they are there. Each is c
 beside the starter, linted, and its repairs are compared.
 
 Usage: python benchmarks/compare_reports.py OTHER_CHECKOUT [--faults 05] [--every N] [--most N]
+       [--leave-out KEY ...]
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from pathlib import Path
 from typing import Any
 
@@ -67,15 +68,15 @@ def answers(checkout: Path, arguments: list[str], files: list[Path]) -> tuple[in
     return run.returncode, json.loads(run.stdout)
 
 
-def differences(old: Any, new: Any, where: str = "") -> Iterator[str]:
-    """Yield every place in which two JSON documents differ."""
+def differences(old: Any, new: Any, left_out: Set[str], where: str = "") -> Iterator[str]:
+    """Yield every place in which two JSON documents differ; `left_out` are keys that may."""
     if isinstance(old, dict) and isinstance(new, dict):
-        for key in sorted(old.keys() | new.keys()):
-            yield from differences(old.get(key), new.get(key), f"{where}/{key}")
+        for key in sorted((old.keys() | new.keys()) - left_out):
+            yield from differences(old.get(key), new.get(key), left_out, f"{where}/{key}")
     elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
         for number, (before, after) in enumerate(zip(old, new, strict=True)):
             name = after.get("path", number) if isinstance(after, dict) else number
-            yield from differences(before, after, f"{where}[{name}]")
+            yield from differences(before, after, left_out, f"{where}[{name}]")
     elif old != new:
         yield f"{where}:\n    old {json.dumps(old)[:1500]}\n    new {json.dumps(new)[:1500]}"
 
@@ -87,6 +88,7 @@ def main() -> None:
     parser.add_argument("--faults", default="05", help="the checkpoint whose faults are made")
     parser.add_argument("--every", type=int, default=1, help="make each N-th fault only")
     parser.add_argument("--most", type=int, default=40, help="print so many differences")
+    parser.add_argument("--leave-out", nargs="*", default=[], help="keys that may differ: name")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         groups = write_stages(Path(name), options.faults, options.every)
@@ -106,7 +108,7 @@ def main() -> None:
         count = 0
         for title, arguments, files in runs if groups["corpus"] else runs[:5]:
             old, new = (answers(place, arguments, files) for place in (options.other, REPOSITORY))
-            found = [*differences(old[1], new[1])]
+            found = [*differences(old[1], new[1], frozenset(options.leave_out))]
             found += [f"exit code {old[0]}, now {new[0]}"] if old[0] != new[0] else []
             print(f"{title}: {len(files)} stages, {len(found)} differences", flush=True)
             for line in found[: max(0, options.most - count)]:

@@ -90,6 +90,11 @@ def test_a_comment_ignores_a_rule_at_its_line_or_the_next(
     assert told(wrong) == [W01]
 
 
+def test_a_comment_may_name_a_rule_by_its_name(wrong: Path) -> None:
+    put_comment(wrong, "# lab3: ignore[wrong-value] our robot has larger wheels")
+    assert told(wrong) == [W01]
+
+
 @pytest.mark.parametrize(
     "words",
     ['string about = "# lab3: ignore[P01]"', "asset about = @a # lab3: ignore[P01].usd@"],

@@ -88,10 +88,11 @@ def test_warnings_fail_only_where_they_are_asked_to(clock: Path) -> None:
     assert check(clock, "--fail-on", "warning").returncode == 1
 
 
-def test_rules_are_chosen_by_id_and_by_family(wrong: Path) -> None:
+def test_rules_are_chosen_by_id_name_and_family(wrong: Path) -> None:
     assert check(wrong, "--select", "W").returncode == 0
     assert check(wrong, "--ignore", "p01").returncode == 0
     assert check(wrong, "--select", "P01,W").returncode == 1
+    assert check(wrong, "--select", "wrong-value").returncode == 1
 
 
 def test_the_checkpoint_may_be_given_for_any_name(clock: Path, tmp_path: Path) -> None:

@@ -189,6 +189,12 @@ def test_a_rule_is_found_by_its_name_too() -> None:
     assert lab3("rule", rule.name).stdout == lab3("rule", "w01").stdout
 
 
+def test_a_rule_is_found_by_the_name_that_it_had_earlier() -> None:
+    rule = all_rules()["K10"]
+    assert rule.formerly
+    assert lab3("rule", rule.formerly).stdout == lab3("rule", "K10").stdout
+
+
 def test_an_unknown_rule_is_wrong_use_and_close_ones_are_named() -> None:
     result = lab3("rule", "W0")
     assert result.exit_code == cli.EXIT_USAGE

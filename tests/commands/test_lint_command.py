@@ -44,7 +44,7 @@ def test_a_robot_that_works_exits_0(tmp_path: Path) -> None:
 def test_a_fault_exits_1_and_names_its_line(broken: Path) -> None:
     done = lint(broken)
     assert done.returncode == 1
-    assert "error K10 works-on-zeros /World/Clock/clock.inputs:timeStamp" in done.stdout
+    assert "error K10 unset-input /World/Clock/clock.inputs:timeStamp" in done.stdout
     (finding,) = lint_stage(broken).findings
     assert finding.line is not None
     assert "inputs:timeStamp" in broken.read_text().splitlines()[finding.line - 1]

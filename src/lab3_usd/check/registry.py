@@ -94,7 +94,7 @@ class Rule(Struct, frozen=True):
     """One rule: a stable id, a name, a usual severity, and the generator that finds problems.
 
     `manual` is its docstring: what is wrong; `Why:`; `Fix:`; `Example:`. Names of a lab are filled
-    in by `check.manual`.
+    in by `check.manual`. `formerly` is the name of an earlier release, which is still understood.
     """
 
     id: str
@@ -103,6 +103,7 @@ class Rule(Struct, frozen=True):
     scope: Scope
     check: Callable[..., Iterator[Problem]]
     manual: str = ""
+    formerly: str = ""
 
     @property
     def family(self) -> str:
@@ -126,7 +127,7 @@ def _origin(check: Callable[..., Iterator[Problem]]) -> tuple[str, str]:
 
 
 def rule(
-    rule_id: str, name: str, scope: Scope, severity: Severity = "error"
+    rule_id: str, name: str, scope: Scope, severity: Severity = "error", formerly: str = ""
 ) -> Callable[[Check], Check]:
     """Register a generator of `Problem`s as the rule `rule_id`, which is never used again."""
 
@@ -134,7 +135,8 @@ def rule(
         known = _RULES.get(rule_id)
         if known is not None and _origin(known.check) != _origin(check):
             raise ValueError(f"rule {rule_id} is registered twice")
-        _RULES[rule_id] = Rule(rule_id, name, severity, scope, check, inspect.getdoc(check) or "")
+        manual = inspect.getdoc(check) or ""
+        _RULES[rule_id] = Rule(rule_id, name, severity, scope, check, manual, formerly)
         _in_order.cache_clear()
         return check
 
@@ -147,18 +149,31 @@ def all_rules() -> dict[str, Rule]:
     return dict(sorted(_RULES.items()))
 
 
+def rule_names() -> dict[str, str]:
+    """Return the id of each rule by its name, and by the name that it had earlier."""
+    rules = all_rules().values()
+    former = {rule.formerly: rule.id for rule in rules if rule.formerly}
+    return {**former, **{rule.name: rule.id for rule in rules}}
+
+
 def check_rule_names(names: Iterable[str], where: str = "") -> tuple[str, ...]:
-    """Return ids of rules and names of families, in capitals; `where` opens the message.
+    """Return ids of rules and letters of families; names of rules count as their ids.
+
+    `where` opens the message.
 
     Raises:
         UsageError: there is no such rule or family; left out, it would hide every fault.
     """
-    found = tuple(name.strip().upper() for name in names)
-    for name in found:
-        if name not in FAMILIES and name not in all_rules():
-            place = f"{where}: " if where else ""
-            raise UsageError(f"{place}there is no rule or family '{name}'; lab3 rules lists them")
-    return found
+    return tuple(_rule_id(name.strip(), where) for name in names)
+
+
+def _rule_id(name: str, where: str) -> str:
+    if name.upper() in FAMILIES or name.upper() in all_rules():
+        return name.upper()
+    if name.lower() in (by_name := rule_names()):
+        return by_name[name.lower()]
+    place = f"{where}: " if where else ""
+    raise UsageError(f"{place}there is no rule or family '{name.upper()}'; lab3 rules lists them")
 
 
 def rules_of(scope: Scope, *families: str) -> list[Rule]:

@@ -36,12 +36,14 @@ def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
         click.UsageError: there is none; names the closest ids.
     """
     by_name = {rule.name: rule for rule in rules.values()}
-    found = rules.get(wanted.upper()) or by_name.get(wanted.lower())
+    former = {rule.formerly: rule for rule in rules.values() if rule.formerly}
+    name = wanted.lower()
+    found = rules.get(wanted.upper()) or by_name.get(name) or former.get(name)
     if found:
         return found
     close = [rule_id for rule_id in rules if rule_id.startswith(wanted.upper())][:SUGGESTED]
     close = close or difflib.get_close_matches(wanted.upper(), rules, SUGGESTED, cutoff=0.5)
-    close += [by_name[name].id for name in difflib.get_close_matches(wanted.lower(), by_name)]
+    close += [by_name[name].id for name in difflib.get_close_matches(name, by_name)]
     hint = f"did you mean {', '.join(dict.fromkeys(close))}" if close else "lab3 rules lists all"
     raise click.UsageError(f"no rule {wanted!r}; {hint}")
 

@@ -12,7 +12,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.registry import FAMILIES, Scope, all_rules
+from lab3_usd.check.registry import FAMILIES, Scope, all_rules, rule_names
 from lab3_usd.check.rule_runs import run_rule
 from lab3_usd.model.finding import (
     Crash,
@@ -49,11 +49,10 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
     if result.verdict == "unreadable":
         return result
     from lab3_usd.stage.read.opening import open_stage
-    from lab3_usd.stage.text import read_ignore_notes
 
     path = Path(result.path)
     stage = open_stage(path)
-    notes = read_ignore_notes(stage, result.path)
+    notes = _notes_in(stage, result.path)
     if not notes:
         return result
     scopes = (_WITHOUT_SPEC if result.checkpoint is None else _WITH_SPEC).union(more)
@@ -69,6 +68,16 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
     return replace(result, findings=findings, verdict=verdict_of(findings, result.crashes))
 
 
+def _notes_in(stage: Any, given: str) -> tuple[IgnoreNote, ...]:
+    """Return the notes of a stage; a rule that is named there counts as its id."""
+    from lab3_usd.stage.text import read_ignore_notes
+
+    return tuple(
+        replace(note, rule=rule_names().get(note.rule.lower(), note.rule))
+        for note in read_ignore_notes(stage, given)
+    )
+
+
 def _is_for_others(note: IgnoreNote, scopes: Collection[Scope]) -> bool:
     named = [rule for rule in all_rules().values() if note.rule and rule.id.startswith(note.rule)]
     return bool(named) and not any(rule.scope in scopes for rule in named)
@@ -76,9 +85,7 @@ def _is_for_others(note: IgnoreNote, scopes: Collection[Scope]) -> bool:
 
 def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:
     """Return what no note in an open stage ignores, of findings that have no places yet."""
-    from lab3_usd.stage.text import read_ignore_notes
-
-    notes = read_ignore_notes(stage, str(path))
+    notes = _notes_in(stage, str(path))
     if not notes:
         return tuple(findings)
     pairs = zip(findings, located(findings, path, stage), strict=True)

@@ -142,7 +142,7 @@ def _same_transforms(view: TfView) -> dict[tuple[str, str], list[Edge]]:
     return found
 
 
-@rule("T05", "ring-of-frames", scope="frames")
+@rule("T05", "frame-cycle", scope="frames", formerly="ring-of-frames")
 def ring_of_frames(view: TfView) -> Iterator[Problem]:
     """The transforms form a cycle.
 
@@ -167,7 +167,7 @@ def ring_of_frames(view: TfView) -> Iterator[Problem]:
         )
 
 
-@rule("T06", "frames-not-connected", scope="frames")
+@rule("T06", "disconnected-frames", scope="frames", formerly="frames-not-connected")
 def frames_not_connected(view: TfView) -> Iterator[Problem]:
     """A transform is not connected to the tree of the robot.
 

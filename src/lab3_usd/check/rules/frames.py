@@ -217,7 +217,7 @@ def _publishers(outcome: Outcome) -> Iterator[str]:
             yield spec.path if roles.graph is None else roles.graph.path
 
 
-@rule("T11", "frame-id-outside-the-tree", scope="frames")
+@rule("T11", "frame-id-not-in-tree", scope="frames", formerly="frame-id-outside-the-tree")
 def frame_id_outside_the_tree(view: TfView) -> Iterator[Problem]:
     """A message names a frame that is not in the TF tree of the stage.
 

@@ -30,7 +30,7 @@ def _grave(*edges: Edge) -> Severity | None:
     return None if all(edge.sure for edge in edges) else "warning"
 
 
-@rule("K50", "frame-of-two-parents", scope="lint")
+@rule("K50", "multiple-parents", scope="lint", formerly="frame-of-two-parents")
 def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
     """A frame is published below two parents.
 
@@ -61,7 +61,7 @@ def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K51", "frame-below-itself", scope="lint")
+@rule("K51", "self-transform", scope="lint", formerly="frame-below-itself")
 def frame_below_itself(subject: LintSubject) -> Iterator[Problem]:
     """A transform leads from a frame to itself.
 
@@ -84,7 +84,7 @@ def frame_below_itself(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K52", "frames-in-a-ring", scope="lint")
+@rule("K52", "tf-cycle", scope="lint", formerly="frames-in-a-ring")
 def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
     """Transforms lead round in a ring.
 
@@ -108,7 +108,7 @@ def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
         )
 
 
-@rule("K53", "trees-apart", scope="lint", severity="warning")
+@rule("K53", "disconnected-trees", scope="lint", severity="warning", formerly="trees-apart")
 def trees_apart(subject: LintSubject) -> Iterator[Problem]:
     """The transforms of the stage make several trees that nothing connects.
 
@@ -132,7 +132,7 @@ def trees_apart(subject: LintSubject) -> Iterator[Problem]:
         )
 
 
-@rule("K54", "transform-of-two-publishers", scope="lint")
+@rule("K54", "duplicate-transform", scope="lint", formerly="transform-of-two-publishers")
 def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
     """The same transform is published twice.
 
@@ -159,7 +159,7 @@ def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K55", "frame-of-nobody", scope="lint", severity="warning")
+@rule("K55", "unpublished-frame", scope="lint", severity="warning", formerly="frame-of-nobody")
 def frame_of_nobody(subject: LintSubject) -> Iterator[Problem]:
     """A message names a frame that the stage does not publish.
 
@@ -184,7 +184,13 @@ def frame_of_nobody(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K56", "odometry-and-transform-differ", scope="lint", severity="warning")
+@rule(
+    "K56",
+    "odometry-tf-mismatch",
+    scope="lint",
+    severity="warning",
+    formerly="odometry-and-transform-differ",
+)
 def odometry_and_transform_differ(subject: LintSubject) -> Iterator[Problem]:
     """The odometry message and the transform of the same odometry name other frames.
 

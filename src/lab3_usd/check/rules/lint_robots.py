@@ -140,7 +140,7 @@ def _wrong_value(
     return None
 
 
-@rule("K67", "no-body-to-follow", scope="lint")
+@rule("K67", "odometry-without-body", scope="lint", formerly="no-body-to-follow")
 def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
     """The prim that an odometry follows is no rigid body and no articulation root.
 
@@ -171,7 +171,7 @@ def _why_no_body(found: Followed) -> str:
     return f"and its first link {found.body.path} {what}" if is_other else f"which {what}"
 
 
-@rule("K68", "number-of-commands", scope="lint")
+@rule("K68", "command-count", scope="lint", formerly="number-of-commands")
 def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
     """A controller gets more or fewer commands than it names joints.
 
@@ -241,7 +241,7 @@ def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K64", "wheels-of-another-size", scope="lint", severity="warning")
+@rule("K64", "wheel-size", scope="lint", severity="warning", formerly="wheels-of-another-size")
 def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
     """Wheel radius or wheel distance in the controller differ from the robot's wheels.
 
@@ -294,7 +294,7 @@ def _driven_pairs(subject: LintSubject) -> Iterator[tuple[Command, Node, tuple[P
             yield command, controller, (pair[0], pair[1])
 
 
-@rule("K65", "joint-of-two-controllers", scope="lint")
+@rule("K65", "joint-commanded-twice", scope="lint", formerly="joint-of-two-controllers")
 def joint_of_two_controllers(subject: LintSubject) -> Iterator[Problem]:
     """Two nodes command the same joint.
 
@@ -329,7 +329,7 @@ def _shared(one: Command, other: Command, subject: LintSubject) -> list[str]:
     return [name for name in first if name in second]
 
 
-@rule("K66", "left-and-right", scope="lint", severity="warning")
+@rule("K66", "joint-order", scope="lint", severity="warning", formerly="left-and-right")
 def left_and_right(subject: LintSubject) -> Iterator[Problem]:
     """The names of the wheel joints stand in the order right, left.
 

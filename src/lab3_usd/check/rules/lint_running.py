@@ -34,7 +34,7 @@ _REASONS = {
 }
 
 
-@rule("K01", "never-computes", scope="lint")
+@rule("K01", "never-executes", scope="lint", formerly="never-computes")
 def never_computes(subject: LintSubject) -> Iterator[Problem]:
     """No running event reaches a node that has something to do.
 
@@ -258,7 +258,7 @@ def graph_in_instance(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(graph.path, "graph is part of an instance, of which no graph is loaded")
 
 
-@rule("K10", "works-on-zeros", scope="lint")
+@rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")
 def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
     """An input that a node needs is neither wired nor set.
 
@@ -286,7 +286,7 @@ def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K11", "array-with-gaps", scope="lint")
+@rule("K11", "array-gaps", scope="lint", formerly="array-with-gaps")
 def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
     """A node makes an array of inputs of which one is empty, or has inputs beyond its size.
 

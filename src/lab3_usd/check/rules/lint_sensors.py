@@ -28,7 +28,7 @@ def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
             yield node, asked, path
 
 
-@rule("K14", "target-not-there", scope="lint")
+@rule("K14", "unresolved-target", scope="lint", formerly="target-not-there")
 def target_not_there(subject: LintSubject) -> Iterator[Problem]:
     """A node names a prim that is not in the scene.
 

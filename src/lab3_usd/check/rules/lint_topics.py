@@ -98,7 +98,7 @@ def two_types(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K42", "refused-profile", scope="lint")
+@rule("K42", "invalid-qos", scope="lint", formerly="refused-profile")
 def refused_profile(subject: LintSubject) -> Iterator[Problem]:
     """A QoS profile cannot be read.
 
@@ -123,7 +123,7 @@ def refused_profile(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K43", "profiles-do-not-meet", scope="lint")
+@rule("K43", "incompatible-qos", scope="lint", formerly="profiles-do-not-meet")
 def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
     """A publisher and a subscriber of one topic have QoS profiles that do not go together.
 
@@ -240,7 +240,7 @@ def _restarts(stamp: Stamp) -> str:
     return "restarts" if stamp.restarts else "goes on"
 
 
-@rule("K34", "value-of-another-type", scope="lint")
+@rule("K34", "value-type", scope="lint", formerly="value-of-another-type")
 def value_of_another_type(subject: LintSubject) -> Iterator[Problem]:
     """A value is declared with a type that the port does not have.
 
@@ -278,7 +278,7 @@ _SAME = {
 }
 
 
-@rule("K35", "value-not-offered", scope="lint")
+@rule("K35", "unknown-token", scope="lint", formerly="value-not-offered")
 def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
     """An input holds a token that it does not offer.
 

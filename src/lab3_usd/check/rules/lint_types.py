@@ -71,7 +71,7 @@ def _unknown(subject: LintSubject) -> Iterator[Node]:
             yield node
 
 
-@rule("K31", "old-names", scope="lint", severity="warning")
+@rule("K31", "deprecated-types", scope="lint", severity="warning", formerly="old-names")
 def old_names(subject: LintSubject) -> Iterator[Problem]:
     """Nodes of a graph have type names from before Isaac Sim 4.5.
 
@@ -149,7 +149,9 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K36", "saved-by-another-release", scope="lint", severity="note")
+@rule(
+    "K36", "other-release-ports", scope="lint", severity="note", formerly="saved-by-another-release"
+)
 def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
     """Nodes have ports that their types have no longer.
 

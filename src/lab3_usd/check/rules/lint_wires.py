@@ -13,7 +13,7 @@ from lab3_usd.model.finding import Problem, display
 from lab3_usd.spec.catalog import OUTPUT, NodeType, can_connect
 
 
-@rule("K20", "wire-from-nowhere", scope="lint")
+@rule("K20", "dangling-wire", scope="lint", formerly="wire-from-nowhere")
 def dead_source(subject: LintSubject) -> Iterator[Problem]:
     """A wire comes from a node that is not there.
 
@@ -107,7 +107,7 @@ def _gone(kind: NodeType, port: str, subject: LintSubject) -> str:
     return f" since Isaac Sim {releases[-1]}" if releases else ""
 
 
-@rule("K22", "types-that-do-not-fit", scope="lint")
+@rule("K22", "incompatible-types", scope="lint", formerly="types-that-do-not-fit")
 def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
     """A wire joins two ports whose types do not go together.
 
@@ -132,7 +132,7 @@ def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K23", "ring-of-wires", scope="lint")
+@rule("K23", "wire-cycle", scope="lint", formerly="ring-of-wires")
 def ring_of_wires(subject: LintSubject) -> Iterator[Problem]:
     """Wires of one kind lead round in a ring.
 
@@ -152,7 +152,7 @@ def ring_of_wires(subject: LintSubject) -> Iterator[Problem]:
         )
 
 
-@rule("K24", "two-sources", scope="lint")
+@rule("K24", "multiple-sources", scope="lint", formerly="two-sources")
 def two_sources(subject: LintSubject) -> Iterator[Problem]:
     """Two live wires feed one data input.
 
@@ -180,7 +180,7 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K25", "value-under-a-wire", scope="lint", severity="note")
+@rule("K25", "value-and-wire", scope="lint", severity="note", formerly="value-under-a-wire")
 def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
     """An input is wired and holds a value too.
 

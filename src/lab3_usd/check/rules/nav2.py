@@ -24,7 +24,7 @@ def parameter_problem(
     )
 
 
-@rule("V09", "plugin-of-another-release", scope="navigation")
+@rule("V09", "other-release-plugin", scope="navigation", formerly="plugin-of-another-release")
 def plugin_of_another_release(subject: NavigationSubject) -> Iterator[Problem]:
     """A plugin has the name of another release than Humble.
 
@@ -52,7 +52,7 @@ def _plain(plugin: str) -> str:
     return plugin.replace("::", "/")
 
 
-@rule("V10", "parameters-refused", scope="navigation")
+@rule("V10", "invalid-parameters", scope="navigation", formerly="parameters-refused")
 def parameters_refused(subject: NavigationSubject) -> Iterator[Problem]:
     """The parameter parser of ROS 2 rejects the file.
 
@@ -68,7 +68,7 @@ def parameters_refused(subject: NavigationSubject) -> Iterator[Problem]:
         yield Problem(subject.file, message, refusal.name)
 
 
-@rule("V11", "parameter-of-another-type", scope="navigation")
+@rule("V11", "parameter-type", scope="navigation", formerly="parameter-of-another-type")
 def parameter_of_another_type(subject: NavigationSubject) -> Iterator[Problem]:
     """A parameter has another type than Nav2 declares.
 

@@ -72,7 +72,7 @@ def misplaced_stage(subject: SubmissionSubject) -> Iterator[Problem]:
         yield _named(stage, message, name, subject.spec.stages.handout)
 
 
-@rule("X04", "no-usd-ending", scope="submission")
+@rule("X04", "no-usd-extension", scope="submission", formerly="no-usd-ending")
 def no_usd_ending(subject: SubmissionSubject) -> Iterator[Problem]:
     """A stage has the extension `.uda`, which USD does not have.
 
@@ -89,7 +89,9 @@ def no_usd_ending(subject: SubmissionSubject) -> Iterator[Problem]:
         yield _named(stage, message, name)
 
 
-@rule("X05", "stage-in-two-forms", scope="submission", severity="warning")
+@rule(
+    "X05", "two-stage-files", scope="submission", severity="warning", formerly="stage-in-two-forms"
+)
 def stage_in_two_forms(subject: SubmissionSubject) -> Iterator[Problem]:
     """A checkpoint has more than one stage.
 

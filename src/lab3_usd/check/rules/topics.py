@@ -57,7 +57,7 @@ def _is_sure(again: tuple[Endpoint, tuple[Endpoint, ...]]) -> bool:
     return endpoint.sure and any(other.sure for other in others)
 
 
-@rule("Q02", "topic-of-another-type", scope="stage")
+@rule("Q02", "wrong-topic-type", scope="stage", formerly="topic-of-another-type")
 def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
     """A topic of the lab is used with another message type.
 
@@ -89,7 +89,7 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
             )
 
 
-@rule("Q03", "durability-of-a-topic", scope="stage")
+@rule("Q03", "wrong-durability", scope="stage", formerly="durability-of-a-topic")
 def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
     """A publisher has another durability than the topic needs.
 
@@ -122,7 +122,7 @@ def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
             )
 
 
-@rule("Q04", "profile-by-wire", scope="stage")
+@rule("Q04", "wired-qos", scope="stage", formerly="profile-by-wire")
 def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
     """The QoS profile of a publisher or subscriber of the lab comes through a connection.
 
@@ -153,7 +153,7 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
             )
 
 
-@rule("Q05", "topic-taken-twice", scope="stage", severity="warning")
+@rule("Q05", "second-subscriber", scope="stage", severity="warning", formerly="topic-taken-twice")
 def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
     """A second graph subscribes to a topic of the lab.
 
@@ -182,7 +182,13 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
             )
 
 
-@rule("Q06", "topic-of-commands-published", scope="stage", severity="warning")
+@rule(
+    "Q06",
+    "command-topic-published",
+    scope="stage",
+    severity="warning",
+    formerly="topic-of-commands-published",
+)
 def topic_of_commands_published(subject: StageSubject) -> Iterator[Problem]:
     """The stage publishes a topic that the lab receives from outside.
 
