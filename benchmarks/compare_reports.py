@@ -16,7 +16,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Set
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +68,7 @@ def answers(checkout: Path, arguments: list[str], files: list[Path]) -> tuple[in
     return run.returncode, json.loads(run.stdout)
 
 
-def differences(old: Any, new: Any, left_out: Set[str], where: str = "") -> Iterator[str]:
+def differences(old: Any, new: Any, left_out: frozenset[str], where: str = "") -> Iterator[str]:
     """Yield every place in which two JSON documents differ; `left_out` are keys that may."""
     if isinstance(old, dict) and isinstance(new, dict):
         for key in sorted((old.keys() | new.keys()) - left_out):
