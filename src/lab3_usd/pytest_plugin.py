@@ -80,8 +80,8 @@ class RequirementItem(pytest.Item):
         """Fail with the findings that say why the requirement is not met."""
         if not self.requirement.met:
             group = f"/{self.requirement.group}"
-            told = [finding for finding in self.result.findings if group in f"{finding.prim}/"]
-            raise UnmetError([self.requirement.title, *map(sentence, told)])
+            findings = [finding for finding in self.result.findings if group in f"{finding.prim}/"]
+            raise UnmetError([self.requirement.title, *map(sentence, findings)])
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException]) -> str:  # type: ignore[override]
         """Say what is wrong, without a traceback."""

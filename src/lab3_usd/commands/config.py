@@ -67,5 +67,5 @@ def _shown(value: Any) -> str:
     if not isinstance(value, tuple):
         return str(value)
     return ", ".join(
-        each if isinstance(each, str) else f"{each[0]}: {_shown(each[1])}" for each in value
+        item if isinstance(item, str) else f"{item[0]}: {_shown(item[1])}" for item in value
     )

@@ -80,7 +80,7 @@ def _diffs(fixed: Fixed) -> Iterator[str]:
         if not data.startswith(_TEXT):
             yield f"Binary file {name} differs\n"
             continue
-        before, after = (each.decode().splitlines(keepends=True) for each in (old, data))
+        before, after = (text.decode().splitlines(keepends=True) for text in (old, data))
         yield from difflib.unified_diff(before, after, name, name)
 
 

@@ -74,8 +74,8 @@ def check(folder: Path | None) -> None:
     # Points and checklists are held against a lab that agrees with itself.
     if all(fault.severity != "error" for fault in found):
         found += scoring_faults(lab)
-    for each in found:
-        click.echo(f"{each.severity} {each}")
+    for fault in found:
+        click.echo(f"{fault.severity} {fault}")
     click.echo(_summary(lab.title, [lab_fault.severity for lab_fault in found]))
     if found:
         sys.exit(EXIT_FOUND)

@@ -35,7 +35,7 @@ def check_live(options: Mapping[str, Any]) -> None:
         UsageError: options do not go together, or the extra is not installed.
     """
     seconds = options["seconds"]
-    others = [f"--{each}" for each in _NOT_WITH if options[each] is not None]
+    others = [f"--{option}" for option in _NOT_WITH if options[option] is not None]
     others += ["--format json"] if options["form"] == "json" else []
     message = ""
     if not options["live"]:
@@ -44,7 +44,7 @@ def check_live(options: Mapping[str, Any]) -> None:
         message = f"--live and {others[0]} do not go together: it is driven over ROS, not judged"
     elif seconds is not None and not 0 < seconds <= LONGEST:
         message = f"--seconds {seconds:g}: is not between 0 and {LONGEST:.0f}"
-    elif any(find_spec(each) is None for each in _EXTRA):
+    elif any(find_spec(module) is None for module in _EXTRA):
         message = "--live needs the extra lab3-usd[live]: pip install 'lab3-usd[live]'"
     if message:
         raise UsageError(message)

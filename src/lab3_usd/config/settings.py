@@ -75,7 +75,7 @@ def _refuse_unknown(given: Iterable[str], where: str) -> None:
 
 
 def _rules(value: Any, where: str, _folder: Path) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
         raise UsageError(f"{where} is {value!r}, expected a list of rules and families")
     return check_rule_names(value, where)
 
@@ -96,22 +96,22 @@ def _table(value: Any, where: str) -> Mapping[str, Any]:
 
 def _ignores(value: Any, where: str, folder: Path) -> tuple[tuple[str, tuple[str, ...]], ...]:
     table = _table(value, where)
-    return tuple((name, _rules(each, f"{where}: {name}", folder)) for name, each in table.items())
+    return tuple((name, _rules(rules, f"{where}: {name}", folder)) for name, rules in table.items())
 
 
 def _severities(value: Any, where: str, _folder: Path) -> tuple[tuple[str, Severity], ...]:
-    for name, each in _table(value, where).items():
-        if each not in SEVERITIES:
+    for name, item in _table(value, where).items():
+        if item not in SEVERITIES:
             raise UsageError(
-                f"{where}: {name} is {each!r}, expected one of {', '.join(SEVERITIES)}"
+                f"{where}: {name} is {item!r}, expected one of {', '.join(SEVERITIES)}"
             )
     return tuple(zip(check_rule_names(value, where), value.values(), strict=True))
 
 
 def _checkpoints(value: Any, where: str, _folder: Path) -> tuple[tuple[str, str], ...]:
-    for name, each in _table(value, where).items():
-        if not isinstance(each, str):
-            raise UsageError(f"{where}: {name} is {each!r}, expected a checkpoint in quotes")
+    for name, item in _table(value, where).items():
+        if not isinstance(item, str):
+            raise UsageError(f"{where}: {name} is {item!r}, expected a checkpoint in quotes")
     return tuple(value.items())
 
 

@@ -150,8 +150,8 @@ def _policy() -> str:
     part = text[text.index("\npolicy:") + 1 :]
     lines = part.splitlines()
     end = next(number for number, line in enumerate(lines) if not line)
-    said = "\n".join(lines[:end]).replace(", see decisions", "")
-    return said.replace('handout: "decisions"', "handout: A1") + "\n"
+    text = "\n".join(lines[:end]).replace(", see decisions", "")
+    return text.replace('handout: "decisions"', "handout: A1") + "\n"
 
 
 def _tick(lab: Lab) -> str:
@@ -239,23 +239,23 @@ def _topics(lab: Lab, steps: Sequence[Step]) -> Iterator[tuple[str, dict[str, An
     for name, same in by_name.items():
         publishers = sum(not topic.is_subscribed for topic in same)
         first = same[0]
-        said: dict[str, Any] = {"type": first.type, "from": ids[first.graph]}
-        said["handout"] = f"{lab.graphs[first.graph].handout[0]}3"
+        entry: dict[str, Any] = {"type": first.type, "from": ids[first.graph]}
+        entry["handout"] = f"{lab.graphs[first.graph].handout[0]}3"
         if not publishers:
-            said |= {"subscribed": True, "source": _SOURCE}
+            entry |= {"subscribed": True, "source": _SOURCE}
         elif name not in lab.policy.tree_topics:
-            said["publishers"] = publishers
-        yield name, said
+            entry["publishers"] = publishers
+        yield name, entry
 
 
 def _commands(topics: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
     """Yield the commands that show every topic, and a message of each that is published."""
     yield {"kind": "node_list", "handout": "A1"}
     yield {"kind": "topic_list", "handout": "A1"}
-    for name, said in topics.items():
-        where = {"of": name, "from": said["from"], "handout": said["handout"]}
+    for name, entry in topics.items():
+        where = {"of": name, "from": entry["from"], "handout": entry["handout"]}
         yield {"kind": "topic_type", **where}
-        if not said.get("subscribed"):
+        if not entry.get("subscribed"):
             yield {"kind": "topic_hz", **where}
             yield {"kind": "topic_echo", **where}
 

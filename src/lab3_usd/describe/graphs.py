@@ -45,16 +45,16 @@ def unknown_types(nodes: Iterable[Node]) -> dict[str, dict[str, Any]]:
         if node.type is not None or not node.type_name:
             continue
         word = node.type_name.rpartition(".")[2]
-        said = found.setdefault(
+        entry = found.setdefault(
             node.type_name,
             {"version": 1, "name": word, "prim": _prim_name(word), "inputs": {}, "outputs": {}},
         )
-        said["version"] = max(said["version"], node.version or 1)
+        entry["version"] = max(entry["version"], node.version or 1)
         for name, state in node.ports.items():
             side = "inputs" if name.startswith(INPUT) else "outputs"
             short = name.removeprefix(INPUT).removeprefix(OUTPUT)
-            kind = said[side].get(short, "union")
-            said[side][short] = _ogn_type(short, state.usd_type) if kind == "union" else kind
+            kind = entry[side].get(short, "union")
+            entry[side][short] = _ogn_type(short, state.usd_type) if kind == "union" else kind
     return found
 
 

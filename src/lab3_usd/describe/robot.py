@@ -66,9 +66,9 @@ def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> tuple[str, 
     asked = list(_asked(graphs))
     found = [prim.path for prim in stage.with_api(ARTICULATION_API) if is_articulated(prim)]
     for path in asked:
-        for each in found:
-            if is_at_or_below(each, path) or is_at_or_below(path, each):
-                return each, True
+        for sensor_path in found:
+            if is_at_or_below(sensor_path, path) or is_at_or_below(path, sensor_path):
+                return sensor_path, True
     known = [path for path in asked if path in stage.prims or stage.unresolved_above(path)]
     if not found and not known:
         raise UsageError(
@@ -101,7 +101,7 @@ def _asked(graphs: Iterable[GraphSpec]) -> Iterator[str]:
         for target in node.targets
         for prim in target.prims
     ]
-    yield from (prim for _, prim in sorted(named, key=lambda each: not each[0]))
+    yield from (prim for _, prim in sorted(named, key=lambda pair: not pair[0]))
 
 
 def _root(stage: StageModel, target: str) -> str:
@@ -119,9 +119,9 @@ def _base(target: str, root: str, graphs: Iterable[GraphSpec]) -> str:
     for graph in graphs:
         for node in graph.nodes.values():
             ports = () if node.type.tf is None else node.type.tf.prims
-            for each in node.targets:
-                if ports and each.port == ports[0] and each.prims[0] != root:
-                    return each.prims[0].rpartition("/")[2]
+            for prim_target in node.targets:
+                if ports and prim_target.port == ports[0] and prim_target.prims[0] != root:
+                    return prim_target.prims[0].rpartition("/")[2]
     return target.rpartition("/")[2]
 
 
@@ -139,8 +139,8 @@ def _link(prim: Prim, stage: StageModel, base: str) -> dict[str, Any]:
     """Describe a link: its mass, and of the base its place on the root where it is another."""
     mass = number(prim.attributes.get(MASS)) if MASS_API in prim.apis else None
     place = pose(prim.local, stage.meters_per_unit)["translate"] if prim.name == base else ()
-    said = {"mass": round(mass, 8)} if mass else {}
-    return {**said, **({"offset": place} if any(place) else {}), "handout": PART}
+    weight = {"mass": round(mass, 8)} if mass else {}
+    return {**weight, **({"offset": place} if any(place) else {}), "handout": PART}
 
 
 def pose(local: Matrix | None, metres: float) -> dict[str, Any]:

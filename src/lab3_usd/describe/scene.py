@@ -65,7 +65,7 @@ def read_source(path: Path, lab: Lab, types: Catalog) -> Source:
         stage=stage,
         lab=lab,
         unknown=unknown,
-        sensors=tuple(stage.prims[each] for each in found),
+        sensors=tuple(stage.prims[path] for path in found),
         authored=authored_attributes(path, found),
     )
 
@@ -114,7 +114,7 @@ def describe_sensors(
             continue
         known = _known(prim.type, source.lab)
         kind = known.kind if known else _word(prim.type)
-        taken = sum(each["kind"] == kind for each in found.values())
+        taken = sum(sensor["kind"] == kind for sensor in found.values())
         name = kind if not taken else f"{kind}_{taken + 1}"
         found[name] = _sensor(source, prim, kind, sections[prim.path])
     return found
@@ -152,9 +152,9 @@ def _sensor(source: Source, prim: Prim, kind: str, section: str) -> dict[str, An
     if prim.apis:
         data["apis"] = list(prim.apis)
     attributes = {
-        name: _attribute(said, same.get("attributes"), name, section)
-        for name, said in sorted(source.authored[prim.path].items())
-        if not _OTHER.match(name) and is_known_type(said[0])
+        name: _attribute(authored, same.get("attributes"), name, section)
+        for name, authored in sorted(source.authored[prim.path].items())
+        if not _OTHER.match(name) and is_known_type(authored[0])
     }
     return data | ({"attributes": attributes} if attributes else {})
 
@@ -167,15 +167,17 @@ def _attribute(
     data = {"type": kind, "value": _single(value) if kind.startswith("float") else value}
     if known is None:
         return {**data, "required": True, "handout": section}
-    said = known.get(name, {})
-    kept = {key: said[key] for key in ("required", "unset", "schema") if said.get(key)}
+    known_entry = known.get(name, {})
+    kept = {
+        key: known_entry[key] for key in ("required", "unset", "schema") if known_entry.get(key)
+    }
     return {**data, **kept, "handout": section} if kept else data
 
 
 def _single(value: Value) -> Value:
     """Return numbers of single precision as they were typed: 0.1 for 0.10000000149."""
     if isinstance(value, tuple):
-        return tuple(_single(each) for each in value)
+        return tuple(_single(number) for number in value)
     return float(f"{value:.7g}") if isinstance(value, float) else value
 
 

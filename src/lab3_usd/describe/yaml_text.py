@@ -40,7 +40,7 @@ def _block(data: Mapping[str, Any], indent: str, above: str, notes: Mapping[str,
         elif isinstance(value, Mapping):
             lines += [opening, *_block(value, f"{indent}  ", f"{place}.", notes)]
         else:
-            lines += [opening, *(f"{indent}  - {flow(each)}" for each in value)]
+            lines += [opening, *(f"{indent}  - {flow(item)}" for item in value)]
     return lines
 
 
@@ -52,16 +52,16 @@ def _fits(value: Any, used: int) -> bool:
 
 def _depth(value: Any) -> int:
     if isinstance(value, Mapping):
-        return 1 + max((_depth(each) for each in value.values()), default=0)
+        return 1 + max((_depth(item) for item in value.values()), default=0)
     if isinstance(value, (list, tuple)):
-        return 1 + max((_depth(each) for each in value), default=0)
+        return 1 + max((_depth(item) for item in value), default=0)
     return 0
 
 
 def flow(value: Any) -> str:
     """Return a value as one line of YAML."""
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{scalar(key)}: {flow(each)}' for key, each in value.items())}}}"
+        return f"{{{', '.join(f'{scalar(key)}: {flow(item)}' for key, item in value.items())}}}"
     if isinstance(value, Sequence) and not isinstance(value, str):
         return f"[{', '.join(map(flow, value))}]"
     return scalar(value)

@@ -84,10 +84,10 @@ def grade_class(
             own_lab(),
         )
         progress(0, len(submissions))
-        said: set[str] = set()
+        notified: set[str] = set()
         with closing(settings.runner(tasks, pool)) as answers:
             for done, (task, answer) in enumerate(answers, start=1):
-                _notify_unconfined(answer, said, settings.notify)
+                _notify_unconfined(answer, notified, settings.notify)
                 _record(settings.out, by_folder[task.folder], salt, answer, rubric)
                 progress(done, len(submissions))
     return write_tables(settings.out, submissions, rubric)
@@ -164,11 +164,11 @@ def _task(
     )
 
 
-def _notify_unconfined(answer: Json, said: set[str], notify: Callable[[str], None]) -> None:
+def _notify_unconfined(answer: Json, notified: set[str], notify: Callable[[str], None]) -> None:
     """Say once, in one line, which walls this system does not put around workers."""
     missing = answer.get("unconfined", [])
-    if not said.issuperset(missing):
-        said.update(missing)
+    if not notified.issuperset(missing):
+        notified.update(missing)
         walls = ", ".join(f"{name} ({WALLS[name]})" for name in missing)
         notify(f"workers run without every wall, see docs/promises.md; not held: {walls}")
 

@@ -100,7 +100,11 @@ def _of_state(item: Item, state: State) -> Iterator[str]:
 
 def _blocked(item: Item, graded: Mapping[str, ItemGrade], rubric: Rubric) -> str:
     """Say how much of the item does not count, and which item has cost points for it already."""
-    titles = {each.id: each.title for each in rubric.items if graded[each.id].state != "full"}
+    titles = {
+        rubric_item.id: rubric_item.title
+        for rubric_item in rubric.items
+        if graded[rubric_item.id].state != "full"
+    }
     stands_on = ", ".join(titles[name] for name in item.needs if name in titles)
     amount = f"{graded[item.id].blocked:g} of {item.points:g} points do not count"
     if stands_on:
@@ -128,19 +132,21 @@ def gradescope(report: Report, rubric: Rubric, points: Grade) -> str:
     What the checker says of the groups that an item is about goes into the item's test.
     """
     document = json.loads(render("gradescope", report, None, Options()))
-    said = {test["name"]: test["output"] for test in document["tests"]}
+    outputs = {test["name"]: test["output"] for test in document["tests"]}
     graded = {grade.id: grade for grade in points.items}
-    tests = [_test(item, graded[item.id], rubric, said) for item in rubric.items]
-    tests += [{"name": name, "output": output} for name, output in said.items() if output]
+    tests = [_test(item, graded[item.id], rubric, outputs) for item in rubric.items]
+    tests += [{"name": name, "output": output} for name, output in outputs.items() if output]
     document["score"] = points.earned
     document["tests"] = tests
     return json.dumps(document, indent=2) + "\n"
 
 
-def _test(item: Item, graded: ItemGrade, rubric: Rubric, said: dict[str, str]) -> Mapping[str, Any]:
+def _test(
+    item: Item, graded: ItemGrade, rubric: Rubric, outputs: dict[str, str]
+) -> Mapping[str, Any]:
     groups = dict.fromkeys(requirement.group for requirement in rubric.asked[item.id])
     names = [f"Checkpoint {item.checkpoint}: {group}" for group in groups]
-    blocks = [said.pop(name, "") for name in names]
+    blocks = [outputs.pop(name, "") for name in names]
     if graded.state in {"missing", "unreadable", "blocked"} or graded.because:
         because = f": {graded.because}" if graded.because else ""
         blocks.insert(0, text(f"{graded.state}{because}"))

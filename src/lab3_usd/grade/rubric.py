@@ -52,7 +52,7 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
     def asks(self, requirement: Requirement) -> bool:
         """Whether the requirement, of this item's checkpoint, is one of this item's."""
         return any(fnmatchcase(requirement.group, group) for group in self.groups) and any(
-            fnmatchcase(requirement.id, each) for each in self.requirements
+            fnmatchcase(requirement.id, pattern) for pattern in self.requirements
         )
 
 
@@ -176,17 +176,19 @@ def _check_requirements(
     item: Item, asked: Mapping[str, tuple[Requirement, ...]], place: str
 ) -> None:
     one_of(item.checkpoint, asked, place)
-    there = asked[item.checkpoint]
+    requirements = asked[item.checkpoint]
     for key, patterns in (("groups", item.groups), ("requirements", item.requirements)):
         for pattern in patterns:
             name = "group" if key == "groups" else "id"
-            if not any(fnmatchcase(getattr(each, name), pattern) for each in there):
-                groups = ", ".join(dict.fromkeys(each.group for each in there))
+            if not any(
+                fnmatchcase(getattr(requirement, name), pattern) for requirement in requirements
+            ):
+                groups = ", ".join(dict.fromkeys(requirement.group for requirement in requirements))
                 raise SpecError(
                     f"{place}: '{pattern}' in '{key}' is nothing that checkpoint {item.checkpoint} "
                     f"asks for; its groups are {groups}"
                 )
-    if not any(item.asks(requirement) for requirement in there):
+    if not any(item.asks(requirement) for requirement in requirements):
         raise SpecError(f"{place}: its groups and requirements have nothing in common")
 
 
@@ -209,21 +211,21 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
         raise SpecError(f"{lab.title} has no {RUBRIC}; name a rubric with --rubric")
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
     where = file.name
-    said = record(data, _RubricFile, where)
+    content = record(data, _RubricFile, where)
     asked = everything_asked(lab)
-    for kind in said.weights:
+    for kind in content.weights:
         one_of(kind, REQUIREMENT_KINDS, f"{where}: weights")
     lines = [line.text for line in lab.submission.checklist]
-    items = load_items(said.items, asked, lines, where)
-    for number, cap in enumerate(said.caps, start=1):
-        _check_cap(cap, said.items, asked, f"{where}: cap {number}")
+    items = load_items(content.items, asked, lines, where)
+    for number, cap in enumerate(content.caps, start=1):
+        _check_cap(cap, content.items, asked, f"{where}: cap {number}")
     rubric = Rubric(
-        title=said.title,
+        title=content.title,
         digest="",
-        weights=dict.fromkeys(REQUIREMENT_KINDS, 1.0) | said.weights,
+        weights=dict.fromkeys(REQUIREMENT_KINDS, 1.0) | content.weights,
         items=items,
-        caps=said.caps,
-        late=said.late,
+        caps=content.caps,
+        late=content.late,
         asked={
             item.id: tuple(
                 requirement
@@ -241,8 +243,8 @@ def _digest(rubric: Rubric) -> str:
 
     What the checkpoints ask for is no part of it: that is the lab's, not the rubric's.
     """
-    said = to_builtins(replace(rubric, asked={}))
-    return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+    content = to_builtins(replace(rubric, asked={}))
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
@@ -319,14 +321,18 @@ def _checklist_faults(lab: Lab, asked: tuple[Requirement, ...]) -> Iterator[LabF
 def _sections_without_points(lab: Lab, rubric: Rubric, asked: _Asked) -> Iterator[LabFault]:
     """Yield the sections of which no item counts any requirement."""
     lines = {line.text: line for line in lab.submission.checklist}
-    paid = {each.handout for counted in rubric.asked.values() for each in counted}
+    paid = {
+        asked_requirement.handout
+        for counted in rubric.asked.values()
+        for asked_requirement in counted
+    }
     for item in rubric.items:
         line = lines.get(item.checklist)
         paid |= _sections_of(line, asked[lab.last]) if line is not None else set()
     first: dict[str | None, tuple[str, Requirement]] = {}
     for checkpoint, requirements in asked.items():
-        for each in requirements:
-            first.setdefault(each.handout, (checkpoint, each))
+        for asked_requirement in requirements:
+            first.setdefault(asked_requirement.handout, (checkpoint, asked_requirement))
     for section, (checkpoint, requirement) in first.items():
         if section not in paid:
             message = f"no item counts section {section} of the handout"

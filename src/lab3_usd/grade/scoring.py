@@ -110,7 +110,7 @@ def _by_requirements(
         name = f"checkpoint {item.checkpoint}"
         lost.setdefault(name, LostRequirement(item.id, name, f"{name} is {state}"))
         return ItemGrade(item.id, state, 0.0, item.points, 0.0)
-    met = {each.id: each.met for each in result.requirements}
+    met = {requirement.id: requirement.met for requirement in result.requirements}
     blocking = [item_grade.id for item_grade in needed if item_grade.state != "full"]
     weights = {"met": 0.0, "lost": 0.0, "blocked": 0.0}
     for requirement in rubric.asked[item.id]:

@@ -61,7 +61,7 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
     if is_submission(Path(path)):
         yield Entry(path, is_submission=True)
         return
-    files = sorted(each for each in Path(path).iterdir() if each.suffix.lower() in STAGE_ENDINGS)
+    files = sorted(file for file in Path(path).iterdir() if file.suffix.lower() in STAGE_ENDINGS)
     if not files:
         raise UsageError(f"{path}: holds no stage and is no submission")
     for file in files:

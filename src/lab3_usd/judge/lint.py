@@ -140,7 +140,7 @@ def find_stages(path: str) -> Iterator[Entry]:
 
 def _stages_below(path: str) -> Iterator[Path]:
     for folder, folders, names in os.walk(path):
-        folders[:] = [each for each in folders if not each.startswith(".")]
+        folders[:] = [folder for folder in folders if not folder.startswith(".")]
         yield from (
             Path(folder, name) for name in names if Path(name).suffix.lower() in STAGE_ENDINGS
         )

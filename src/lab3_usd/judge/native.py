@@ -45,8 +45,9 @@ def with_native(result: StageResult) -> StageResult:
             errors = native_errors(stage, result.path)
     except StageError as error:  # of a prim that no other rule asks for
         return unreadable(result.path, result.checkpoint, str(error))
-    told = run_family("native", FAMILY, NativeErrors(errors), None)
-    found = located(told.findings, path, stage)
+    judged = run_family("native", FAMILY, NativeErrors(errors), None)
+    native_findings = located(judged.findings, path, stage)
     return with_findings(
-        replace(result, crashes=(*result.crashes, *told.crashes)), (*result.findings, *found)
+        replace(result, crashes=(*result.crashes, *judged.crashes)),
+        (*result.findings, *native_findings),
     )

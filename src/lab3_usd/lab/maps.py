@@ -273,8 +273,8 @@ def _image(path: Path) -> _Image:
         other = None
     if other is None:
         return _Image(fault=f"{fault}; map_server cannot load it")
-    told = path.suffix.lower() in other.endings
-    return _Image((other.width, other.height), format="" if told else other.name)
+    is_expected_ending = path.suffix.lower() in other.endings
+    return _Image((other.width, other.height), format="" if is_expected_ending else other.name)
 
 
 def _relative(path: Path, base: Path) -> str:

@@ -80,9 +80,9 @@ def _why_refused(parameter: Parameter, rewritten: Sequence[str]) -> str | None:
         return None if parameter.last in rewritten else "has no value"
     if not isinstance(value, list):
         return None
-    if any(isinstance(each, list) for each in value):
+    if any(isinstance(item, list) for item in value):
         return "is a list of lists"
-    kinds = list(dict.fromkeys(kind_of(each) or "nothing" for each in value))
+    kinds = list(dict.fromkeys(kind_of(item) or "nothing" for item in value))
     return f"mixes {' and '.join(kinds)} in one list" if len(kinds) > 1 else None
 
 
@@ -135,7 +135,7 @@ def _values(loader: Any, node: Any, owner: str, names: tuple[str, ...]) -> Itera
 def _as_number(value: object) -> object:
     """Return the number that a text is for ROS 2 and not for YAML 1.1: `5e-2` without a point."""
     if isinstance(value, list):
-        return [_as_number(each) for each in value]
+        return [_as_number(item) for item in value]
     return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value
 
 

@@ -47,7 +47,7 @@ _IMAGE = "sensor_msgs/msg/Image"
 def collect_script(lab: Lab) -> str:
     """Return the script for the commands of `ros.yaml`, each with its time limit."""
     ros = lab.ros
-    frames = next((each for each in ros.commands if each.kind.name == "view_frames"), None)
+    frames = next((command for command in ros.commands if command.kind.name == "view_frames"), None)
     return fill_template(
         "collect.sh.j2",
         script=SCRIPT,
@@ -212,5 +212,5 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
 
 def _frame_of(lab: Lab, topic: str) -> str:
     """Return the frame that the messages of a topic name, '' where the lab does not say."""
-    said = lab.topics.get(topic)
-    return "" if said is None else (said.fields or {}).get("header.frame_id", "")
+    spec = lab.topics.get(topic)
+    return "" if spec is None else (spec.fields or {}).get("header.frame_id", "")

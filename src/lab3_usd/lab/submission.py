@@ -58,7 +58,7 @@ def folder_named(root: Path, name: str) -> str:
     Empty where there is none; a link to a folder is none.
     """
     names = sorted(folder.name for folder in _folders(root))
-    alike = [each for each in names if each.lower() == name.lower()]
+    alike = [candidate for candidate in names if candidate.lower() == name.lower()]
     return name if name in names else next(iter(alike), "")
 
 
@@ -85,21 +85,21 @@ def _entries(
     folder = root.joinpath(*below)
     try:
         with os.scandir(folder) as scan:
-            inside = sorted(scan, key=lambda each: (each.name.lower() not in first, each.name))
+            inside = sorted(scan, key=lambda entry: (entry.name.lower() not in first, entry.name))
     except OSError as error:
         yield Entry("/".join(below) or ".", f"the folder cannot be read ({error.strerror})")
         return
-    for each in inside:
-        if each.name.startswith(".") or each.name == _NOT_OURS:
+    for entry in inside:
+        if entry.name.startswith(".") or entry.name == _NOT_OURS:
             continue
-        names = (*below, each.name)
-        if each.is_dir(follow_symlinks=False):
+        names = (*below, entry.name)
+        if entry.is_dir(follow_symlinks=False):
             if len(names) > DEEPEST:
                 yield Entry("/".join(names), "the folders are nested too deep")
             else:
                 yield from _entries(root, real_root, names)
             continue
-        yield Entry("/".join(names), _why_not(Path(each.path), real_root))
+        yield Entry("/".join(names), _why_not(Path(entry.path), real_root))
 
 
 def _why_not(path: Path, real_root: Path) -> str:
@@ -154,7 +154,11 @@ def find_stages(
     }
     taken = {path for stage in found.values() for path in (stage.path, *stage.others)}
     left = [entry for entry in ordered if entry.path not in taken]
-    names = {number: each.file for number, each in lab.checkpoints.items() if number not in found}
+    names = {
+        number: checkpoint.file
+        for number, checkpoint in lab.checkpoints.items()
+        if number not in found
+    }
     for entry, number in _guesses(left[:_MOST_GUESSED], names):
         if number not in found and entry.path not in taken:
             taken.add(entry.path)
@@ -162,7 +166,9 @@ def find_stages(
             found[number] = StageFile(number, entry.path, "slip" if slip else "misnamed")
     rest = [entry for entry in left if entry.path not in taken]
     order = list(lab.checkpoints)
-    seconds = _seconds(rest[:_MOST_GUESSED], {n: each.file for n, each in lab.checkpoints.items()})
+    seconds = _seconds(
+        rest[:_MOST_GUESSED], {n: checkpoint.file for n, checkpoint in lab.checkpoints.items()}
+    )
     return {
         number: replace(stage, more=seconds.get(number, ()))
         for number, stage in sorted(found.items(), key=lambda pair: order.index(pair[0]))
@@ -175,7 +181,9 @@ def _seconds(rest: Sequence[Entry], names: Mapping[str, str]) -> dict[str, tuple
     for entry, number in _guesses(rest, names):
         likeliest.setdefault(entry.path, number)
     return {
-        number: tuple(sorted(path for path, said in likeliest.items() if said == number))
+        number: tuple(
+            sorted(path for path, checkpoint in likeliest.items() if checkpoint == number)
+        )
         for number in names
     }
 
@@ -211,12 +219,12 @@ def _guesses(left: Sequence[Entry], names: Mapping[str, str]) -> Iterator[tuple[
     guesses = []
     for rank, entry in enumerate(left):
         stem = _stem(entry)
-        said = nearly_named(stem, names)
+        named = nearly_named(stem, names)
         for number, name in names.items():
             alike = SequenceMatcher(None, stem.lower(), name.lower(), autojunk=False).ratio()
-            is_said = said == number
-            if is_said or alike >= _ALIKE:
-                guesses.append((-(alike + is_said), rank, entry, number))
+            is_named = named == number
+            if is_named or alike >= _ALIKE:
+                guesses.append((-(alike + is_named), rank, entry, number))
     for _, _, entry, number in sorted(guesses, key=lambda guess: guess[:2]):
         yield entry, number
 

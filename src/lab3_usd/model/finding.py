@@ -196,7 +196,7 @@ def section_key(name: str | None) -> SectionKey:
         place = 0 if int(number) <= before_the_parts else 2
     else:
         place = 3 if name else 4
-    words = _NUMBER.sub(lambda each: each[0].zfill(_DIGITS), name or "")
+    words = _NUMBER.sub(lambda digits: digits[0].zfill(_DIGITS), name or "")
     return place, letter or "", int(number or 0), int(below or 0), words
 
 

@@ -76,7 +76,7 @@ class Parameter(Struct, frozen=True):
         """What ROS 2 takes the value for; empty where it is unknown."""
         if not isinstance(self.value, list):
             return kind_of(self.value)
-        kinds = {kind_of(each) for each in self.value}
+        kinds = {kind_of(item) for item in self.value}
         return f"{kinds.pop()}_array" if len(kinds) == 1 and "" not in kinds else ""
 
 

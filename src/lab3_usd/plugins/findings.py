@@ -16,15 +16,15 @@ CRASH = "the program itself failed"
 
 def findings_of(stage: Any) -> tuple[Finding, ...]:
     """Return what the linter finds in an open stage, in order."""
-    return _told(lambda: lint_open_stage(stage))
+    return _findings_of(lambda: lint_open_stage(stage))
 
 
 def checked_findings_of(stage: Any) -> tuple[Finding, ...]:
     """Return what the check finds in an open stage whose file is named after a checkpoint."""
-    return _told(lambda: check_open_stage(stage, load_lab()))
+    return _findings_of(lambda: check_open_stage(stage, load_lab()))
 
 
-def _told(judge: Callable[[], RuleResults]) -> tuple[Finding, ...]:
+def _findings_of(judge: Callable[[], RuleResults]) -> tuple[Finding, ...]:
     """Return the findings; a crash of a rule is a finding as well.
 
     An exception that leaves a validator ends the whole run of the program around it.

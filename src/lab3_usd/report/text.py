@@ -66,8 +66,8 @@ def finding_blocks(found: Iterable[tuple[Finding, str]], page: Page) -> Iterator
         if not (is_line and is_in_notes):
             yield ""
         if is_line:
-            told = f" ({where})" if where else ""
-            yield from _heading(finding, page, f"{site(finding)}: {finding.message}{told}")
+            place = f" ({where})" if where else ""
+            yield from _heading(finding, page, f"{site(finding)}: {finding.message}{place}")
         else:
             yield from _finding_lines(finding, where, page, explained)
         is_in_notes = is_line
@@ -120,8 +120,8 @@ def _details(finding: Finding, page: Page) -> Iterator[str]:
     for label, value in (("expected", finding.expected), ("actual", finding.actual)):
         if value is not None and value not in finding.message:
             yield from _labelled(label, value, page)
-    told = f"{finding.message} {finding.expected}"
-    others = [prim for prim in finding.related if prim not in told]
+    text = f"{finding.message} {finding.expected}"
+    others = [prim for prim in finding.related if prim not in text]
     if others:
         yield from _labelled("see also", " ".join(others), page)
     if finding.hint:
@@ -235,14 +235,14 @@ def _repair_order(found: Sequence[Fault], block: Block, page: Page) -> Iterator[
     if len(errors) <= MOST:
         return
     points = page.options.points
-    first = sorted(errors, key=lambda each: _gain(each, block, points), reverse=True)[:MOST]
+    first = sorted(errors, key=lambda fault: _gain(fault, block, points), reverse=True)[:MOST]
     yield ""
     yield paint("Repair these first", "heading", color=page.color)
-    for number, each in enumerate(first, 1):
-        told = f"{each.finding.rule} {site(each.finding)}"
-        stands = f"in {_plural_checkpoints(each.stages, block)}: {each.finding.message}"
+    for number, fault in enumerate(first, 1):
+        heading = f"{fault.finding.rule} {site(fault.finding)}"
+        stands = f"in {_plural_checkpoints(fault.stages, block)}: {fault.finding.message}"
         start = f"{number}. "
-        yield from wrapped(start + told, INDENT, page.width, INDENT + _NUMBERED)
+        yield from wrapped(start + heading, INDENT, page.width, INDENT + _NUMBERED)
         yield from wrapped(stands, INDENT + _NUMBERED, page.width)
 
 
@@ -267,11 +267,11 @@ def _where_found(stages: Stages, block: Block) -> str:
     if not having:
         return ""
     first, *others = having
-    told = f"since {first.label}, also in {_spans(others, block)}" if others else ""
+    first_seen = f"since {first.label}, also in {_spans(others, block)}" if others else ""
     later = block.stages[block.stages.index(having[-1]) + 1 :]
-    repaired = next((each for each in later if each.result.verdict != "unreadable"), None)
+    repaired = next((stage for stage in later if stage.result.verdict != "unreadable"), None)
     last = f", repaired in {repaired.label}" if repaired is not None else ""
-    return (told or f"in {first.label}") + last
+    return (first_seen or f"in {first.label}") + last
 
 
 def _spans(stages: Sequence[Stage], block: Block) -> str:

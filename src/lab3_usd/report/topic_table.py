@@ -43,7 +43,7 @@ class TopicReport(Struct, frozen=True):
     def unknown(self, endpoint: Endpoint) -> tuple[str, ...]:
         """Return what cannot be known of the frames of an endpoint, in words."""
         sent = (frames for frames in self.hidden if frames.publisher == endpoint.node.path)
-        return tuple(each.what for each in sent)
+        return tuple(message.what for message in sent)
 
 
 def as_table(report: TopicReport) -> Iterator[str]:

@@ -223,7 +223,11 @@ class Lab(Struct, frozen=True, eq=False):
         They differ in what else is handed in with the stage.
         """
         asked = self._demands(self.checkpoints[checkpoint])
-        return next(each for each in self.checkpoints.values() if self._demands(each) == asked)
+        return next(
+            candidate
+            for candidate in self.checkpoints.values()
+            if self._demands(candidate) == asked
+        )
 
     def _demands(self, checkpoint: Checkpoint) -> tuple[object, ...]:
         """Return everything that the rules for stages ask of a checkpoint."""

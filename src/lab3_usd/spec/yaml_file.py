@@ -208,8 +208,8 @@ def _meant(data: Any, kind: Any) -> Any:
     """Of several types return the one that was likely meant."""
     if get_origin(kind) not in {Union, UnionType}:
         return kind
-    kinds = [each for each in get_args(kind) if each is not type(None)]
-    alike = [each for each in kinds if isinstance(data, dict) == _is_mapping(each)]
+    kinds = [option for option in get_args(kind) if option is not type(None)]
+    alike = [option for option in kinds if isinstance(data, dict) == _is_mapping(option)]
     return (alike or kinds)[0]
 
 

@@ -52,7 +52,7 @@ class Compared(NamedTuple):
 
 def write_baseline(report: Report, path: Path) -> int:
     """Write every finding of a report as known, and return how many there are."""
-    known = [finding for finding, _ in _told(report, path)]
+    known = [finding for finding, _ in _known_findings(report, path)]
     content = {
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},
@@ -89,11 +89,11 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
     Raises:
         UsageError: the baseline cannot be read, or is none.
     """
-    known, told = _grouped(read_baseline(path).findings), list(_told(report, path))
-    present = _grouped(known_finding for known_finding, _ in told)
+    known, current = _grouped(read_baseline(path).findings), list(_known_findings(report, path))
+    present = _grouped(known_finding for known_finding, _ in current)
     kept = {
         id(finding)
-        for known_finding, finding in told
+        for known_finding, finding in current
         if not _is_among(
             known_finding, present[_key(known_finding)], known.get(_key(known_finding), [])
         )
@@ -104,7 +104,7 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
 
     paths = [result.path for result in report.results]
     paths += [submission.path for submission in report.submissions]
-    here = {_from(path, each) for each in paths}
+    here = {_from(path, file) for file in paths}
     gone = tuple(
         known_finding
         for key, group in known.items()
@@ -116,7 +116,9 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
     results = tuple(
         with_findings(stage_result, new(stage_result.findings)) for stage_result in report.results
     )
-    submissions = tuple(replace(each, findings=new(each.findings)) for each in report.submissions)
+    submissions = tuple(
+        replace(submission, findings=new(submission.findings)) for submission in report.submissions
+    )
     return Compared(Report(results, submissions), gone)
 
 
@@ -143,7 +145,7 @@ def _is_among(
     return is_lone or any(other.message == finding.message for other in others)
 
 
-def _told(report: Report, path: Path) -> list[tuple[KnownFinding, Finding]]:
+def _known_findings(report: Report, path: Path) -> list[tuple[KnownFinding, Finding]]:
     return [
         (
             KnownFinding(

@@ -139,8 +139,8 @@ def _judged(entries: list[Entry], judge: Judge, options: Mapping[str, Any]) -> R
                 for stage_result in _played(stages, options)
             )
             submissions += (
-                replace(each, findings=selected_findings(each.findings, each.path, options))
-                for each in about
+                replace(part, findings=selected_findings(part.findings, part.path, options))
+                for part in about
             )
     return without_baseline(Report(tuple(results), tuple(submissions)), options)
 

@@ -143,7 +143,7 @@ def checkpoint_number(given: str, known: Collection[str]) -> str:
     Raises:
         UsageError: there is no such checkpoint; the line lists those there are.
     """
-    alike = (each for each in known if _is_same_number(each, given))
+    alike = (checkpoint for checkpoint in known if _is_same_number(checkpoint, given))
     number = given if given in known else next(alike, given)
     if number not in known:
         raise UsageError(f"there is no checkpoint '{given}'; known are {', '.join(known)}")

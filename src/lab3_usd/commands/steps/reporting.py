@@ -37,7 +37,7 @@ def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:
         return
     output = Path(options["output"])
     above = {output.resolve(), *output.resolve().parents}
-    is_read = output.exists() and not above.isdisjoint(Path(each).resolve() for each in paths)
+    is_read = output.exists() and not above.isdisjoint(Path(path).resolve() for path in paths)
     if is_read or output.suffix.lower() in STAGE_ENDINGS:
         raise UsageError(
             f"{output}: is, or may be, a file that is checked; write the report elsewhere"
@@ -72,7 +72,7 @@ def selected_findings(
     That a file could not be read is said in any case.
     """
     every = tuple(findings)
-    others = (each for each in every if each.rule != UNREADABLE)
+    others = (finding for finding in every if finding.rule != UNREADABLE)
     kept = with_config_applied(others, path, options["config"])
     asked = (
         finding for finding in kept if chosen(finding.rule, options["select"], options["ignore"])

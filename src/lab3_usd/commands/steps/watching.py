@@ -78,8 +78,8 @@ def changes_between(before: Report, after: Report) -> ReportChanges:
     A finding of one rule at one place that says something else now is changed.
     """
     old, new = list(entries(before)), list(entries(after))
-    known = Counter(map(_said, old))
-    known.subtract(map(_said, new))
+    known = Counter(map(_site_and_message, old))
+    known.subtract(map(_site_and_message, new))
     added = list(_surplus(new, -known))
     repaired = list(_surplus(old, +known))
     changed = []
@@ -101,7 +101,7 @@ def _place(entry: Entry) -> _Place:
     return entry.path, finding.rule, finding.prim, finding.property
 
 
-def _said(entry: Entry) -> tuple[_Place, str]:
+def _site_and_message(entry: Entry) -> tuple[_Place, str]:
     return _place(entry), entry.finding.message
 
 
@@ -109,8 +109,8 @@ def _surplus(told: list[Entry], more: Counter[tuple[_Place, str]]) -> Iterator[E
     """Yield as many entries as one report has more than the other."""
     left = Counter(more)
     for entry in told:
-        if left[_said(entry)] > 0:
-            left[_said(entry)] -= 1
+        if left[_site_and_message(entry)] > 0:
+            left[_site_and_message(entry)] -= 1
             yield entry
 
 
@@ -119,8 +119,8 @@ def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str
     left = Counter(entry.finding.severity for entry in entries(after))
     figures = [f"{count} {name}{'s' * (count != 1)}" for name, count in left.items()]
     changed = f", {len(news.changed)} changed" if news.changed else ""
-    told = f"{len(news.repaired)} repaired, {len(news.new)} new{changed}"
-    yield printable(f"{clock()}  {saved}: {told}; {', '.join(figures) or 'nothing'} left")
+    counts = f"{len(news.repaired)} repaired, {len(news.new)} new{changed}"
+    yield printable(f"{clock()}  {saved}: {counts}; {', '.join(figures) or 'nothing'} left")
     for word, findings in (("new", news.new), ("changed", news.changed)):
         for finding in findings:
             yield printable(
@@ -235,12 +235,12 @@ class _Session:
             used_files,
         )
 
-        files = (Path(each) for each in self._watched.shared if not Path(each).is_dir())
+        files = (Path(path) for path in self._watched.shared if not Path(path).is_dir())
         return frozenset().union(*map(used_files, files))
 
     def judge_changed(self, changed: frozenset[str]) -> None:
         """Judge what depends on the files that were saved, and not judged in the meantime."""
-        changed -= {each for each, then in self._stamps.items() if stamp(Path(each)) == then}
+        changed -= {path for path, then in self._stamps.items() if stamp(Path(path)) == then}
         tops = self._watched.shared
         is_shared = bool(changed & self._shared_files) or any(holds(top, changed) for top in tops)
         if is_shared:

@@ -166,7 +166,7 @@ def _likeliest(
     for some in (known, possible):
         if len(some) == 1:
             return some[0]
-    longest = max(readings, key=lambda each: (len(str(each.upload)), len(each.student)))
+    longest = max(readings, key=lambda reading: (len(str(reading.upload)), len(reading.student)))
     (other, *_) = (file_owner for file_owner in readings if file_owner is not longest)
     return replace(longest, doubt=f"{other.name} ({other.student})")
 
@@ -290,7 +290,11 @@ def names_in(data: bytes | str) -> StudentNames:
 
 def _people(entry: Any) -> list[dict[Any, Any]]:
     people = entry.get(":submitters") if isinstance(entry, dict) else None
-    return [each for each in people if isinstance(each, dict)] if isinstance(people, list) else []
+    return (
+        [person for person in people if isinstance(person, dict)]
+        if isinstance(people, list)
+        else []
+    )
 
 
 class _Fault(Struct, frozen=True):
@@ -331,8 +335,8 @@ def _loaded(data: bytes) -> dict[Any, Any] | _Fault:
 
 
 def _who(people: list[dict[Any, Any]], folder: str) -> tuple[str, str]:
-    numbers = [_text(each, ":sid") or _text(each, ":email") for each in people]
-    names = [_text(each, ":name") for each in people]
+    numbers = [_text(person, ":sid") or _text(person, ":email") for person in people]
+    names = [_text(person, ":name") for person in people]
     student = "+".join(filter(None, numbers))
     return student or folder, ", ".join(filter(None, names)) or folder
 
@@ -395,7 +399,9 @@ def looks_like_submission(entries: Iterable[Entry]) -> bool:
     stages = lab.submission.folders.stages.lower()
     known = list(entries)
     numbered = [name for name, _ in known if checkpoint_of(name, lab)]
-    return len(numbered) > 1 or any(each and name.lower() == stages for name, each in known)
+    return len(numbered) > 1 or any(
+        is_number and name.lower() == stages for name, is_number in known
+    )
 
 
 def parts_of(entries: Iterable[Entry], known: StudentsByFolder) -> Iterator[SubmissionPart]:

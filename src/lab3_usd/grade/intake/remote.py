@@ -192,7 +192,7 @@ def entries_at(address: str) -> list[tuple[str, bool]]:
         raise UsageError(
             f"{address}: cannot be listed ({type(error).__name__}: {error})"
         ) from error
-    names = [(_name(each["name"]), each["type"] == "directory") for each in found]
+    names = [(_name(entry["name"]), entry["type"] == "directory") for entry in found]
     return sorted((name, is_folder) for name, is_folder in names if name)
 
 

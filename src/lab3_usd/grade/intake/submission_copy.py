@@ -264,6 +264,6 @@ class SubmissionCopy:
         for path in sorted(self.digests):
             name = Path(path).relative_to(self.target).as_posix()
             digest.update(f"{name}\0{self.digests[path]}\n".encode())
-        for refused in sorted(self.refused, key=lambda each: (each.path, each.reason)):
+        for refused in sorted(self.refused, key=lambda entry: (entry.path, entry.reason)):
             digest.update(f"{refused.path}\0{refused.reason}\n".encode())
         return digest.hexdigest()

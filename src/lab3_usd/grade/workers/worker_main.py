@@ -143,5 +143,7 @@ def _how(error: Exception, folder: Path) -> str:
     if kind.__module__.startswith("pxr."):
         return f"{CRASHED} ({kind.__name__})"
     frame = traceback.extract_tb(error.__traceback__)[-1]
-    said = " ".join(str(error).replace(f"{folder}{os.sep}", "").split())
-    return f"{TOOL_FAILED}: {kind.__name__} at {Path(frame.filename).name}:{frame.lineno}: {said}"
+    message = " ".join(str(error).replace(f"{folder}{os.sep}", "").split())
+    return (
+        f"{TOOL_FAILED}: {kind.__name__} at {Path(frame.filename).name}:{frame.lineno}: {message}"
+    )

@@ -137,7 +137,7 @@ class Worker:
     lines: queue.Queue[bytes | str | None] = field(default_factory=queue.Queue)
     tasks: queue.Queue[bytes | None] = field(default_factory=queue.Queue)
     threads: tuple[threading.Thread, ...] = ()
-    said: int = 0
+    bytes_read: int = 0
     turns: int = 0
     peak: int = 0
     confined: Mapping[str, bool] = field(default_factory=dict)
@@ -156,8 +156,8 @@ def _listen(worker: Worker, stream: IO[bytes]) -> None:
     most, end = worker.limits.answer_size, None
     with stream, contextlib.suppress(OSError, ValueError):
         while line := stream.readline(most + 1):
-            worker.said += max(len(line), _LEAST_COUNTED)
-            if worker.said > most:
+            worker.bytes_read += max(len(line), _LEAST_COUNTED)
+            if worker.bytes_read > most:
                 end = f"{TOO_LARGE}: answers more than {most / MEGABYTE:.7g} MB"
                 break
             if not line.endswith(b"\n"):
@@ -262,8 +262,8 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never_sto
     worker.threads = tuple(hold_pipes(worker))
     try:
         worker.tasks.put(encode(Start(scratch, settings)))
-        said = Turn(worker, _START_SECONDS, stopped).next(Ready, _START_SECONDS)
-        worker.confined, worker.peak = said.confined, said.peak
+        ready = Turn(worker, _START_SECONDS, stopped).next(Ready, _START_SECONDS)
+        worker.confined, worker.peak = ready.confined, ready.peak
     except WorkerDiedError as error:
         last = log.read_text(errors="replace").strip().splitlines()
         end_worker(worker)
@@ -294,14 +294,14 @@ def ask(
     """Give a worker a task and return its answer, at the latest after `seconds`.
 
     Raises:
-        WorkerDiedError: it died, said nothing for too long, took too long altogether, said too
+        WorkerDiedError: it died, was silent for too long, took too long altogether, wrote too
             much, or `stopped` became true.
     """
     turn = Turn(worker, seconds or worker.limits.all_seconds, stopped)
     if not worker.lines.empty():  # it ended, or speaks without being asked
         turn.next(Reply, turn.whole)
         turn.fail(NONSENSE)
-    worker.said, worker.turns = 0, worker.turns + 1
+    worker.bytes_read, worker.turns = 0, worker.turns + 1
     worker.tasks.put(encode(Assignment(worker.turns, task)))
     while True:
         reply = turn.next(Reply, worker.limits.seconds)

@@ -237,7 +237,7 @@ def _target(words: Sequence[str], count: int, *, of_all: bool) -> str | None:
         if not (word.startswith("-") or _NUMBER.fullmatch(word))
     ]
     # The type of the message may follow its topic.
-    places = given[:1] + [each for each in given[1:] if not _MESSAGE_TYPE.fullmatch(each[0])]
+    places = given[:1] + [word for word in given[1:] if not _MESSAGE_TYPE.fullmatch(word[0])]
     free = [word for word, led in places if not led]
     options = sum(word.startswith("-") for word in words)
     if len(free) > count or len(places) > count + options:

@@ -35,7 +35,7 @@ def parse_messages(text: str) -> list[Message]:
     `name: value`.
     """
     lines = [line for line in text.splitlines() if not (_NOISE.match(line) or _ELEMENT.match(line))]
-    documents = [each for each in _SEPARATOR.split("\n".join(lines)) if each.strip()]
+    documents = [document for document in _SEPARATOR.split("\n".join(lines)) if document.strip()]
     if len(documents) > _MOST_MESSAGES:
         documents = documents[: _MOST_MESSAGES // 2] + documents[-_MOST_MESSAGES // 2 :]
     return [message for document in documents if (message := _parse(document))]
@@ -171,13 +171,13 @@ def _endpoints(text: str) -> Iterator[Endpoint]:
     for part in _NODE_NAME.split(text)[1:]:
         name, *rest = part.split("\n")
         fields = (line.partition(":") for line in rest)
-        said = {key.strip(): value.strip() for key, _, value in fields if value.strip()}
+        fields_shown = {key.strip(): value.strip() for key, _, value in fields if value.strip()}
         yield Endpoint(
-            node=_full_name(said.get("Node namespace", "/"), name.strip()),
-            publishes=said.get("Endpoint type", "PUBLISHER") != "SUBSCRIPTION",
-            type=said.get("Topic type", ""),
-            reliability=said.get("Reliability", "").lower(),
-            durability=said.get("Durability", "").lower(),
+            node=_full_name(fields_shown.get("Node namespace", "/"), name.strip()),
+            publishes=fields_shown.get("Endpoint type", "PUBLISHER") != "SUBSCRIPTION",
+            type=fields_shown.get("Topic type", ""),
+            reliability=fields_shown.get("Reliability", "").lower(),
+            durability=fields_shown.get("Durability", "").lower(),
         )
 
 
@@ -203,7 +203,7 @@ def parse_lookup(text: str) -> Lookup | None:
     found = _TRANSLATION.findall(text)
     if not found:
         return Lookup(found=False) if _NO_TRANSFORM.search(text) else None
-    numbers = [number(each) for each in found[-1].split(",")]
+    numbers = [number(digits) for digits in found[-1].split(",")]
     if len(numbers) != 3:  # noqa: PLR2004 - x, y, z
         return Lookup(found=True)
     return Lookup(found=True, translation=(numbers[0], numbers[1], numbers[2]))

@@ -159,6 +159,6 @@ def _preferred(
 ) -> dict[str, tuple[Observation[Any], ...]]:
     kept: dict[str, tuple[Observation[Any], ...]] = {}
     for target, shown in outputs_of.items():
-        own = [each for each in shown if each.file in recorded]
+        own = [record for record in shown if record.file in recorded]
         kept[target] = tuple(own or shown)
     return kept

@@ -93,5 +93,5 @@ def _manuals(views: Iterable[BlockView], rules: Mapping[str, Rule]) -> dict[str,
 def _paragraphs(manual: str) -> Iterator[tuple[str, str]]:
     for part in manual.split("\n\n"):
         text = " ".join(part.split())
-        heading = next((each for each in HEADINGS if text.startswith(f"{each}: ")), "")
+        heading = next((word for word in HEADINGS if text.startswith(f"{word}: ")), "")
         yield heading, text.removeprefix(f"{heading}: ")

@@ -46,7 +46,7 @@ def _blocks(report: Report) -> Iterator[Block]:
     lab = load_lab()
     order = list(lab.checkpoints)
     for block in blocks(report, lab):
-        if block.is_one_student and all(each.label in order for each in block.stages):
+        if block.is_one_student and all(stage.label in order for stage in block.stages):
             stages = sorted(block.stages, key=lambda stage: order.index(stage.label))
             yield replace(block, stages=tuple(stages))
         else:

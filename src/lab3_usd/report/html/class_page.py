@@ -119,10 +119,10 @@ def summaries(items: Sequence[Row], rows: Iterable[Row]) -> list[ItemSummary]:
     shares: dict[str, list[float]] = {item["id"]: [] for item in items}
     states: dict[str, Counter[str]] = {item["id"]: Counter() for item in items}
     for row in rows:
-        for each in row["items"]:
-            states[each["id"]][each["state"]] += 1
-            if each["possible"]:
-                shares[each["id"]].append(each["earned"] / each["possible"])
+        for item in row["items"]:
+            states[item["id"]][item["state"]] += 1
+            if item["possible"]:
+                shares[item["id"]].append(item["earned"] / item["possible"])
     return [
         ItemSummary(
             item["title"],

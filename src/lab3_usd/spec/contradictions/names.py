@@ -80,9 +80,9 @@ def file_of(graph: GraphSpec) -> str:
 
 def value_of(node: NodeSpec, port: str) -> Value | None:
     """Return what an input has by the spec: the value set there, else the default."""
-    said = next((setting.value for setting in node.settings if setting.port == port), None)
-    if said is not None:
-        return said
+    value = next((setting.value for setting in node.settings if setting.port == port), None)
+    if value is not None:
+        return value
     found = node.type.port(port)
     return None if found is None else found.default
 

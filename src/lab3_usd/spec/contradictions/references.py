@@ -202,9 +202,9 @@ def _of_graph(graph: GraphSpec) -> Iterator[tuple[str, str]]:
     yield "handout", graph.handout
     for node in graph.nodes.values():
         yield f"{node.role}: handout", node.handout
-        said = [(setting.port, setting.handout) for setting in node.settings]
-        said += [(target.port, target.handout) for target in node.targets]
-        for port, section in (*said, *node.keep):
+        sections = [(setting.port, setting.handout) for setting in node.settings]
+        sections += [(target.port, target.handout) for target in node.targets]
+        for port, section in (*sections, *node.keep):
             yield f"{node.role}: {port.partition(':')[2]}", section
     for wire in (*graph.wires, *graph.optional_wires, *graph.forbidden_wires):
         yield f"wire '{wire}'", wire.handout

@@ -102,21 +102,21 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
     Raises:
         SpecError: names the file, the type and the port that are wrong.
     """
-    said = record(data, _CatalogFile, CATALOG)
+    content = record(data, _CatalogFile, CATALOG)
     return Catalog(
         types={
-            name: _node_type(name, type_entry, said.usd_types)
-            for name, type_entry in said.types.items()
+            name: _node_type(name, type_entry, content.usd_types)
+            for name, type_entry in content.types.items()
         },
-        graph=graph_form(said.graph, f"{CATALOG}: graph"),
-        prefixes=said.prefixes,
-        renamed=said.renamed,
-        lookalikes=said.lookalikes,
-        events={name: event.stage for name, event in said.events.items()},
-        once=said.once,
-        gates=said.gates,
-        scripts=said.scripts,
-        world_frame=said.world_frame,
+        graph=graph_form(content.graph, f"{CATALOG}: graph"),
+        prefixes=content.prefixes,
+        renamed=content.renamed,
+        lookalikes=content.lookalikes,
+        events={name: event.stage for name, event in content.events.items()},
+        once=content.once,
+        gates=content.gates,
+        scripts=content.scripts,
+        world_frame=content.world_frame,
     )
 
 
@@ -128,9 +128,9 @@ def parse_types(
     Raises:
         SpecError: names the file, the type and the port that are wrong.
     """
-    said = record(data, dict[str, _TypeEntry], file)
+    content = record(data, dict[str, _TypeEntry], file)
     return {
-        name: _node_type(name, type_entry, usd_types, file) for name, type_entry in said.items()
+        name: _node_type(name, type_entry, usd_types, file) for name, type_entry in content.items()
     }
 
 
@@ -139,9 +139,9 @@ def _node_type(
 ) -> NodeType:
     where = f"{file}: {name}"
     ports = {
-        prefix + short: _port(prefix + short, said, usd_types, where)
+        prefix + short: _port(prefix + short, port_entry, usd_types, where)
         for prefix, side in ((INPUT, entry.inputs), (OUTPUT, entry.outputs))
-        for short, said in side.items()
+        for short, port_entry in side.items()
     }
     if entry.dynamic is not None:
         grown = (f"{entry.dynamic.prefix}0", entry.dynamic.count)
@@ -171,9 +171,9 @@ def _node_type(
     )
 
 
-def _port(name: str, said: str | _PortEntry, usd_types: Mapping[str, str], where: str) -> Port:
+def _port(name: str, written: str | _PortEntry, usd_types: Mapping[str, str], where: str) -> Port:
     place = f"{where}: {name}"
-    entry = _short_form(said, place) if isinstance(said, str) else said
+    entry = _short_form(written, place) if isinstance(written, str) else written
     usd_type = usd_types.get(entry.type, entry.type)
     if usd_type != _RELATIONSHIP and not is_known_type(usd_type):
         raise SpecError(f"{place}: '{entry.type}' is no type of a port")
@@ -191,8 +191,8 @@ def _port(name: str, said: str | _PortEntry, usd_types: Mapping[str, str], where
     )
 
 
-def _value(said: Any, usd_type: str, place: str) -> Value | None:
-    return None if said is None else typed_value(said, usd_type, place)
+def _value(default: Any, usd_type: str, place: str) -> Value | None:
+    return None if default is None else typed_value(default, usd_type, place)
 
 
 def _short_form(text: str, place: str) -> _PortEntry:
@@ -218,10 +218,10 @@ def _named(
 
 
 def _by_port(
-    said: Mapping[str, _Fact], prefix: str, ports: Mapping[str, Port], where: str
+    facts: Mapping[str, _Fact], prefix: str, ports: Mapping[str, Port], where: str
 ) -> dict[str, _Fact]:
     """Return what is said of ports by their full names."""
-    return dict(zip(_named(said, prefix, ports, where), said.values(), strict=True))
+    return dict(zip(_named(facts, prefix, ports, where), facts.values(), strict=True))
 
 
 def _tf_ports(entry: TfPorts | None, ports: Mapping[str, Port], where: str) -> TfPorts | None:
@@ -299,8 +299,8 @@ def assemble_types(folder: Path) -> IsaacTypes:
 def _tuples(data: Any) -> Any:
     """Make lists of values comparable with the values of ports."""
     if isinstance(data, dict):
-        return {key: _tuples(each) for key, each in data.items()}
-    return tuple(_tuples(each) for each in data) if isinstance(data, list) else data
+        return {key: _tuples(entry) for key, entry in data.items()}
+    return tuple(_tuples(entry) for entry in data) if isinstance(data, list) else data
 
 
 def _needs(
@@ -315,7 +315,7 @@ def _needs(
         known = set(kind.ports)
         for release in releases.values():
             known |= set(release.types[name].gone if name in release.types else ())
-        for short in (each for need in entries for each in _isaac_named(need)):
+        for short in (port_name for need in entries for port_name in _isaac_named(need)):
             if INPUT + short not in known:
                 raise SpecError(f"{where}: {name} has no input '{short}'")
     return needs

@@ -68,17 +68,17 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     Raises:
         SpecError: something is missing or wrong; the line names the key.
     """
-    said = record(data, _File, CHECKPOINTS)
-    if "{id}" not in said.files:
-        wrong = f"'{said.files}' does not hold {{id}}, which tells stages apart"
+    content = record(data, _File, CHECKPOINTS)
+    if "{id}" not in content.files:
+        wrong = f"'{content.files}' does not hold {{id}}, which tells stages apart"
         raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
     return CheckpointFile(
-        said.title,
-        said.files,
-        _entries(said.checkpoints),
-        said.policy,
-        said.frames,
-        said.handout,
+        content.title,
+        content.files,
+        _entries(content.checkpoints),
+        content.policy,
+        content.frames,
+        content.handout,
     )
 
 
@@ -94,13 +94,13 @@ def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
     return found
 
 
-def _file_of(said: CheckpointFile, checkpoint_id: str, entry: CheckpointEntry) -> str:
+def _file_of(content: CheckpointFile, checkpoint_id: str, entry: CheckpointEntry) -> str:
     """Return the name of a checkpoint's stage, without ending."""
-    return said.files.replace("{id}", checkpoint_id).replace("{name}", entry.name)
+    return content.files.replace("{id}", checkpoint_id).replace("{name}", entry.name)
 
 
 def accumulate(
-    said: CheckpointFile, graphs: Mapping[str, GraphSpec], sensors: tuple[str, ...]
+    content: CheckpointFile, graphs: Mapping[str, GraphSpec], sensors: tuple[str, ...]
 ) -> dict[str, Checkpoint]:
     """Return the checkpoints in order, each with all that the earlier ones added.
 
@@ -109,11 +109,13 @@ def accumulate(
     """
     found: dict[str, Checkpoint] = {}
     previous = Checkpoint("", "", "", "", (), (), (), ())
-    for checkpoint_id, entry in said.entries.items():
+    for checkpoint_id, entry in content.entries.items():
         where = f"{CHECKPOINTS}: checkpoint '{checkpoint_id}'"
         _check_known(entry.adds.graphs, tuple(graphs), f"{where}: graphs")
         _check_known(entry.adds.sensors, sensors, f"{where}: sensors")
-        previous = _checkpoint(checkpoint_id, _file_of(said, checkpoint_id, entry), entry, previous)
+        previous = _checkpoint(
+            checkpoint_id, _file_of(content, checkpoint_id, entry), entry, previous
+        )
         _check_new(previous, found.values(), where)
         found[checkpoint_id] = previous
     return found

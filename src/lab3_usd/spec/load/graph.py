@@ -59,21 +59,22 @@ def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSp
     Raises:
         SpecError: names the file, the graph, the role and the port that are wrong.
     """
-    said = record(data, _GraphFile, file)
-    where = f"{file}: {said.graph}"
+    content = record(data, _GraphFile, file)
+    where = f"{file}: {content.graph}"
     nodes = {
-        _role(role, where): _node(role, entry, catalog, where) for role, entry in said.nodes.items()
+        _role(role, where): _node(role, entry, catalog, where)
+        for role, entry in content.nodes.items()
     }
-    wires = _wires(said.wires, nodes, where)
+    wires = _wires(content.wires, nodes, where)
     _check_sources(wires, where)
     return GraphSpec(
-        name=said.graph,
-        path=_path(said.path, f"{where}: path"),
-        handout=said.handout,
+        name=content.graph,
+        path=_path(content.path, f"{where}: path"),
+        handout=content.handout,
         nodes=nodes,
         wires=wires,
-        optional_wires=_wires(said.optional_wires, nodes, where),
-        forbidden_wires=_wires(said.forbidden_wires, nodes, where),
+        optional_wires=_wires(content.optional_wires, nodes, where),
+        forbidden_wires=_wires(content.forbidden_wires, nodes, where),
     )
 
 

@@ -52,28 +52,28 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
         SpecError: the file is missing or wrong; the line names the part and the key.
     """
     folder = folder if folder is not None else lab_folder()
-    said = record(read_yaml(folder / ROS), _RosFile, ROS)
-    kinds = records(_evidence(said), ros.EvidenceKind, f"{ROS}: evidence")
+    content = record(read_yaml(folder / ROS), _RosFile, ROS)
+    kinds = records(_evidence(content), ros.EvidenceKind, f"{ROS}: evidence")
     return ros.RosSpec(
-        system=said.system,
-        topics=records(said.topics, ros.TopicSpec, f"{ROS}: topics"),
-        lifecycle=said.lifecycle,
-        nodes=said.nodes,
-        forbidden_nodes=said.forbidden_nodes,
-        goal=said.goal,
+        system=content.system,
+        topics=records(content.topics, ros.TopicSpec, f"{ROS}: topics"),
+        lifecycle=content.lifecycle,
+        nodes=content.nodes,
+        forbidden_nodes=content.forbidden_nodes,
+        goal=content.goal,
         kinds=kinds,
         commands=tuple(
             _command(command, kinds, f"{ROS}: command {number}")
-            for number, command in enumerate(said.commands, start=1)
+            for number, command in enumerate(content.commands, start=1)
         ),
-        navigation=said.navigation,
+        navigation=content.navigation,
     )
 
 
-def _evidence(said: _RosFile) -> _ByName:
+def _evidence(content: _RosFile) -> _ByName:
     """Return how diagnostic commands are written: as in the bundled lab where nothing is said."""
-    if said.evidence is not None:
-        return said.evidence
+    if content.evidence is not None:
+        return content.evidence
     evidence: _ByName = read_yaml(data_folder("graphs") / ROS)["evidence"]
     return evidence
 
@@ -129,16 +129,16 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
         SpecError: the file is missing or wrong; the line names the part and the key.
     """
     folder = folder if folder is not None else lab_folder()
-    said = record(read_yaml(folder / SUBMISSION), _SubmissionFile, SUBMISSION)
+    content = record(read_yaml(folder / SUBMISSION), _SubmissionFile, SUBMISSION)
     checklist = f"{SUBMISSION}: checklist"
     return SubmissionSpec(
-        folders=said.folders,
-        stages=said.stages,
-        deliverables=records(said.deliverables, Deliverable, f"{SUBMISSION}: deliverables"),
-        starter=said.starter or _usual_starter(),
+        folders=content.folders,
+        stages=content.stages,
+        deliverables=records(content.deliverables, Deliverable, f"{SUBMISSION}: deliverables"),
+        starter=content.starter or _usual_starter(),
         checklist=tuple(
             record({"section": section, **line}, ChecklistSpec, f"{checklist}: {section}")
-            for section, lines in said.checklist.items()
+            for section, lines in content.checklist.items()
             for line in lines
         ),
     )
@@ -146,8 +146,8 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
 
 def _usual_starter() -> StarterRules:
     """Return what the bundled lab compares of a starter: facts of USD and of Isaac Sim."""
-    said = read_yaml(data_folder("graphs") / SUBMISSION)
-    return record(said["starter"], StarterRules, f"{SUBMISSION}: starter")
+    content = read_yaml(data_folder("graphs") / SUBMISSION)
+    return record(content["starter"], StarterRules, f"{SUBMISSION}: starter")
 
 
 def assemble(folder: Path) -> Lab:
@@ -156,22 +156,22 @@ def assemble(folder: Path) -> Lab:
     Raises:
         SpecError: a file is missing or wrong.
     """
-    said = read_checkpoint_file(read_yaml(folder / CHECKPOINTS))
-    files = _graph_files(folder, said.graph_names())
+    content = read_checkpoint_file(read_yaml(folder / CHECKPOINTS))
+    files = _graph_files(folder, content.graph_names())
     catalog = _catalog(folder, files)
     graphs = {name: _graph(name, data, catalog) for name, data in files.items()}
     scene = parse_scene(read_yaml(folder / SCENE))
     return Lab(
         folder=folder,
-        title=said.title,
+        title=content.title,
         catalog=catalog,
         graphs=graphs,
-        checkpoints=accumulate(said, graphs, tuple(scene.sensors)),
-        policy=said.policy,
-        frames=said.frames,
+        checkpoints=accumulate(content, graphs, tuple(scene.sensors)),
+        policy=content.policy,
+        frames=content.frames,
         ros=load_ros(folder),
         submission=load_submission(folder),
-        handout=said.handout,
+        handout=content.handout,
         scene=scene,
     )
 
@@ -193,11 +193,11 @@ def _catalog_data(own: Path) -> dict[str, Any]:
     bundled = data_folder("graphs") / own.name
     if own == bundled:
         return read_yaml(own)
-    base, said = read_yaml(bundled), read_yaml(own) if own.exists() else {}
-    types = said.get("types", {})
+    base, content = read_yaml(bundled), read_yaml(own) if own.exists() else {}
+    types = content.get("types", {})
     if not isinstance(types, dict):
-        return said  # which its reader refuses
-    return {**base, **said, "types": {**base["types"], **types}}
+        return content  # which its reader refuses
+    return {**base, **content, "types": {**base["types"], **types}}
 
 
 def _named_types(graphs: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:

@@ -115,13 +115,13 @@ def load_starter_spec(folder: Path) -> StarterSpec:
 
 def _like(item: _Data, kinds: Mapping[str, _Data], where: str) -> _Data:
     """Complete a prim with the kind it is like; kinds can only be like kinds above them."""
-    said = record(item, _Prim, where)
-    if not said.like:
+    content = record(item, _Prim, where)
+    if not content.like:
         return item
-    if said.like not in kinds:
-        raise SpecError(f"{where}: is like '{said.like}', which is no kind above it")
-    kind = kinds[said.like]
-    whole = {**kind, **item, "set": kind.get("set", {}) | said.attributes}
+    if content.like not in kinds:
+        raise SpecError(f"{where}: is like '{content.like}', which is no kind above it")
+    kind = kinds[content.like]
+    whole = {**kind, **item, "set": kind.get("set", {}) | content.attributes}
     del whole["like"]
     return whole
 
@@ -152,8 +152,8 @@ def _prims(
 def _attributes(values: _Data, where: str) -> Iterator[AttributeSpec]:
     for name, value in values.items():
         if isinstance(value, dict):
-            said = record(value, _Attribute, f"{where}: {name}")
-            yield AttributeSpec(name, said.value, said.type)
+            content = record(value, _Attribute, f"{where}: {name}")
+            yield AttributeSpec(name, content.value, content.type)
         else:
             yield AttributeSpec(name, value)
 
