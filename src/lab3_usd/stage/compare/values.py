@@ -24,22 +24,32 @@ from lab3_usd.stage.read.properties import plain_value
 from lab3_usd.stage.read.transforms import ORDER, RESET, TransformCache, local_transform
 
 Class = Literal["never", "physics", "pose", "shape", "look", "other"]
-_POSE = "xformOp"
+POSE = "xformOp"
+
+
+class Tolerance(Struct, frozen=True):
+    """Up to what two numbers (relatively) and two places are the same.
+
+    `length` is in stage units, `angle` in degrees, `scale` relative.
+    """
+
+    number: float
+    length: float
+    angle: float
+    scale: float
 
 
 class Terms(Struct, frozen=True):
     """How prims are compared.
 
-    `classes` tells what a property is about, `limits` are a length in stage units, an angle in
-    degrees and a relative scale. `root` is the robot, whose own place is not compared;
+    `classes` tells what a property is about. `root` is the robot, whose own place is not compared;
     `articulated` are the prims that may carry the articulation root instead of each other.
     """
 
     rules: StarterRules
     classes: Callable[[str], Class]
-    number: float
+    tolerance: Tolerance
     mass: float
-    limits: tuple[float, float, float]
     root: str
     articulated: tuple[str, ...]
     bodies_rest: bool
@@ -59,7 +69,7 @@ def classifier(rules: StarterRules) -> Callable[[str], Class]:
     def of(name: str) -> Class:
         if never.match(name):
             return "never"
-        if name.startswith(_POSE):
+        if name.startswith(POSE):
             return "pose"
         if physics.match(name):
             return "physics"
@@ -126,7 +136,7 @@ _LARGEST = 3.4028234e38  # that a float holds: as a limit it is none, as infinit
 _NEAR_ZERO = 1e-3  # of the tolerance: below it a lone number is as good as zero
 
 
-def same_value(was: Any, now: Any, tolerance: float) -> bool:
+def same_usd_value(was: Any, now: Any, tolerance: float) -> bool:
     """Whether two values are the same up to a relative tolerance.
 
     Vectors are measured by their longest part; a rotation and its negative are the same; assets
@@ -225,18 +235,14 @@ def _short(value: Value | None) -> Value | None:
     return value
 
 
-def same_place(was: Gf.Matrix4d, now: Gf.Matrix4d, limits: tuple[float, float, float]) -> str:
-    """Say how two transforms differ: 'moved', 'turned' or 'scaled'; '' where they do not.
-
-    `limits` are a length in stage units, an angle in degrees and a relative scale.
-    """
-    length, angle, scale = limits
-    if (was.ExtractTranslation() - now.ExtractTranslation()).GetLength() > length:
+def same_place(was: Gf.Matrix4d, now: Gf.Matrix4d, tolerance: Tolerance) -> str:
+    """Say how two transforms differ: 'moved', 'turned' or 'scaled'; '' where they do not."""
+    if (was.ExtractTranslation() - now.ExtractTranslation()).GetLength() > tolerance.length:
         return "moved"
-    if not same_scale(was, now, scale):
+    if not same_scale(was, now, tolerance.scale):
         return "scaled"
-    rows = [(was.GetRow3(row), now.GetRow3(row)) for row in range(3)]
-    return "turned" if any(_angle(one, other) > angle for one, other in rows) else ""
+    angles = (_angle(was.GetRow3(row), now.GetRow3(row)) for row in range(3))
+    return "turned" if any(angle > tolerance.angle for angle in angles) else ""
 
 
 def same_scale(was: Gf.Matrix4d, now: Gf.Matrix4d, limit: float) -> bool:
@@ -265,9 +271,9 @@ def place_differences(
     """Yield how the place of a prim differs; what a run moves may have moved."""
     was, now = (matrix_of(each, local=same_parent) for each in (prim, twin))
     if terms.bodies_rest or terms.rules.body not in applied_schemas(prim):
-        what = same_place(was, now, terms.limits)
+        what = same_place(was, now, terms.tolerance)
     else:  # a run moves bodies, and scales none
-        what = "" if same_scale(was, now, terms.limits[2]) else "scaled"
+        what = "" if same_scale(was, now, terms.tolerance.scale) else "scaled"
     if not what:
         return
     names = [n for n in twin.GetAuthoredPropertyNames() if terms.classes(n) == "pose"]
@@ -289,7 +295,7 @@ def authored_place_differences(
     for name in names:
         was, now = (each.GetAttribute(name) for each in (prim, twin))
         may_differ = name == ORDER or (moves and not name.startswith(_SCALE))
-        if may_differ or not was or same_value(was.Get(), now.Get(), terms.limits[2]):
+        if may_differ or not was or same_usd_value(was.Get(), now.Get(), terms.tolerance.scale):
             continue
         physics = affects_physics(prim, terms.rules) and not is_light_or_camera(prim)
         yield Difference("place", name, display_value(was.Get()), display_value(now.Get()), physics)
