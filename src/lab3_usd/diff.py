@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
@@ -14,8 +13,8 @@ from lab3_usd.check.ros.topics import Endpoint, endpoints
 from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.model.changes import EDITS, PARTS, StageChange, StageDiff
 from lab3_usd.model.finding import display, format_paths, node_title
-from lab3_usd.model.stage import GraphModel, Node, StageModel
-from lab3_usd.spec.catalog import INPUT, GraphForm, Value
+from lab3_usd.model.stage import GraphModel, Node, StageModel, same_value
+from lab3_usd.spec.catalog import INPUT, GraphForm
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.compare.scenes import scene_changes
 from lab3_usd.stage.read.opening import open_stage, stage_errors
@@ -137,7 +136,6 @@ def _agreement(one: Node, other: Node) -> int:
     return sum(other.state(name) == state for name, state in one.ports.items())
 
 
-_PRECISION = 1e-6  # of a number that a file holds in single precision
 _TYPE, _VERSION, _NAMESPACE = "node:type", "node:typeVersion", "isaac:namespace"
 
 
@@ -171,7 +169,7 @@ def _attributes(before: GraphModel, after: GraphModel, form: GraphForm) -> Itera
     for name in sorted({*before.attributes, *after.attributes}):
         was = before.attributes.get(name, unwritten.get(name))
         now = after.attributes.get(name, unwritten.get(name))
-        if not same_plain_value(was, now):
+        if not same_value(was, now, near_zero=0.0):
             yield StageChange("graph", "changed", after.path, name, display(was), display(now))
 
 
@@ -230,23 +228,12 @@ def _input(was: Node, now: Node, name: str, pairs: StagePairs) -> Iterator[Stage
     )
     before, after = was.value(name), now.value(name)
     is_hidden = was.sources(name) and now.sources(name)  # the wires bring the value
-    if not is_hidden and not same_plain_value(before, after):
+    if not is_hidden and not same_value(before, after, near_zero=0.0):
         yield StageChange("value", "changed", now.path, name, display(before), display(after))
     targets = tuple(map(pairs.path, was.targets(name)))
     if sorted(targets) != sorted(now.targets(name)):
         shown = (format_paths(targets), format_paths(now.targets(name)))
         yield StageChange("target", "changed", now.path, name, *shown)
-
-
-def same_plain_value(was: Value | None, now: Value | None) -> bool:
-    """Whether two values are the same up to single precision."""
-    if isinstance(was, tuple) and isinstance(now, tuple):
-        return len(was) == len(now) and all(map(same_plain_value, was, now))
-    if isinstance(was, bool) or isinstance(now, bool):
-        return was is now
-    if isinstance(was, (int, float)) and isinstance(now, (int, float)):
-        return was == now or math.isclose(was, now, rel_tol=_PRECISION)
-    return was == now
 
 
 class Comparison(Struct, frozen=True):
