@@ -8,7 +8,7 @@ from typing import Any
 from msgspec import Struct
 from pxr import Usd
 
-from lab3_usd.model.changes import Part, StageChange
+from lab3_usd.model.changes import ChangeKind, Part, StageChange
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.compare.pairs import (
@@ -124,18 +124,17 @@ def _prim_changes(was: PrimRecord, now: Usd.Prim, terms: _Terms) -> Iterator[Sta
             kinds = (before or "no type", after or "no type")
             yield StageChange(part, "changed", path, "type", *kinds)
         elif difference.kind == "schema":
-            edit = "removed" if after is None else "added"
+            edit: ChangeKind = "removed" if after is None else "added"
             yield StageChange(part, edit, path, "schema", before or "", after or "")
         elif before == after:
             continue  # what one stage writes, the other has by default
         elif name.startswith(POSE):
             is_posed = True
         elif not terms.never(name):
-            values = (
-                _targets(difference, terms) if difference.kind == "targets" else _values(difference)
-            )
-            if values:
-                yield StageChange(part, "changed", path, name, *values)
+            is_value = difference.kind == "value"
+            texts = _values(difference) if is_value else _targets(difference, terms)
+            if texts:
+                yield StageChange(part, "changed", path, name, *texts)
     if is_posed:
         matrices = [matrix_of(prim, local=True) for prim in (was.prim, now)]
         what = same_place(matrices[0], matrices[1], _SINGLE_PRECISION)
