@@ -54,13 +54,13 @@ def differences(pair: PairedPrim, terms: Terms, *, same_parent: bool = True) -> 
     raw = [*raw_differences(was, now)]
     if pair.is_hidden and raw:
         raw = _stated(raw, now)
-    found: list[Difference] = []
+    changed: list[Difference] = []
     poses: list[str] = []
     for difference in raw:
         if difference.kind == "type":
-            found.extend(_type(difference, was.prim, terms))
+            changed.extend(_type(difference, was.prim, terms))
         elif difference.kind == "schema":
-            found.extend(_removed_schema(difference, was.prim, now, terms))
+            changed.extend(_removed_schema(difference, was.prim, now, terms))
         elif not difference.is_new or difference.name == ORDER or _has_default(difference):
             # Switching a collision off writes what the starter left at its default; so does the
             # first move.
@@ -68,15 +68,15 @@ def differences(pair: PairedPrim, terms: Terms, *, same_parent: bool = True) -> 
             if kind == "pose":
                 poses.append(difference.name)
             elif kind != "never":
-                found.extend(_changed_property(difference, kind, was.prim, now, terms))
+                changed.extend(_changed_property(difference, kind, was.prim, now, terms))
     if was.path != terms.root and (poses or not same_parent):  # its own place has its own rule
         if pair.is_hidden:
-            found.extend(authored_place_differences(was.prim, now, poses, terms))
+            changed.extend(authored_place_differences(was.prim, now, poses, terms))
         else:
-            found.extend(place_differences(was.prim, now, terms, same_parent=same_parent))
+            changed.extend(place_differences(was.prim, now, terms, same_parent=same_parent))
     if raw and not is_unknown(was.path, terms):
-        found.extend(_added_differences(raw, was, now, terms))
-    return found
+        changed.extend(_added_differences(raw, was, now, terms))
+    return changed
 
 
 def _stated(raw: list[RawDifference], now: Usd.Prim) -> list[RawDifference]:

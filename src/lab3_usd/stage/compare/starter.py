@@ -137,10 +137,10 @@ def _prim_changes(
     prim, twin, terms = pair.was.prim, pair.now, comparison.terms
     if comparison.share_layers and not moved and prim.GetPrimStack() == twin.GetPrimStack():
         return  # both come from the same places of the same files
-    found = differences(pair, terms, same_parent=not moved)
-    if found:
+    changed = differences(pair, terms, same_parent=not moved)
+    if changed:
         body = body_of(prim, terms.rules)
-        yield Change(str(twin.GetPath()), pair.was.kind, tuple(found), body=body)
+        yield Change(str(twin.GetPath()), pair.was.kind, tuple(changed), body=body)
 
 
 def _is_library(record: PrimRecord, comparison: _Comparison) -> bool:

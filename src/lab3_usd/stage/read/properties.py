@@ -107,8 +107,8 @@ def hold_start_values(stage: Usd.Stage) -> None:
         return
     start = stage.GetStartTimeCode()
     sampled = list(_sampled(stage))
-    held = [(each, each.Get(start)) for each in sampled]
-    changes = [found for each, value in held for found in _changes(each, value, start)]
+    held = [(attribute, attribute.Get(start)) for attribute in sampled]
+    changes = [change for attribute, value in held for change in _changes(attribute, value, start)]
     with Sdf.ChangeBlock():
         for attribute, value in held:
             _write(session, attribute, value)
@@ -190,7 +190,7 @@ def targets_of(relationship: Usd.Relationship) -> list[Sdf.Path]:
     try:
         targets: list[Sdf.Path] = Usd.Relationship.GetTargets(relationship)
     except Tf.ErrorException:
-        if all(type(each) is Sdf.RelationshipSpec for each in relationship.GetPropertyStack()):
+        if all(type(spec) is Sdf.RelationshipSpec for spec in relationship.GetPropertyStack()):
             raise
         return []
     return targets
