@@ -27,8 +27,8 @@ def crowded(folder: Path, prims: int, form: str = "usdc") -> Path:
     for number in range(0, prims, PER_GROUP):
         group = f"/Furniture/Room_{number:06}"
         UsdGeom.Xform.Define(stage, group).AddTranslateOp().Set(Gf.Vec3d(20, number / 10, 0))
-        for each in range(min(PER_GROUP, prims - number) - 1):
-            UsdGeom.Cube.Define(stage, f"{group}/Box_{each:02}").GetSizeAttr().Set(0.1)
+        for box in range(min(PER_GROUP, prims - number) - 1):
+            UsdGeom.Cube.Define(stage, f"{group}/Box_{box:02}").GetSizeAttr().Set(0.1)
     stage.GetRootLayer().Save()
     return target
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
@@ -14,8 +13,8 @@ from lab3_usd.check.ros.topics import Endpoint, endpoints
 from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.model.changes import EDITS, PARTS, StageChange, StageDiff
 from lab3_usd.model.finding import display, format_paths, node_title
-from lab3_usd.model.stage import GraphModel, Node, StageModel
-from lab3_usd.spec.catalog import INPUT, GraphForm, Value
+from lab3_usd.model.stage import GraphModel, Node, StageModel, same_value
+from lab3_usd.spec.catalog import INPUT, GraphForm
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.compare.scenes import scene_changes
 from lab3_usd.stage.read.opening import open_stage, stage_errors
@@ -64,8 +63,10 @@ def pair_stages(before: StageModel, after: StageModel) -> StagePairs:
         if was is not None and now is not None and was.path != now.path
     }
     graphs = tuple(_graph_pair(was, now, moved) for was, now in pairs)
-    found = chain.from_iterable(pair.nodes for pair in graphs)
-    nodes = {was.path: now.path for was, now in found if was is not None and now is not None}
+    pairs_of_nodes = chain.from_iterable(pair.nodes for pair in graphs)
+    nodes = {
+        was.path: now.path for was, now in pairs_of_nodes if was is not None and now is not None
+    }
     return StagePairs(graphs, moved | nodes)
 
 
@@ -88,7 +89,7 @@ def _paired_graphs(
         else:
             gone.append(graph)
     for graph in gone:
-        twin = max(left.values(), key=lambda each: _likeness(graph, each), default=None)
+        twin = max(left.values(), key=lambda candidate: _likeness(graph, candidate), default=None)
         if twin is not None and _likeness(graph, twin) >= _ALIKE:
             yield graph, left.pop(twin.path)
         else:
@@ -96,11 +97,11 @@ def _paired_graphs(
     yield from ((None, graph) for graph in left.values())
 
 
-def _likeness(one: GraphModel, other: GraphModel) -> float:
+def _likeness(before: GraphModel, after: GraphModel) -> float:
     """Return the share of node types that two graphs have in common; a name counts as well."""
-    types = [{node.type_name for node in graph.nodes} for graph in (one, other)]
+    types = [{node.type_name for node in graph.nodes} for graph in (before, after)]
     either, both = types[0] | types[1], types[0] & types[1]
-    return (len(both) / len(either) if either else 0.0) + (one.name == other.name) * _ALIKE
+    return (len(both) / len(either) if either else 0.0) + (before.name == after.name) * _ALIKE
 
 
 def _graph_pair(
@@ -126,18 +127,19 @@ def _paired_nodes(
         else:
             gone.append(node)
     for node in gone:
-        same_type = [each for each in left.values() if each.type_name == node.type_name]
-        twin = max(same_type, key=lambda each: _agreement(node, each), default=None)
+        same_type = [
+            candidate for candidate in left.values() if candidate.type_name == node.type_name
+        ]
+        twin = max(same_type, key=lambda candidate: _agreement(node, candidate), default=None)
         yield node, None if twin is None else left.pop(twin.path)
     yield from ((None, node) for node in left.values())
 
 
-def _agreement(one: Node, other: Node) -> int:
+def _agreement(before: Node, after: Node) -> int:
     """Count the ports in which two nodes of one type agree."""
-    return sum(other.state(name) == state for name, state in one.ports.items())
+    return sum(after.state(name) == state for name, state in before.ports.items())
 
 
-_PRECISION = 1e-6  # of a number that a file holds in single precision
 _TYPE, _VERSION, _NAMESPACE = "node:type", "node:typeVersion", "isaac:namespace"
 
 
@@ -171,7 +173,7 @@ def _attributes(before: GraphModel, after: GraphModel, form: GraphForm) -> Itera
     for name in sorted({*before.attributes, *after.attributes}):
         was = before.attributes.get(name, unwritten.get(name))
         now = after.attributes.get(name, unwritten.get(name))
-        if not same_plain_value(was, now):
+        if not same_value(was, now, near_zero=0.0):
             yield StageChange("graph", "changed", after.path, name, display(was), display(now))
 
 
@@ -190,12 +192,12 @@ def _node_changes(was: Node | None, now: Node | None, pairs: StagePairs) -> Iter
 def _itself(was: Node, now: Node, pairs: StagePairs) -> Iterator[StageChange]:
     if now.name != was.name:
         yield StageChange("node", "changed", now.path, "path", pairs.path(was.path), now.path)
-    told = {
+    facts = {
         _TYPE: (was.type_name, now.type_name),
         _VERSION: (was.version, now.version),
         _NAMESPACE: (was.own_namespace, now.own_namespace),
     }
-    for name, (before, after) in told.items():
+    for name, (before, after) in facts.items():
         if before != after:
             yield StageChange("node", "changed", now.path, name, display(before), display(after))
 
@@ -230,23 +232,12 @@ def _input(was: Node, now: Node, name: str, pairs: StagePairs) -> Iterator[Stage
     )
     before, after = was.value(name), now.value(name)
     is_hidden = was.sources(name) and now.sources(name)  # the wires bring the value
-    if not is_hidden and not same_plain_value(before, after):
+    if not is_hidden and not same_value(before, after, near_zero=0.0):
         yield StageChange("value", "changed", now.path, name, display(before), display(after))
     targets = tuple(map(pairs.path, was.targets(name)))
     if sorted(targets) != sorted(now.targets(name)):
         shown = (format_paths(targets), format_paths(now.targets(name)))
         yield StageChange("target", "changed", now.path, name, *shown)
-
-
-def same_plain_value(was: Value | None, now: Value | None) -> bool:
-    """Whether two values are the same up to single precision."""
-    if isinstance(was, tuple) and isinstance(now, tuple):
-        return len(was) == len(now) and all(map(same_plain_value, was, now))
-    if isinstance(was, bool) or isinstance(now, bool):
-        return was is now
-    if isinstance(was, (int, float)) and isinstance(now, (int, float)):
-        return was == now or math.isclose(was, now, rel_tol=_PRECISION)
-    return was == now
 
 
 class Comparison(Struct, frozen=True):
@@ -294,29 +285,31 @@ def _stage_changes(before: StageModel, after: StageModel) -> Iterator[StageChang
         if was != now:
             yield StageChange("scene", "changed", "/", name, str(was), str(now))
     absent = [
-        {(unresolved_asset.prim, unresolved_asset.asset) for unresolved_asset in stage.unresolved}
-        for stage in (before, after)
+        {(asset.prim, asset.asset) for asset in stage.unresolved} for stage in (before, after)
     ]
     for prim, asset in absent[0] - absent[1]:
         yield StageChange("scene", "removed", prim, "asset not found", was=asset)
     for prim, asset in absent[1] - absent[0]:
         yield StageChange("scene", "added", prim, "asset not found", now=asset)
     moves = [
-        {(attribute.prim, attribute.property): attribute for attribute in s.moving}
-        for s in (before, after)
+        {(attribute.prim, attribute.property): attribute for attribute in stage.moving}
+        for stage in (before, after)
     ]
     for key in moves[0].keys() | moves[1].keys():
-        told = [move[key].then if key in move else "" for move in moves]
-        if told[0] != told[1]:
-            yield StageChange("scene", "changed", key[0], f"{key[1]} (animated)", *told)
+        values = [move[key].then if key in move else "" for move in moves]
+        if values[0] != values[1]:
+            yield StageChange("scene", "changed", key[0], f"{key[1]} (animated)", *values)
 
 
 def _topic_changes(
     before: StageModel, after: StageModel, lab: Lab, pairs: StagePairs
 ) -> Iterator[StageChange]:
     """Yield the topics that came, went or are not what they were."""
-    ours = {(pairs.path(each.node.path), each.port): each for each in endpoints(before, lab)}
-    theirs = {(each.node.path, each.port): each for each in endpoints(after, lab)}
+    ours = {
+        (pairs.path(endpoint.node.path), endpoint.port): endpoint
+        for endpoint in endpoints(before, lab)
+    }
+    theirs = {(endpoint.node.path, endpoint.port): endpoint for endpoint in endpoints(after, lab)}
     for place, was in ours.items():
         if place not in theirs:
             yield StageChange("topic", "removed", _name(was), was=_words(was))

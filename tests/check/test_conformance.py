@@ -8,12 +8,11 @@ import pytest
 from breaking import the_lab
 
 from lab3_usd.check.match.conformance import (
-    same_value,
     setting_matches,
     setting_value,
     target_matches,
 )
-from lab3_usd.model.stage import Node, PortState
+from lab3_usd.model.stage import Node, PortState, same_value
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import Setting, Target
 
@@ -35,6 +34,7 @@ OTHER: list[tuple[Value | None, Value | None]] = [
     ((1.0,), 1.0),
     (1.0, (1.0,)),
     ("a", "b"),
+    (16_777_216, 16_777_217),  # whole numbers have no noise
     ("1", 1),
     (None, 0),
     (math.nan, math.nan),

@@ -13,7 +13,7 @@ from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Change, Difference
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.compare.starter import compare_starter
-from lab3_usd.stage.compare.values import same_value
+from lab3_usd.stage.compare.values import same_usd_value
 from lab3_usd.stage.write.starter import starter_layer
 
 LAB = load_lab()
@@ -620,4 +620,4 @@ def test_instances_are_looked_into(tmp_path: Path) -> None:
     ],
 )
 def test_values_are_the_same_up_to_noise(was: object, now: object, *, same: bool) -> None:
-    assert same_value(was, now, 1e-6) == same
+    assert same_usd_value(was, now, 1e-6) == same

@@ -106,6 +106,10 @@ MOVES: dict[str, tuple[Edit, str]] = {
         weld(f"{ROBOT}/joints/more", body0=BASE, body1=f"{ROBOT}/base_scan"),
         f"{ROBOT}/joints/more",
     ),
+    "a joint among the application's own prims": (
+        weld("/Render/Weld", body0=BASE, body1=f"{ROBOT}/base_scan"),
+        "/Render/Weld",
+    ),
     "a wall that falls": (with_api(WALL, "PhysicsRigidBodyAPI"), WALL),
     "walls that fall": (
         with_api("/Environment/Walls", "PhysicsRigidBodyAPI"),

@@ -10,10 +10,10 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.conformance import is_live, same_value, source_path
+from lab3_usd.check.match.conformance import is_live, source_path
 from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.model.finding import Finding, node_title
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import Node, same_value
 from lab3_usd.spec.catalog import INPUT, Value
 from lab3_usd.spec.graph import GraphSpec, PortRef, Setting, Wire
 

@@ -44,21 +44,21 @@ def command(before: Path, after: Path, form: str, pictures: Path | None, *, forc
     from lab3_usd.spec.load.loader import load_lab
 
     use_configured_lab(before)
-    found = compare_stages(before, after, load_lab())
+    comparison = compare_stages(before, after, load_lab())
     if pictures is not None:
-        _draw(found, pictures, force=force)
+        _draw(comparison, pictures, force=force)
     if form == "json":
-        click.echo(diff.render(found.diff), nl=False)
+        click.echo(diff.render(comparison.diff), nl=False)
     else:
-        click.echo("\n".join(diff.lines(found.diff)))
-    if found.diff.changes:
+        click.echo("\n".join(diff.lines(comparison.diff)))
+    if comparison.diff.changes:
         sys.exit(EXIT_FOUND)
 
 
-def _draw(found: Comparison, folder: Path, *, force: bool) -> None:
+def _draw(comparison: Comparison, folder: Path, *, force: bool) -> None:
     from lab3_usd.report.picture.svg import svg_file
 
-    drawn = {folder / name: picture for name, picture in _pictures(found)}
+    drawn = {folder / name: picture for name, picture in _pictures(comparison)}
     for path in drawn:
         refuse_existing(path, force=force)
     for path, picture in drawn.items():
@@ -66,25 +66,23 @@ def _draw(found: Comparison, folder: Path, *, force: bool) -> None:
         click.echo(path, err=True)
 
 
-def _pictures(found: Comparison) -> Iterator[tuple[str, Picture]]:
+def _pictures(comparison: Comparison) -> Iterator[tuple[str, Picture]]:
     """Yield a picture of each graph that differs, with the name of its file."""
     from lab3_usd.report.pictures.diff_picture import GraphVersions, diff_picture
 
     names: dict[str, int] = {}
-    for pair in found.pairs.graphs:
+    for pair in comparison.pairs.graphs:
         graph = pair.after or pair.before
         if graph is None:
             continue
-        tops = {
-            f"{graph_model.path}/"
-            for graph_model in (pair.before, pair.after)
-            if graph_model is not None
-        }
-        changes = [c for c in found.diff.changes if any(f"{c.path}/".startswith(t) for t in tops)]
+        tops = tuple(
+            f"{version.path}/" for version in (pair.before, pair.after) if version is not None
+        )
+        changes = [c for c in comparison.diff.changes if f"{c.path}/".startswith(tops)]
         if not changes:
             continue
         name = re.sub(r"[^\w-]", "_", graph.name)
         names[name] = names.get(name, 0) + 1
         number = f"-{names[name]}" if names[name] > 1 else ""
-        versions = GraphVersions(graph.name, graph.path, pair.nodes, found.pairs.path)
+        versions = GraphVersions(graph.name, graph.path, pair.nodes, comparison.pairs.path)
         yield f"{name}{number}.svg", diff_picture(versions, changes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from functools import wraps
 from typing import Any, Literal, ParamSpec, TypeVar
@@ -11,6 +12,27 @@ from msgspec.structs import force_setattr
 
 from lab3_usd.model.prims import Colliders, NameFilter, Prim, Prims, is_at_or_below
 from lab3_usd.spec.catalog import NodeType, Value
+
+NOISE = 1e-6  # relative; the GUI writes float noise into doubles
+
+
+def same_value(was: Value | None, now: Value | None, *, near_zero: float = 1e-12) -> bool:
+    """Whether two values are the same up to float noise; `1` and `1.0` are, `1` and `True` not.
+
+    `near_zero` is what two numbers may always differ by. Whole numbers have no noise.
+    """
+    if type(was) is type(now) is not tuple and was == now:
+        return True
+    if isinstance(was, tuple) and isinstance(now, tuple):
+        return len(was) == len(now) and all(
+            same_value(*pair, near_zero=near_zero) for pair in zip(was, now, strict=True)
+        )
+    if isinstance(was, bool) or isinstance(now, bool):
+        return was is now
+    if isinstance(was, (int, float)) and isinstance(now, (int, float)):
+        is_whole = isinstance(was, int) and isinstance(now, int)
+        return not is_whole and math.isclose(was, now, rel_tol=NOISE, abs_tol=near_zero)
+    return was == now
 
 
 def is_acyclic(pairs: Iterable[tuple[str, str]]) -> bool:

@@ -2,28 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 from lab3_usd.check.match.subject import Roles
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import Node, same_value
 from lab3_usd.spec.catalog import INPUT, Value, can_connect
 from lab3_usd.spec.graph import Setting, Target, Wire, resolved_topic
-
-TOLERANCE = 1e-6  # relative; the GUI writes float noise into doubles
-
-
-def same_value(one: Value | None, other: Value | None) -> bool:
-    """Whether two values are the same up to float noise; `1` and `1.0` are, `1` and `True` not."""
-    if type(one) is type(other) is not tuple and one == other:
-        return True
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(map(same_value, one, other))
-    if isinstance(one, bool) or isinstance(other, bool):
-        return one is other
-    if isinstance(one, (int, float)) and isinstance(other, (int, float)):
-        return math.isclose(one, other, rel_tol=TOLERANCE, abs_tol=1e-12)
-    return one == other
 
 
 def setting_value(nodes: Mapping[str, Node], node: Node, port: str, depth: int = 8) -> Value | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
-from lab3_usd.check.match.conformance import same_value
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.poses import PoseError
@@ -21,7 +20,7 @@ from lab3_usd.check.rules.sensors import (
     wrong_type_sensors,
 )
 from lab3_usd.model.finding import Problem, display
-from lab3_usd.model.stage import is_unresolved
+from lab3_usd.model.stage import is_unresolved, same_value
 from lab3_usd.spec.scene import Plain, SensorSpec
 
 

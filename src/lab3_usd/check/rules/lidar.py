@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from lab3_usd.check.match.conformance import same_value
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.sensors import LIDAR, second_lidars
@@ -22,7 +21,7 @@ from lab3_usd.check.rules.sensors import (
 )
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import is_unresolved
+from lab3_usd.model.stage import is_unresolved, same_value
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.scene import ScanSpec, SensorAttribute
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from lab3_usd.check.match.conformance import same_value
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.poses import ORDER, RESET, PoseError, pose_errors, sensor_tolerance
@@ -22,7 +21,7 @@ from lab3_usd.check.robot.sensors import (
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import absence_reason, is_unresolved, missing_graphs_text
+from lab3_usd.model.stage import absence_reason, is_unresolved, missing_graphs_text, same_value
 from lab3_usd.spec.scene import SensorAttribute, SensorSpec
 
 

@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.hints import with_setting
-from lab3_usd.check.match.conformance import same_value, setting_matches, setting_value
+from lab3_usd.check.match.conformance import setting_matches, setting_value
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import live_nodes
@@ -17,7 +17,7 @@ from lab3_usd.check.ros.topics import moving_prims
 from lab3_usd.check.rules.limits import stopping_limits
 from lab3_usd.check.tf.lab_frames import role_specs
 from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
-from lab3_usd.model.stage import Node, once_per_stage
+from lab3_usd.model.stage import Node, once_per_stage, same_value
 from lab3_usd.spec.catalog import INPUT, Port, Value, are_alike
 from lab3_usd.spec.graph import NodeSpec, Setting, resolved_topic
 from lab3_usd.spec.lab import Lab

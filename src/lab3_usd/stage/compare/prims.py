@@ -1,15 +1,23 @@
-"""What differs between one prim of a starter and the same prim of a stage."""
+"""What counts of the differences between one prim of a starter and the same prim of a stage."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
-from msgspec import Struct
 from pxr import Sdf, Usd
 
 from lab3_usd.model.changes import Change, Difference
 from lab3_usd.model.physics import BODY_ENABLED, KINEMATIC, SCENE
+from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.stage.compare.pairs import (
+    PRESENT,
+    PairedPrim,
+    PrimRecord,
+    RawDifference,
+    raw_differences,
+    signature,
+)
 from lab3_usd.stage.compare.values import (
     Class,
     Terms,
@@ -23,7 +31,7 @@ from lab3_usd.stage.compare.values import (
     is_physical,
     pattern,
     place_differences,
-    same_value,
+    same_usd_value,
 )
 from lab3_usd.stage.read.properties import targets_of
 from lab3_usd.stage.read.transforms import ORDER
@@ -32,31 +40,171 @@ _BINDING = "material:binding"
 _PURPOSE = "physics"
 _SWITCHES = (BODY_ENABLED, KINEMATIC)
 _ENDS = ("physics:body0", "physics:body1")
+_SCHEMAS = "apiSchemas"
 
 
-def added_differences(prim: Usd.Prim, twin: Usd.Prim, terms: Terms) -> Iterator[Difference]:
-    """Yield what one prim has of physics that the starter's does not."""
-    path = str(prim.GetPath())
-    if _is_unknown(path, terms):
+def differences(pair: PairedPrim, terms: Terms, *, same_parent: bool = True) -> list[Difference]:
+    """Return everything in which the prim of the stage is not as the starter's.
+
+    With `same_parent` False the two stand at different paths, and are compared in the world. Where
+    an asset of the prim is missing, what the layers at hand say is compared: values, schemas and
+    targets that no layer states may be in the asset.
+    """
+    was, now = pair.was, pair.now
+    raw = [*raw_differences(was, now)]
+    if pair.is_hidden and raw:
+        raw = _stated(raw, now)
+    changed: list[Difference] = []
+    poses: list[str] = []
+    for difference in raw:
+        if difference.kind == "type":
+            changed.extend(_type(difference, was.prim, terms))
+        elif difference.kind == "schema":
+            changed.extend(_removed_schema(difference, was.prim, now, terms))
+        elif not difference.is_new or difference.name == ORDER or _has_default(difference):
+            # Switching a collision off writes what the starter left at its default; so does the
+            # first move.
+            kind = terms.classes(difference.name)
+            if kind == "pose":
+                poses.append(difference.name)
+            elif kind != "never":
+                changed.extend(_changed_property(difference, kind, was.prim, now, terms))
+    if was.path != terms.root and (poses or not same_parent):  # its own place has its own rule
+        if pair.is_hidden:
+            changed.extend(authored_place_differences(was.prim, now, poses, terms))
+        else:
+            changed.extend(place_differences(was.prim, now, terms, same_parent=same_parent))
+    if raw and not is_unknown(was.path, terms):
+        changed.extend(_added_differences(raw, was, now, terms))
+    return changed
+
+
+def _stated(raw: list[RawDifference], now: Usd.Prim) -> list[RawDifference]:
+    """Return the differences that a layer at hand makes."""
+    dropped = _dropped_schemas(now)
+
+    def is_stated(difference: RawDifference) -> bool:
+        if difference.kind == "type":
+            return bool(difference.now)
+        if difference.kind == "schema":
+            return difference.was is None or dropped is None or difference.name in dropped
+        return difference.is_new or is_authored(now, difference.name)
+
+    return [difference for difference in raw if is_stated(difference)]
+
+
+def _dropped_schemas(prim: Usd.Prim) -> set[str] | None:
+    """Return the schemas that layers delete; None where one lists all that there are."""
+    dropped: set[str] = set()
+    for spec in prim.GetPrimStack():
+        edits = spec.GetInfo(_SCHEMAS)
+        if edits.isExplicit and spec.HasInfo(_SCHEMAS):
+            return None
+        dropped.update(edits.deletedItems)
+    return dropped
+
+
+def _has_default(difference: RawDifference) -> bool:
+    """Whether usd-core knows what the starter leaves unwritten."""
+    return difference.kind == "value" and difference.was is not None
+
+
+def _type(difference: RawDifference, prim: Usd.Prim, terms: Terms) -> Iterator[Difference]:
+    if difference.was:
+        physics = affects_physics(prim, terms.rules)
+        yield Difference("type", "", difference.was, difference.now or "no type", physics=physics)
+
+
+def _removed_schema(
+    difference: RawDifference, prim: Usd.Prim, twin: Usd.Prim, terms: Terms
+) -> Iterator[Difference]:
+    name = difference.name
+    if difference.was is None or terms.classes(name) == "never":
         return
-    is_robots = path == terms.root or path.startswith(f"{terms.root}/")
+    if not _is_elsewhere(name, prim, twin, terms):
+        physics = name.startswith(terms.rules.physics_names)
+        yield Difference("schema", "", name, "removed", physics=physics)
+
+
+def _is_elsewhere(api: str, prim: Usd.Prim, twin: Usd.Prim, terms: Terms) -> bool:
+    """Whether the schema went with the articulation root to the other prim that may carry it."""
+    path, (root_api, *_) = str(prim.GetPath()), terms.rules.articulation
+    if api not in terms.rules.articulation or path not in terms.articulated:
+        return False
+    stage = twin.GetStage()
+    carriers = [stage.GetPrimAtPath(carrier) for carrier in terms.articulated if carrier != path]
+    return any(carrier and root_api in applied_schemas(carrier) for carrier in carriers)
+
+
+def _changed_property(
+    difference: RawDifference, kind: Class, prim: Usd.Prim, twin: Usd.Prim, terms: Terms
+) -> Iterator[Difference]:
+    name, was, now = difference.name, difference.was, difference.now
+    if difference.kind == "targets":
+        yield from _changed_targets(difference, kind, prim, twin)
+        return
+    if now is None and twin.GetAttribute(name).HasAuthoredValueOpinion():
+        # A block leaves what the schema says.
+        now = twin.GetPrimDefinition().GetAttributeFallbackValue(name)
+    if was is None or was == now:
+        return
+    tolerance = terms.mass if name in terms.rules.masses else terms.tolerance.number
+    if same_usd_value(was, now, tolerance) or _is_excused(prim, twin, name, kind, terms):
+        return
+    physics = kind == "physics" or (kind == "shape" and is_collision_shape(prim, terms.rules))
+    shown = display_value(now) if now is not None else "not set"
+    yield Difference(
+        "physics" if physics else "look", name, display_value(was), shown, physics=physics
+    )
+
+
+def _is_excused(prim: Usd.Prim, twin: Usd.Prim, name: str, kind: Class, terms: Terms) -> bool:
+    """Whether a difference counts for nothing: looks of a shape, or an articulation elsewhere."""
+    if kind == "look":
+        return not is_light_or_camera(prim)
+    is_of_articulation = pattern(terms.rules.articulation_properties).match(name)
+    root_api = terms.rules.articulation[0]
+    return is_of_articulation is not None and _is_elsewhere(root_api, prim, twin, terms)
+
+
+def _changed_targets(
+    difference: RawDifference, kind: Class, prim: Usd.Prim, twin: Usd.Prim
+) -> Iterator[Difference]:
+    name, was, now = difference.name, difference.was, difference.now
+    relationship = prim.GetRelationship(name)
+    if not relationship or not relationship.HasAuthoredTargets():
+        return
+    if kind == "look" and not is_light_or_camera(prim):
+        return
+    # A target that moved goes by its name.
+    stage, named = twin.GetStage(), {path.name: path for path in now}
+    expected = [path if stage.GetPrimAtPath(path) else named.get(path.name, path) for path in was]
+    if sorted(map(str, expected)) != sorted(map(str, now)):
+        physics = kind == "physics"
+        before, after = (", ".join(map(str, paths)) or "no prim" for paths in (was, now))
+        yield Difference("physics" if physics else "look", name, before, after, physics=physics)
+
+
+def _added_differences(
+    raw: list[RawDifference], was: PrimRecord, twin: Usd.Prim, terms: Terms
+) -> Iterator[Difference]:
+    """Yield what one prim has of physics that the starter's does not."""
+    prim = was.prim
+    is_robots = is_at_or_below(was.path, terms.root)
     idle = () if is_robots or not _stays(twin, terms) else (terms.rules.body, *_SWITCHES)
-    before = applied_schemas(prim)
-    for api in applied_schemas(twin):
-        if api not in (*before, *idle) and api.startswith(terms.rules.acting):
-            yield Difference("added", "", "", f"{api} was added", physics=False)
     is_judged = is_robots or is_physical(prim, terms.rules)
-    for name in _new_properties(prim, twin):
-        if name.startswith(_BINDING):
+    for difference in raw:
+        name = difference.name
+        if difference.kind == "schema":
+            is_added = difference.was is None and name not in idle
+            if is_added and name.startswith(terms.rules.acting):
+                yield Difference("added", "", "", f"{name} was added", physics=False)
+        elif not difference.is_new:
+            continue
+        elif name.startswith(_BINDING):
             yield from _bound(prim, twin, name, terms)
         elif is_judged and name not in idle and _counts(prim, twin, name, terms):
-            yield from _property(twin, name, prim, terms)
-
-
-def _new_properties(prim: Usd.Prim, twin: Usd.Prim) -> Iterator[str]:
-    for name in twin.GetAuthoredPropertyNames():
-        if not prim.HasProperty(name) or not prim.GetProperty(name).IsAuthored():
-            yield name
+            yield from _added_property(difference, twin, terms)
 
 
 def _stays(prim: Usd.Prim, terms: Terms) -> bool:
@@ -65,8 +213,9 @@ def _stays(prim: Usd.Prim, terms: Terms) -> bool:
     return is_off or terms.rules.body not in applied_schemas(prim)
 
 
-def _is_unknown(path: str, terms: Terms) -> bool:
-    return any(f"{path}/".startswith(f"{top.rstrip('/')}/") for top in terms.unknown)
+def is_unknown(path: str, terms: Terms) -> bool:
+    """Whether the starter lacks an asset here: what a stage has there may be the asset's."""
+    return any(is_at_or_below(path, top) for top in terms.unknown)
 
 
 def _counts(prim: Usd.Prim, twin: Usd.Prim, name: str, terms: Terms) -> bool:
@@ -77,22 +226,21 @@ def _counts(prim: Usd.Prim, twin: Usd.Prim, name: str, terms: Terms) -> bool:
     return terms.classes(name) == "physics" and not came_along
 
 
-def _property(twin: Usd.Prim, name: str, prim: Usd.Prim, terms: Terms) -> Iterator[Difference]:
-    relationship = twin.GetRelationship(name)
-    if relationship:
-        targets = targets_of(relationship)
-        if targets and not _is_only_scene(targets, twin.GetStage()):
-            shown = ", ".join(map(str, targets))
+def _added_property(
+    difference: RawDifference, twin: Usd.Prim, terms: Terms
+) -> Iterator[Difference]:
+    name, value = difference.name, difference.now
+    if difference.kind == "targets":
+        if value and not _is_only_scene(value, twin.GetStage()):
+            shown = ", ".join(map(str, value))
             yield Difference("added", name, "", f"{name} {shown} was added", physics=False)
         return
-    fallback = prim.GetAttribute(name)
-    if fallback and fallback.Get() is not None:
+    if value is None or _has_default(difference):
         return  # what usd-core knows a default of is compared as a value
-    value = twin.GetAttribute(name).Get()
     default = dict(terms.rules.neutral).get(name)
-    if value is None or (default is not None and same_value(default, value, terms.number)):
-        return
-    yield Difference("added", name, "", f"{name} {display_value(value)} was added", physics=False)
+    if default is None or not same_usd_value(default, value, terms.tolerance.number):
+        message = f"{name} {display_value(value)} was added"
+        yield Difference("added", name, "", message, physics=False)
 
 
 def _is_only_scene(targets: Collection[Sdf.Path], stage: Usd.Stage) -> bool:
@@ -107,11 +255,11 @@ def _is_scene(prim: Usd.Prim) -> bool:
 
 def _bound(prim: Usd.Prim, twin: Usd.Prim, name: str, terms: Terms) -> Iterator[Difference]:
     """Yield a material that other shapes slide on than before, at the prim that binds it."""
-    for shape in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()):
+    for shape in Usd.PrimRange(prim, PRESENT):
         if terms.rules.collision not in applied_schemas(shape):
             continue
-        other = twin.GetStage().GetPrimAtPath(shape.GetPath())
-        was, now = _material(shape, terms), _material(other, terms) if other else ""
+        same_shape = twin.GetStage().GetPrimAtPath(shape.GetPath())
+        was, now = _material(shape, terms), _material(same_shape, terms) if same_shape else ""
         if was != now:
             message = f"{name} makes {shape.GetPath()} slide as {now or 'by default'}"
             yield Difference("added", name, was, message, physics=False)
@@ -123,38 +271,36 @@ def _material(shape: Usd.Prim, terms: Terms) -> str:
     from pxr import UsdShade
 
     material, _ = UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial(_PURPOSE)
-    found = material.GetPrim() if material else None
-    return str(found.GetPath()) if found and is_physical(found, terms.rules) else ""
+    prim = material.GetPrim() if material else None
+    return str(prim.GetPath()) if prim and is_physical(prim, terms.rules) else ""
 
 
-def added_changes(starter: Usd.Stage, stage: Usd.Stage, terms: Terms) -> Iterator[Change]:
-    """Yield each prim that the starter does not have and that changes how its robot moves."""
-    added = list(_added(starter, stage, terms))
+def added_changes(
+    new: Iterable[Usd.Prim], starter: Usd.Stage, stage: Usd.Stage, terms: Terms
+) -> Iterator[Change]:
+    """Yield each new prim, and each below one, that changes how the starter's robot moves."""
+    added = [
+        prim
+        for top in new
+        for prim in Usd.PrimRange(top, PRESENT)
+        if not starter.GetPrimAtPath(prim.GetPath())
+        and (_is_scene(prim) or _acts(prim, str(prim.GetTypeName()), terms))
+    ]
     if not added:
         return  # as of most stages, for which nothing else need be worked out
-    names = {(prim.GetTypeName(), prim.GetName()) for prim in _gone(starter, stage)}
-    scenes = [sum(map(_is_scene, each.Traverse())) for each in (starter, stage)]
+    gone = set(map(signature, _gone(starter, stage)))
+    scenes = [sum(map(_is_scene, either.Traverse())) for either in (starter, stage)]
     for prim in added:
-        kind = str(prim.GetTypeName())
-        if (kind, prim.GetName()) in names or _is_unknown(str(prim.GetPath()), terms):
+        path, kind = str(prim.GetPath()), str(prim.GetTypeName())
+        if signature(prim) in gone or is_unknown(path, terms):
             continue  # it was moved here, or comes from an asset that the starter lacks
         if scenes[1] > scenes[0] or _acts(prim, kind, terms):
             message = f"{kind or 'prim'} was added"
-            found = Difference("added", "", "", message, physics=False)
-            yield Change(str(prim.GetPath()), kind, (found,))
-
-
-def _added(starter: Usd.Stage, stage: Usd.Stage, terms: Terms) -> Iterator[Usd.Prim]:
-    """Yield the prims at paths that the starter does not have, if they may act on its robot."""
-    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
-        if starter.GetPrimAtPath(Usd.Prim.GetPath(prim)):
-            continue
-        if _is_scene(prim) or _acts(prim, str(Usd.Prim.GetTypeName(prim)), terms):
-            yield prim
+            yield Change(path, kind, (Difference("added", "", "", message, physics=False),))
 
 
 def _gone(starter: Usd.Stage, stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    for prim in Usd.PrimRange(starter.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+    for prim in Usd.PrimRange(starter.GetPseudoRoot(), PRESENT):
         twin = stage.GetPrimAtPath(prim.GetPath())
         if not prim.IsPseudoRoot() and not (twin and twin.IsActive() and twin.IsDefined()):
             yield prim
@@ -187,219 +333,3 @@ def _value(prim: Usd.Prim, name: str) -> Any:
 
 def _targets(prim: Usd.Prim, name: str) -> list[str]:
     return [str(path) for path in targets_of(prim.GetRelationship(name))]
-
-
-_SCHEMAS = "apiSchemas"
-
-
-class StarterPrim(Struct, frozen=True, eq=False):
-    """What one prim of a starter is and holds: attributes in the order of `names`.
-
-    One starter is compared with the stages of a whole class, so it is asked once.
-    """
-
-    prim: Usd.Prim
-    path: str
-    kind: str
-    form: Any
-    names: list[str]
-    values: Mapping[str, Any]
-    targets: Mapping[str, list[Sdf.Path]]
-
-
-def read_starter_prim(prim: Usd.Prim) -> StarterPrim:
-    """Read a prim of a starter."""
-    return StarterPrim(
-        prim,
-        str(prim.GetPath()),
-        prim.GetTypeName(),
-        prim.GetPrimTypeInfo(),
-        prim.GetAuthoredPropertyNames(),
-        {
-            getauthoredattribute.GetName(): getauthoredattribute.Get()
-            for getauthoredattribute in prim.GetAuthoredAttributes()
-        },
-        {
-            getauthoredrelationship.GetName(): targets_of(getauthoredrelationship)
-            for getauthoredrelationship in prim.GetAuthoredRelationships()
-        },
-    )
-
-
-def differences(
-    was: StarterPrim, twin: Usd.Prim, terms: Terms, *, same_parent: bool = True
-) -> list[Difference]:
-    """Return everything in which `twin` is not as the starter's prim, additions left aside.
-
-    With `same_parent` False the two stand at different paths, and are compared in the world.
-    """
-    prim, form = was.prim, Usd.Prim.GetPrimTypeInfo(twin)
-    found: list[Difference] = []
-    if form != was.form:  # which tells type and schemas
-        found = [*_type(was.kind, twin, prim, terms), *_schemas(was.form, form, prim, twin, terms)]
-    is_posed, names = not same_parent, Usd.Prim.GetAuthoredPropertyNames(twin)
-    for name in _unequal(was, twin, names):
-        kind = terms.classes(name)
-        if kind == "pose":
-            is_posed = True
-        elif kind != "never":
-            found.extend(_changed_property(prim, twin, name, kind, terms))
-    if is_posed and was.path != terms.root:  # whose own place has a rule of its own
-        found.extend(place_differences(prim, twin, terms, same_parent=same_parent))
-    if form != was.form or names != was.names:
-        found.extend(added_differences(prim, twin, terms))
-    return found
-
-
-def authored_differences(was: StarterPrim, twin: Usd.Prim, terms: Terms) -> list[Difference]:
-    """Return what the layers at hand say of `twin` otherwise than the starter.
-
-    An asset of `twin` is missing: values, schemas and targets that no layer states may be in it.
-    """
-    prim, form = was.prim, twin.GetPrimTypeInfo()
-    found = [*_type(was.kind, twin, prim, terms)] if twin.GetTypeName() else []
-    dropped = _dropped_schemas(twin)
-    schemas = _schemas(was.form, form, prim, twin, terms)
-    found += [schema for schema in schemas if dropped is None or schema.was in dropped]
-    poses = []
-    for name in _unequal(was, twin, twin.GetAuthoredPropertyNames()):
-        kind = terms.classes(name)
-        if not is_authored(twin, name):
-            continue
-        if kind == "pose":
-            poses.append(name)
-        elif kind != "never":
-            found.extend(_changed_property(prim, twin, name, kind, terms))
-    if poses and was.path != terms.root:
-        found.extend(authored_place_differences(prim, twin, poses, terms))
-    found.extend(added_differences(prim, twin, terms))
-    return found
-
-
-def _dropped_schemas(prim: Usd.Prim) -> set[str] | None:
-    """Return the schemas that layers delete; None where one lists all that there are."""
-    dropped: set[str] = set()
-    for spec in prim.GetPrimStack():
-        edits = spec.GetInfo(_SCHEMAS)
-        if edits.isExplicit and spec.HasInfo(_SCHEMAS):
-            return None
-        dropped.update(edits.deletedItems)
-    return dropped
-
-
-def _unequal(was: StarterPrim, twin: Usd.Prim, others: list[str]) -> Iterator[str]:
-    """Yield the properties that are not the same to the bit; most are, so this must be quick.
-
-    `others` are the names of those of `twin`.
-    """
-    attributes = Usd.Prim.GetAuthoredAttributes(twin)
-    if was.names == others and len(was.values) == len(attributes):
-        values = [*map(Usd.Attribute.Get, attributes)]
-        if values != [*was.values.values()]:
-            pairs = zip(was.values.items(), values, strict=True)
-            yield from (name for (name, value), other in pairs if value != other)
-        for name, paths in was.targets.items():
-            other = Usd.Prim.GetRelationship(twin, name)
-            if not other or paths != targets_of(other):
-                yield name
-        return
-    for name in was.names:
-        other = Usd.Prim.GetAttribute(twin, name)
-        if name not in was.values or not other or was.values[name] != other.Get():
-            yield name
-    # Switching a collision off writes what the starter left at its default; so does the first move.
-    added = (name for name in others if name not in was.names)
-    yield from (name for name in added if name == ORDER or _has_default(was.prim, name))
-
-
-def _has_default(prim: Usd.Prim, name: str) -> bool:
-    attribute = prim.GetAttribute(name)
-    return bool(attribute) and attribute.Get() is not None
-
-
-def _type(was: str, twin: Usd.Prim, prim: Usd.Prim, terms: Terms) -> Iterator[Difference]:
-    now = twin.GetTypeName()
-    if was != now and was:
-        physics = affects_physics(prim, terms.rules)
-        yield Difference("type", "", str(was), str(now) or "no type", physics=physics)
-
-
-def _schemas(
-    before: Any,
-    after: Any,
-    prim: Usd.Prim,
-    twin: Usd.Prim,
-    terms: Terms,
-) -> Iterator[Difference]:
-    was, now = before.GetAppliedAPISchemas(), after.GetAppliedAPISchemas()
-    for name in was:
-        if name in now or terms.classes(name) == "never" or _is_elsewhere(name, prim, twin, terms):
-            continue
-        physics = name.startswith(terms.rules.physics_names)
-        yield Difference("schema", "", str(name), "removed", physics=physics)
-
-
-def _is_elsewhere(api: str, prim: Usd.Prim, twin: Usd.Prim, terms: Terms) -> bool:
-    """Whether the schema went with the articulation root to the other prim that may carry it."""
-    path, (root_api, *_) = str(prim.GetPath()), terms.rules.articulation
-    if api not in terms.rules.articulation or path not in terms.articulated:
-        return False
-    others = [twin.GetStage().GetPrimAtPath(each) for each in terms.articulated if each != path]
-    return any(other and root_api in applied_schemas(other) for other in others)
-
-
-def _changed_property(
-    prim: Usd.Prim, twin: Usd.Prim, name: str, kind: Class, terms: Terms
-) -> Iterator[Difference]:
-    attribute = prim.GetAttribute(name)
-    if not attribute:
-        yield from _changed_targets(prim, twin, name, kind)
-        return
-    other = twin.GetAttribute(name)
-    was, now = attribute.Get(), other.Get() if other else None
-    if now is None and other.HasAuthoredValueOpinion():  # a block leaves what the schema says
-        now = twin.GetPrimDefinition().GetAttributeFallbackValue(name)
-    if was is None or was == now:
-        return
-    tolerance = terms.mass if name in terms.rules.masses else terms.number
-    if same_value(was, now, tolerance) or _is_excused(prim, twin, name, kind, terms):
-        return
-    physics = kind == "physics" or (kind == "shape" and is_collision_shape(prim, terms.rules))
-    shown = display_value(now) if now is not None else "not set"
-    yield Difference(
-        "physics" if physics else "look", name, display_value(was), shown, physics=physics
-    )
-
-
-def _is_excused(prim: Usd.Prim, twin: Usd.Prim, name: str, kind: Class, terms: Terms) -> bool:
-    """Whether a difference counts for nothing: looks of a shape, or an articulation elsewhere."""
-    if kind == "look":
-        return not is_light_or_camera(prim)
-    is_of_articulation = pattern(terms.rules.articulation_properties).match(name)
-    root_api = terms.rules.articulation[0]
-    return is_of_articulation is not None and _is_elsewhere(root_api, prim, twin, terms)
-
-
-def _changed_targets(
-    prim: Usd.Prim, twin: Usd.Prim, name: str, kind: Class
-) -> Iterator[Difference]:
-    relationship = prim.GetRelationship(name)
-    if not relationship or not relationship.HasAuthoredTargets():
-        return
-    other = twin.GetRelationship(name)
-    was, now = targets_of(relationship), targets_of(other)
-    if was == now or (kind == "look" and not is_light_or_camera(prim)):
-        return
-    if sorted(_found(was, now, twin.GetStage())) != sorted(map(str, now)):
-        physics = kind == "physics"
-        before, after = (", ".join(map(str, paths)) or "no prim" for paths in (was, now))
-        yield Difference("physics" if physics else "look", name, before, after, physics)
-
-
-def _found(was: list[Sdf.Path], now: list[Sdf.Path], stage: Usd.Stage) -> list[str]:
-    """Return the old targets as the stage names them: what moved elsewhere goes by its name."""
-    moved = {path.name: str(path) for path in now}
-    return [
-        moved.get(path.name, str(path)) if not stage.GetPrimAtPath(path) else str(path)
-        for path in was
-    ]

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
-from weakref import WeakKeyDictionary
 
 from msgspec import Struct
 from msgspec.structs import replace
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Usd, UsdGeom
 
 from lab3_usd.model.changes import Change, StarterSubject
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import UnresolvedAsset
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.submission import StarterRules
-from lab3_usd.stage.compare.prims import (
-    StarterPrim,
-    added_changes,
-    authored_differences,
-    differences,
-    read_starter_prim,
+from lab3_usd.stage.compare.pairs import (
+    PRESENT,
+    GonePrim,
+    PairedPrim,
+    PrimRecord,
+    Scope,
+    Signature,
+    compare_prims,
+    read_records,
+    signature,
 )
+from lab3_usd.stage.compare.prims import added_changes, differences
 from lab3_usd.stage.compare.values import (
     Terms,
+    Tolerance,
     affects_physics,
     body_of,
     classifier,
@@ -32,156 +38,18 @@ from lab3_usd.stage.compare.values import (
 )
 from lab3_usd.stage.read.assets import IS_PRESENT, find_unresolved
 from lab3_usd.stage.read.opening import cached, open_stage, quiet
-from lab3_usd.stage.read.properties import targets_of
 
-_Added = dict[tuple[str, str], list[Usd.Prim]]
+_NewPrims = dict[Signature, list[Usd.Prim]]
 
 
-class Pair(Struct, frozen=True):
-    """A starter and the stage made from it; below the `hidden` prims the stage lacks an asset."""
+class _Comparison(Struct, frozen=True):
+    """A starter, the stage made from it, and what is compared of them."""
 
     starter: Usd.Stage
     stage: Usd.Stage
     terms: Terms
-    hidden: tuple[str, ...]
+    scope: Scope
     share_layers: bool
-
-    def changes(
-        self, was: StarterPrim, twin: Usd.Prim, *, moved: bool = False, is_whole: bool = True
-    ) -> Iterator[Change]:
-        """Yield what changed of one prim, which stands at `twin` now: at most one change.
-
-        With `is_whole` False an asset of `twin` is missing, which may hold what `twin` lacks.
-        """
-        if self.share_layers and not moved and was.prim.GetPrimStack() == twin.GetPrimStack():
-            return  # both come from the same places of the same files
-        if is_whole:
-            found = differences(was, twin, self.terms, same_parent=not moved)
-        else:
-            found = authored_differences(was, twin, self.terms)
-        if found:
-            body = body_of(was.prim, self.terms.rules)
-            yield Change(str(twin.GetPath()), str(was.kind), tuple(found), body=body)
-
-
-def is_there(prim: Usd.Prim, *, may_be_undefined: bool = False) -> bool:
-    """Whether the prim is part of the scene; what defines it may be in a missing asset."""
-    if not may_be_undefined:
-        return bool(prim and IS_PRESENT(prim))
-    return bool(prim and prim.IsActive() and not prim.IsAbstract())
-
-
-def missing_prim_changes(gone: Iterable[Usd.Prim], pair: Pair) -> Iterator[Change]:
-    """Yield one change for each prim that vanished, with all that stood below it.
-
-    What was moved elsewhere is compared there; what is recognised by its type need not even
-    keep its name.
-    """
-    added: _Added = {}
-    for prim in gone:
-        if _is_library(prim, pair):
-            continue
-        if not added:
-            added = _added(pair)
-        yield from _seek(prim, added, pair)
-
-
-def _is_library(prim: Usd.Prim, pair: Pair) -> bool:
-    """Whether the prim only holds shapes that links refer to: they are compared at the links."""
-    return prim.GetName() in pair.terms.rules.library and not body_of(prim, pair.terms.rules)
-
-
-def _added(pair: Pair) -> _Added:
-    """Return the prims that the starter does not have, by type and name."""
-    found: _Added = {}
-    for prim in Usd.PrimRange(pair.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
-        if not prim.IsPseudoRoot() and not is_there(pair.starter.GetPrimAtPath(prim.GetPath())):
-            found.setdefault((str(prim.GetTypeName()), prim.GetName()), []).append(prim)
-    return found
-
-
-def _seek(prim: Usd.Prim, added: _Added, pair: Pair) -> Iterator[Change]:
-    twin = _elsewhere(prim, added, pair)
-    if twin is not None:
-        yield from pair.changes(read_starter_prim(prim), twin, moved=True)
-        for child in _children(prim):
-            at = twin.GetStage().GetPrimAtPath(twin.GetPath().AppendChild(child.GetName()))
-            yield from _below(child, at, added, pair)
-        return
-    is_container = not is_physical(prim, pair.terms.rules) and not prim.IsA(UsdGeom.Gprim)
-    if is_container and any(_elsewhere(each, added, pair) for each in _below_of(prim)):
-        for child in _children(prim):
-            yield from _seek(child, added, pair)
-        return
-    if prim.GetName() not in pair.terms.rules.library or body_of(prim, pair.terms.rules):
-        yield _gone(prim, pair)
-
-
-def _below(prim: Usd.Prim, twin: Usd.Prim, added: _Added, pair: Pair) -> Iterator[Change]:
-    """Compare a subtree that moved as a whole."""
-    if not is_there(twin):
-        yield from _seek(prim, added, pair)
-        return
-    yield from pair.changes(read_starter_prim(prim), twin)
-    for child in _children(prim):
-        at = twin.GetStage().GetPrimAtPath(twin.GetPath().AppendChild(child.GetName()))
-        yield from _below(child, at, added, pair)
-
-
-def _children(prim: Usd.Prim) -> list[Usd.Prim]:
-    return list(prim.GetFilteredChildren(Usd.TraverseInstanceProxies()))
-
-
-def _below_of(prim: Usd.Prim) -> list[Usd.Prim]:
-    return list(Usd.PrimRange(prim, Usd.TraverseInstanceProxies()))
-
-
-def _elsewhere(prim: Usd.Prim, added: _Added, pair: Pair) -> Usd.Prim | None:
-    """Return the prim that this one became: of its type and name, else of its type alone."""
-    kind = str(prim.GetTypeName())
-    is_robots = _is_robots(prim, pair)
-    for twin in added.get((kind, prim.GetName()), []):
-        if _is_robots(twin, pair) == is_robots:
-            return twin
-    if kind not in pair.terms.rules.anywhere or is_robots:
-        return None
-    of_type = [twins for (type_name, _), twins in added.items() if type_name == kind]
-    return next((twin for twins in of_type for twin in twins if not _is_robots(twin, pair)), None)
-
-
-def _is_robots(prim: Usd.Prim, pair: Pair) -> bool:
-    return f"{prim.GetPath()}/".startswith(f"{pair.terms.root}/")
-
-
-def _gone(prim: Usd.Prim, pair: Pair) -> Change:
-    path = str(prim.GetPath())
-    below = _below_of(prim)
-    related = [
-        str(target)
-        for each in below
-        for relationship in each.GetAuthoredRelationships()
-        for target in targets_of(relationship)
-    ]
-    rules = pair.terms.rules
-    return Change(
-        path,
-        str(prim.GetTypeName()),
-        absent=_why(pair.stage.GetPrimAtPath(prim.GetPath())),
-        count=len(below),
-        physics=affects_physics(prim, rules) and not is_light_or_camera(prim),
-        related=tuple(dict.fromkeys(related)),
-        body=body_of(prim.GetParent(), rules),
-    )
-
-
-def _why(twin: Usd.Prim) -> str:
-    if not twin:
-        return "missing"
-    return "deactivated" if not twin.IsActive() else "only an over without a def"
-
-
-_Listed = tuple[tuple[Sdf.Path, StarterPrim], ...]
-_STARTERS: WeakKeyDictionary[Usd.Stage, _Listed] = WeakKeyDictionary()
 
 
 @quiet()
@@ -202,9 +70,11 @@ def compare_starter(
     after = open_stage(stage) if isinstance(stage, Path) else stage
     terms = _terms(rules, lab, after, bodies_rest=checkpoint == next(iter(lab.checkpoints)))
     terms = replace(terms, unknown=tuple(asset.prim for asset in find_unresolved(before)))
-    pair = Pair(before, after, terms, tuple(_hidden(before, after)), _share_layers(before, after))
+    scope = Scope(rules.ignored_prims, hidden=tuple(_hidden(before, after)))
+    share_layers = not set(before.GetUsedLayers()).isdisjoint(after.GetUsedLayers())
+    comparison = _Comparison(before, after, terms, scope, share_layers)
     key = ("changes", id(before), id(after), terms.bodies_rest)
-    return StarterSubject(rules, cached(key, lambda: tuple(_changes(pair))))
+    return StarterSubject(rules, cached(key, lambda: tuple(_changes(comparison))))
 
 
 def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:
@@ -214,73 +84,144 @@ def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool
     return Terms(
         rules=rules,
         classes=classifier(rules),
-        number=tolerance.number,
+        tolerance=Tolerance(tolerance.number, length, tolerance.sensor_angle, tolerance.scale),
         mass=tolerance.mass,
-        limits=(length, tolerance.sensor_angle, tolerance.scale),
         root=robot.path,
         articulated=tuple(filter(None, (robot.path, robot.articulation.target))),
         bodies_rest=bodies_rest,
     )
 
 
-def _share_layers(starter: Usd.Stage, stage: Usd.Stage) -> bool:
-    return not set(starter.GetUsedLayers()).isdisjoint(stage.GetUsedLayers())
-
-
 def _hidden(starter: Usd.Stage, stage: Usd.Stage) -> Iterator[str]:
     """Yield the prims at which the stage lacks an asset that the starter has."""
-    known = {_signature(missing) for missing in find_unresolved(starter)}
+    known = {_identity(missing) for missing in find_unresolved(starter)}
     for missing in find_unresolved(stage):
-        if _signature(missing) not in known:
+        if _identity(missing) not in known:
             yield missing.prim
 
 
-def _signature(missing: UnresolvedAsset) -> tuple[str, str]:
+def _identity(missing: UnresolvedAsset) -> tuple[str, str]:
     return missing.prim, missing.asset.rpartition("/")[2]
 
 
-def _changes(pair: Pair) -> Iterator[Change]:
-    gone: list[Usd.Prim] = []
-    skipped = None
-    for path, was in _listed(pair.starter):
-        if skipped is not None and path.HasPrefix(skipped):
-            continue
-        skipped = None
-        if _is_ignored(path, pair):
-            skipped = path
-            continue
-        twin = pair.stage.GetPrimAtPath(path)
-        is_hidden = _is_hidden(was.path, pair.hidden)
-        if is_there(twin, may_be_undefined=is_hidden):
-            yield from pair.changes(was, twin, is_whole=not is_hidden)
-            continue
-        skipped = path
-        if twin or not is_hidden:  # else the missing asset may hold it
-            gone.append(was.prim)
-    yield from missing_prim_changes(gone, pair)
-    yield from added_changes(pair.starter, pair.stage, pair.terms)
+def _changes(comparison: _Comparison) -> Iterator[Change]:
+    starter, stage, scope = comparison.starter, comparison.stage, comparison.scope
+    gone: list[PrimRecord] = []
+    # What the application keeps is left aside, unless it acts on the robot.
+    new = [prim for prim in stage.GetPseudoRoot().GetChildren() if _is_ignored(prim, scope)]
+    for prim in compare_prims(read_records(starter), stage.GetPseudoRoot(), scope):
+        if isinstance(prim, PairedPrim):
+            yield from _prim_changes(prim, comparison)
+        elif isinstance(prim, GonePrim):
+            gone.append(prim.was)
+        else:
+            new.append(prim.now)
+    gone = [record for record in gone if not _is_library(record, comparison)]
+    if gone:
+        # An asset that is missing hides nothing of what stands elsewhere.
+        elsewhere = replace(comparison, scope=replace(scope, hidden=()))
+        new_prims = _new_prims(comparison)
+        for record in gone:
+            yield from _gone_changes(record, new_prims, elsewhere)
+    yield from added_changes(new, starter, stage, comparison.terms)
 
 
-def _listed(starter: Usd.Stage) -> _Listed:
-    """Return the prims of a starter, read once for as long as it is open."""
-    if starter not in _STARTERS:
-        _STARTERS[starter] = _list(starter)
-    return _STARTERS[starter]
+def _is_ignored(root: Usd.Prim, scope: Scope) -> bool:
+    return any(fnmatchcase(str(root.GetPath()), pattern) for pattern in scope.roots)
 
 
-def _list(starter: Usd.Stage) -> _Listed:
-    prims = Usd.PrimRange(starter.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-    return tuple(
-        (prim.GetPath(), read_starter_prim(prim)) for prim in prims if not prim.IsPseudoRoot()
+def _prim_changes(
+    pair: PairedPrim, comparison: _Comparison, *, moved: bool = False
+) -> Iterator[Change]:
+    """Yield what changed of one prim: at most one change."""
+    prim, twin, terms = pair.was.prim, pair.now, comparison.terms
+    if comparison.share_layers and not moved and prim.GetPrimStack() == twin.GetPrimStack():
+        return  # both come from the same places of the same files
+    changed = differences(pair, terms, same_parent=not moved)
+    if changed:
+        body = body_of(prim, terms.rules)
+        yield Change(str(twin.GetPath()), pair.was.kind, tuple(changed), body=body)
+
+
+def _is_library(record: PrimRecord, comparison: _Comparison) -> bool:
+    """Whether the prim only holds shapes that links refer to: they are compared at the links."""
+    rules = comparison.terms.rules
+    return record.name in rules.library and not body_of(record.prim, rules)
+
+
+def _new_prims(comparison: _Comparison) -> _NewPrims:
+    """Return the prims that the starter does not have, by type and name."""
+    new_prims: _NewPrims = {}
+    for prim in Usd.PrimRange(comparison.stage.GetPseudoRoot(), PRESENT):
+        twin = comparison.starter.GetPrimAtPath(prim.GetPath())
+        if not (twin and IS_PRESENT(twin)):
+            new_prims.setdefault(signature(prim), []).append(prim)
+    return new_prims
+
+
+def _gone_changes(
+    record: PrimRecord, new_prims: _NewPrims, comparison: _Comparison
+) -> Iterator[Change]:
+    """Yield one change for a prim that vanished, with all that stood below it.
+
+    What was moved elsewhere is compared there; what is recognised by its type need not even
+    keep its name.
+    """
+    twin = _moved_to(record, new_prims, comparison.terms)
+    if twin is not None:
+        yield from _prim_changes(PairedPrim(record, twin), comparison, moved=True)
+        for prim in compare_prims(record, twin, comparison.scope):
+            if isinstance(prim, PairedPrim):
+                yield from _prim_changes(prim, comparison)
+            elif isinstance(prim, GonePrim):
+                yield from _gone_changes(prim.was, new_prims, comparison)
+        return
+    prim, rules = record.prim, comparison.terms.rules
+    is_container = not is_physical(prim, rules) and not prim.IsA(UsdGeom.Gprim)
+    if is_container and any(
+        _moved_to(below, new_prims, comparison.terms) for below in _at_and_below(record)
+    ):
+        for child in record.children:
+            yield from _gone_changes(child, new_prims, comparison)
+    elif not _is_library(record, comparison):
+        yield _absence(record, comparison)
+
+
+def _moved_to(record: PrimRecord, new_prims: _NewPrims, terms: Terms) -> Usd.Prim | None:
+    """Return the prim that this one became: of its type and name, else of its type alone."""
+    is_robots = is_at_or_below(record.path, terms.root)
+
+    def is_beside(twin: Usd.Prim) -> bool:
+        return is_at_or_below(str(twin.GetPath()), terms.root) == is_robots
+
+    for twin in new_prims.get((record.kind, record.name), []):
+        if is_beside(twin):
+            return twin
+    if record.kind not in terms.rules.anywhere or is_robots:
+        return None
+    of_type = (twins for (kind, _), twins in new_prims.items() if kind == record.kind)
+    return next((twin for twins in of_type for twin in twins if is_beside(twin)), None)
+
+
+def _at_and_below(record: PrimRecord) -> Iterator[PrimRecord]:
+    yield record
+    for child in record.children:
+        yield from _at_and_below(child)
+
+
+def _absence(record: PrimRecord, comparison: _Comparison) -> Change:
+    rules, below = comparison.terms.rules, [*_at_and_below(record)]
+    targets = [str(path) for prim in below for paths in prim.targets.values() for path in paths]
+    twin = comparison.stage.GetPrimAtPath(record.path)
+    absent = "missing"
+    if twin:
+        absent = "deactivated" if not twin.IsActive() else "only an over without a def"
+    return Change(
+        record.path,
+        record.kind,
+        absent=absent,
+        count=len(below),
+        physics=affects_physics(record.prim, rules) and not is_light_or_camera(record.prim),
+        related=tuple(dict.fromkeys(targets)),
+        body=body_of(record.prim.GetParent(), rules),
     )
-
-
-def _is_ignored(path: Sdf.Path, pair: Pair) -> bool:
-    ignored = pair.terms.rules.ignored_prims
-    is_root = path.pathElementCount == 1
-    return is_root and any(fnmatchcase(str(path), pattern) for pattern in ignored)
-
-
-def _is_hidden(path: str, hidden: tuple[str, ...]) -> bool:
-    """Whether a missing asset could hold the prim, or what it lacks."""
-    return any(path == top or path.startswith(f"{top.rstrip('/')}/") for top in hidden)

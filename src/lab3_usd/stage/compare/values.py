@@ -6,8 +6,9 @@ Which properties matter, whether two values are the same, and two places.
 from __future__ import annotations
 
 import math
+import operator
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from fnmatch import translate
 from functools import cache, lru_cache
 from pathlib import Path
@@ -24,22 +25,32 @@ from lab3_usd.stage.read.properties import plain_value
 from lab3_usd.stage.read.transforms import ORDER, RESET, TransformCache, local_transform
 
 Class = Literal["never", "physics", "pose", "shape", "look", "other"]
-_POSE = "xformOp"
+POSE = "xformOp"
+
+
+class Tolerance(Struct, frozen=True):
+    """Up to what two numbers (relatively) and two places are the same.
+
+    `length` is in stage units, `angle` in degrees, `scale` relative.
+    """
+
+    number: float
+    length: float
+    angle: float
+    scale: float
 
 
 class Terms(Struct, frozen=True):
     """How prims are compared.
 
-    `classes` tells what a property is about, `limits` are a length in stage units, an angle in
-    degrees and a relative scale. `root` is the robot, whose own place is not compared;
+    `classes` tells what a property is about. `root` is the robot, whose own place is not compared;
     `articulated` are the prims that may carry the articulation root instead of each other.
     """
 
     rules: StarterRules
     classes: Callable[[str], Class]
-    number: float
+    tolerance: Tolerance
     mass: float
-    limits: tuple[float, float, float]
     root: str
     articulated: tuple[str, ...]
     bodies_rest: bool
@@ -59,7 +70,7 @@ def classifier(rules: StarterRules) -> Callable[[str], Class]:
     def of(name: str) -> Class:
         if never.match(name):
             return "never"
-        if name.startswith(_POSE):
+        if name.startswith(POSE):
             return "pose"
         if physics.match(name):
             return "physics"
@@ -99,7 +110,7 @@ def is_physical(prim: Usd.Prim, rules: StarterRules) -> bool:
 def affects_physics(prim: Usd.Prim, rules: StarterRules) -> bool:
     """Whether the prim, or something below or above it, is one of physics."""
     below = Usd.PrimRange(prim, Usd.TraverseInstanceProxies())
-    return any(is_physical(each, rules) for each in below) or is_collision_shape(prim, rules)
+    return any(is_physical(part, rules) for part in below) or is_collision_shape(prim, rules)
 
 
 def is_collision_shape(prim: Usd.Prim, rules: StarterRules) -> bool:
@@ -126,7 +137,7 @@ _LARGEST = 3.4028234e38  # that a float holds: as a limit it is none, as infinit
 _NEAR_ZERO = 1e-3  # of the tolerance: below it a lone number is as good as zero
 
 
-def same_value(was: Any, now: Any, tolerance: float) -> bool:
+def same_usd_value(was: Any, now: Any, tolerance: float) -> bool:
     """Whether two values are the same up to a relative tolerance.
 
     Vectors are measured by their longest part; a rotation and its negative are the same; assets
@@ -144,24 +155,16 @@ def same_value(was: Any, now: Any, tolerance: float) -> bool:
 
 
 def _same_numbers(was: Any, now: Any, tolerance: float) -> bool:
-    one, other = list(_numbers(was)), list(_numbers(now))
-    if len(one) != len(other):
+    before, after = list(_numbers(was)), list(_numbers(now))
+    if len(before) != len(after):
         return False
-    if isinstance(was, _QUATERNIONS) and math.fsum(map(_product, one, other)) < 0:
-        other = [-part for part in other]
-    return _close(one, other, tolerance)
-
-
-def _product(one: float, other: float) -> float:
-    return one * other
-
-
-def _close(one: Sequence[float], other: Sequence[float], tolerance: float) -> bool:
-    pairs = list(zip(one, other, strict=True))
-    if not all(map(math.isfinite, (*one, *other))):
+    if isinstance(was, _QUATERNIONS) and math.fsum(map(operator.mul, before, after)) < 0:
+        after = [-part for part in after]
+    pairs = list(zip(before, after, strict=True))
+    if not all(map(math.isfinite, (*before, *after))):
         return all(a == b for a, b in pairs)
-    longest = max(map(abs, (*one, *other)), default=0.0)
-    near = tolerance * (longest if len(one) > 1 else _NEAR_ZERO)
+    longest = max(map(abs, (*before, *after)), default=0.0)
+    near = tolerance * (longest if len(before) > 1 else _NEAR_ZERO)
     return all(math.isclose(a, b, rel_tol=tolerance, abs_tol=near) for a, b in pairs)
 
 
@@ -188,19 +191,19 @@ def same_asset(was: Sdf.AssetPath, now: Sdf.AssetPath) -> bool:
     Saving a stage in another folder rewrites its relative paths, and an asset that is not here
     cannot be judged.
     """
-    one, other = str(was.resolvedPath), str(now.resolvedPath)
-    if not one or not other:
+    paths = str(was.resolvedPath), str(now.resolvedPath)
+    if not all(paths):
         return bool(was.path) == bool(now.path)
-    if one == other:
+    if paths[0] == paths[1]:
         return True
-    first, second = Path(one), Path(other)
+    before, after = map(Path, paths)
     try:
-        if not (first.is_file() and second.is_file()):
-            return first.name == second.name
-        same_size = first.stat().st_size == second.stat().st_size
-        return same_size and first.read_bytes() == second.read_bytes()
+        if not (before.is_file() and after.is_file()):
+            return before.name == after.name
+        same_size = before.stat().st_size == after.stat().st_size
+        return same_size and before.read_bytes() == after.read_bytes()
     except OSError:
-        return first.name == second.name
+        return before.name == after.name
 
 
 def _same_assets(was: Any, now: Any) -> bool:
@@ -221,39 +224,35 @@ def _short(value: Value | None) -> Value | None:
     if isinstance(value, float):
         return float(f"{value:.6g}")
     if isinstance(value, tuple):
-        return tuple(each for each in map(_short, value) if each is not None)
+        return tuple(item for item in map(_short, value) if item is not None)
     return value
 
 
-def same_place(was: Gf.Matrix4d, now: Gf.Matrix4d, limits: tuple[float, float, float]) -> str:
-    """Say how two transforms differ: 'moved', 'turned' or 'scaled'; '' where they do not.
-
-    `limits` are a length in stage units, an angle in degrees and a relative scale.
-    """
-    length, angle, scale = limits
-    if (was.ExtractTranslation() - now.ExtractTranslation()).GetLength() > length:
+def same_place(was: Gf.Matrix4d, now: Gf.Matrix4d, tolerance: Tolerance) -> str:
+    """Say how two transforms differ: 'moved', 'turned' or 'scaled'; '' where they do not."""
+    if (was.ExtractTranslation() - now.ExtractTranslation()).GetLength() > tolerance.length:
         return "moved"
-    if not same_scale(was, now, scale):
+    if not same_scale(was, now, tolerance.scale):
         return "scaled"
-    rows = [(was.GetRow3(row), now.GetRow3(row)) for row in range(3)]
-    return "turned" if any(_angle(one, other) > angle for one, other in rows) else ""
+    angles = (_angle(was.GetRow3(row), now.GetRow3(row)) for row in range(3))
+    return "turned" if any(angle > tolerance.angle for angle in angles) else ""
 
 
 def same_scale(was: Gf.Matrix4d, now: Gf.Matrix4d, limit: float) -> bool:
     """Whether two transforms scale alike, up to a relative limit; a mirrored one does not."""
     for row in range(3):
-        one, other = was.GetRow3(row).GetLength(), now.GetRow3(row).GetLength()
-        if not abs(one - other) <= limit * max(one, other):
+        before, after = was.GetRow3(row).GetLength(), now.GetRow3(row).GetLength()
+        if not abs(before - after) <= limit * max(before, after):
             return False
     return bool(was.GetDeterminant3() * now.GetDeterminant3() >= 0)
 
 
-def _angle(one: Gf.Vec3d, other: Gf.Vec3d) -> float:
+def _angle(was: Gf.Vec3d, now: Gf.Vec3d) -> float:
     """Return the angle between two axes in degrees, 0 where one has no length."""
-    if not one.GetLength() or not other.GetLength():
+    if not was.GetLength() or not now.GetLength():
         return 0.0
-    across = Gf.Cross(one, other).GetLength()
-    return math.degrees(math.atan2(across, Gf.Dot(one, other)))
+    across = Gf.Cross(was, now).GetLength()
+    return math.degrees(math.atan2(across, Gf.Dot(was, now)))
 
 
 _SCALE = "xformOp:scale"
@@ -263,14 +262,14 @@ def place_differences(
     prim: Usd.Prim, twin: Usd.Prim, terms: Terms, *, same_parent: bool
 ) -> Iterator[Difference]:
     """Yield how the place of a prim differs; what a run moves may have moved."""
-    was, now = (matrix_of(each, local=same_parent) for each in (prim, twin))
+    was, now = (matrix_of(either, local=same_parent) for either in (prim, twin))
     if terms.bodies_rest or terms.rules.body not in applied_schemas(prim):
-        what = same_place(was, now, terms.limits)
+        what = same_place(was, now, terms.tolerance)
     else:  # a run moves bodies, and scales none
-        what = "" if same_scale(was, now, terms.limits[2]) else "scaled"
+        what = "" if same_scale(was, now, terms.tolerance.scale) else "scaled"
     if not what:
         return
-    names = [n for n in twin.GetAuthoredPropertyNames() if terms.classes(n) == "pose"]
+    names = [name for name in twin.GetAuthoredPropertyNames() if terms.classes(name) == "pose"]
     changed = [name for name in names if not _same_pose_value(prim, twin, name)]
     before, after = (shown_place(what, matrix) for matrix in (was, now))
     physics = affects_physics(prim, terms.rules) and not is_light_or_camera(prim)
@@ -287,9 +286,9 @@ def authored_place_differences(
         return
     moves = not terms.bodies_rest and terms.rules.body in applied_schemas(prim)
     for name in names:
-        was, now = (each.GetAttribute(name) for each in (prim, twin))
+        was, now = prim.GetAttribute(name), twin.GetAttribute(name)
         may_differ = name == ORDER or (moves and not name.startswith(_SCALE))
-        if may_differ or not was or same_value(was.Get(), now.Get(), terms.limits[2]):
+        if may_differ or not was or same_usd_value(was.Get(), now.Get(), terms.tolerance.scale):
             continue
         physics = affects_physics(prim, terms.rules) and not is_light_or_camera(prim)
         yield Difference("place", name, display_value(was.Get()), display_value(now.Get()), physics)
@@ -309,8 +308,8 @@ def is_authored(prim: Usd.Prim, name: str) -> bool:
 
 
 def _same_pose_value(prim: Usd.Prim, twin: Usd.Prim, name: str) -> bool:
-    one, other = prim.GetAttribute(name), twin.GetAttribute(name)
-    return bool(one) and bool(other) and one.Get() == other.Get()
+    was, now = prim.GetAttribute(name), twin.GetAttribute(name)
+    return bool(was) and bool(now) and was.Get() == now.Get()
 
 
 def matrix_of(prim: Usd.Prim, *, local: bool) -> Gf.Matrix4d:

@@ -170,7 +170,7 @@ def apply_schema(session: EditSession, edit: ApplySchema) -> None:
     if edit.schema in _applied(session, edit.prim):
         return
     spec = next(
-        (each for each in session.specs(edit.prim) if each.HasInfo(_SCHEMAS)),
+        (spec for spec in session.specs(edit.prim) if spec.HasInfo(_SCHEMAS)),
         None,
     ) or session.prim_spec(session.prim_layer(edit.prim), edit.prim)
     session.touch(spec.layer, edit.prim)
@@ -201,7 +201,7 @@ def _drop(spec: Sdf.PrimSpec, items: Sdf.TokenListOp, schema: str) -> None:
     for kind in _LISTS:
         held = getattr(items, kind)
         if schema in held:
-            setattr(items, kind, [each for each in held if each != schema])
+            setattr(items, kind, [name for name in held if name != schema])
     if items.GetAppliedItems() or items.deletedItems:
         spec.SetInfo(_SCHEMAS, items)
     else:
@@ -325,14 +325,14 @@ def _move(layer: Sdf.Layer, path: Sdf.Path, to: Sdf.Path) -> None:
 
 
 def _rename(items: Any, path: Sdf.Path, to: Sdf.Path) -> None:
-    items.ModifyItemEdits(lambda each: each.ReplacePrefix(path, to))
+    items.ModifyItemEdits(lambda item: item.ReplacePrefix(path, to))
 
 
 def _rename_arcs(prim: Sdf.PrimSpec, path: Sdf.Path, to: Sdf.Path) -> None:
     for name in _PATHS:
         _rename(getattr(prim, name), path, to)
     for name in _ARCS:
-        getattr(prim, name).ModifyItemEdits(lambda each: _renamed_arc(each, path, to))
+        getattr(prim, name).ModifyItemEdits(lambda arc: _renamed_arc(arc, path, to))
 
 
 def _renamed_arc(arc: Any, path: Sdf.Path, to: Sdf.Path) -> Any:

@@ -74,12 +74,12 @@ def _source(session: EditSession, path: str, name: str) -> str:
     That may be one which is referred to.
     """
     found, asked = (
-        each.GetPropertyAtPath(f"{path}.{name}")
-        for each in (session.stage, session.reference_stage())
+        stage.GetPropertyAtPath(f"{path}.{name}")
+        for stage in (session.stage, session.reference_stage())
     )
     if not asked or (found and found.IsAuthored()):
         return session.source(path, name)
-    specs = (each for each in asked.GetPropertyStack() if each.layer == session.reference())
+    specs = (spec for spec in asked.GetPropertyStack() if spec.layer == session.reference())
     sources = (str(spec.path.GetPrimPath()) for spec in specs)
     return next(filter(session.stands, sources), path)
 
@@ -111,7 +111,7 @@ def _restore_pose(session: EditSession, path: str, name: str) -> None:
     order = session.stage.GetPrimAtPath(path).GetAttribute(_ORDER)
     own = [*(order.Get() or ())] if order else []
     if name == _ORDER and _RESET in own:
-        kept = [each for each in own if each != _RESET]
+        kept = [name for name in own if name != _RESET]
         set_typed(session, path, _ORDER, "token[]", kept)
     elif name in own and session.reference().GetPropertyAtPath(f"{path}.{name}"):
         _restore_property(session, path, name)
@@ -124,7 +124,7 @@ def _restore_whole_pose(session: EditSession, path: str) -> None:
     prim = session.stage.GetPrimAtPath(path)
     if wanted is None or not prim:
         return
-    asked = [each.name for each in wanted.properties if each.name.startswith(_POSE)]
+    asked = [spec.name for spec in wanted.properties if spec.name.startswith(_POSE)]
     for name in prim.GetAuthoredPropertyNames():
         if name.startswith(_POSE) and name not in asked:
             _erase(session, path, name)
@@ -171,8 +171,8 @@ def _let_go_below(session: EditSession, path: str) -> None:
             session.touch(spec.layer, str(spec.path))
             for name in _WHOLE:
                 spec.ClearInfo(name)
-            for each in [one for one in spec.properties if one.name.startswith(_POSE)]:
-                spec.RemoveProperty(each)
+            for pose in [held for held in spec.properties if held.name.startswith(_POSE)]:
+                spec.RemoveProperty(pose)
 
 
 def _overs(session: EditSession, path: str) -> Iterator[Sdf.PrimSpec]:

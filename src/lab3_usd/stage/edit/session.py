@@ -28,14 +28,14 @@ def layer_from(text: str) -> Sdf.Layer | None:
     return layer if layer.ImportFromString(text) else None
 
 
-def same_content(one: Sdf.Layer, other: Sdf.Layer) -> bool:
+def same_content(before: Sdf.Layer, after: Sdf.Layer) -> bool:
     """Whether two layers hold the same, in whatever order."""
-    mine, theirs = (each.ExportToString() for each in (one, other))
+    mine, theirs = (layer.ExportToString() for layer in (before, after))
     if mine == theirs:
         return True
     # Two prims that have exchanged a value have the same lines.
     is_alike = sorted(mine.split("\n")) == sorted(theirs.split("\n"))
-    return is_alike and _fields(one) == _fields(other)
+    return is_alike and _fields(before) == _fields(after)
 
 
 def _fields(layer: Sdf.Layer) -> dict[Sdf.Path, dict[str, str]]:
@@ -85,8 +85,8 @@ def render_prim(layer: Sdf.Layer, path: str) -> str:
     for name in _FIELDS:
         if source.HasInfo(name):
             prim.SetInfo(name, source.GetInfo(name))
-    for each in source.properties:
-        Sdf.CopySpec(layer, each.path, made, each.path)
+    for spec in source.properties:
+        Sdf.CopySpec(layer, spec.path, made, spec.path)
     return str(made.ExportToString())
 
 
@@ -108,7 +108,7 @@ def has_prim(layer: Sdf.Layer, path: str) -> bool:
 def child_names(layer: Sdf.Layer, path: str) -> list[str]:
     """Name the prims below a prim, or below the layer itself."""
     spec = layer.pseudoRoot if path == "/" else layer.GetPrimAtPath(path)
-    return [each.name for each in spec.nameChildren]
+    return [child.name for child in spec.nameChildren]
 
 
 class EditedLayer(Struct, eq=False):
@@ -153,7 +153,7 @@ class EditSession(Struct, eq=False):
         if self.root_only:
             return [root]
         stack = self.stage.GetLayerStack(includeSessionLayers=False)
-        return [each for each in stack if each == root or _is_local(each, root)]
+        return [layer for layer in stack if layer == root or _is_local(layer, root)]
 
     def touch(self, layer: Sdf.Layer, path: str) -> None:
         """Remember that a prim is about to be edited in a layer."""
@@ -174,7 +174,7 @@ class EditSession(Struct, eq=False):
     def opinions(self, path: str) -> list[Sdf.PrimSpec]:
         """Return the specs of a prim, the strongest first, without those of the session layer."""
         prim, above = self.stage.GetPrimAtPath(path), self.stage.GetSessionLayer()
-        return [each for each in prim.GetPrimStack() if each.layer != above] if prim else []
+        return [spec for spec in prim.GetPrimStack() if spec.layer != above] if prim else []
 
     def prim_layer(self, path: str) -> Sdf.Layer:
         """Return the layer whose opinion on a prim is the strongest, else the root layer."""

@@ -136,7 +136,7 @@ def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
             lacking.setdefault(layer, set()).add(asset)
     for layer, prim in _users(stage, set(lacking)) if lacking else ():
         found |= {(prim, asset, "sublayer of an asset", layer) for asset in lacking[layer]}
-    return [UnresolvedAsset(*each) for each in sorted(found)]
+    return [UnresolvedAsset(*asset) for asset in sorted(found)]
 
 
 def _users(stage: Usd.Stage, layers: set[str]) -> Iterator[tuple[str, str]]:
@@ -178,7 +178,7 @@ def _with_sublayers(root: Sdf.Layer | None) -> set[str]:
         if layer.identifier not in found:
             found.add(layer.identifier)
             opened = (Sdf.Layer.FindRelativeToLayer(layer, path) for path in layer.subLayerPaths)
-            ahead.extend(each for each in opened if each is not None)
+            ahead.extend(sublayer for sublayer in opened if sublayer is not None)
     return found
 
 

@@ -58,9 +58,9 @@ def native_errors(stage: Usd.Stage, given: str) -> tuple[NativeError, ...]:
     module = native_validation()
     registry = module.ValidationRegistry()
     names = sorted(
-        each.name
-        for each in registry.GetAllValidatorMetadata()
-        if not each.isSuite and not (each.plugin and each.plugin.isPythonModule)
+        validator.name
+        for validator in registry.GetAllValidatorMetadata()
+        if not validator.isSuite and not (validator.plugin and validator.plugin.isPythonModule)
     )
     if not stage.GetSessionLayer().empty:
         stage = Usd.Stage.Open(stage.GetRootLayer(), Usd.Stage.LoadAll)
@@ -73,16 +73,16 @@ def native_errors(stage: Usd.Stage, given: str) -> tuple[NativeError, ...]:
     prefix = given[: len(given) - len(Path(given).name)]
     found = {
         NativeError(
-            validator=str(each.GetValidator().GetMetadata().name),
-            name=str(each.GetName()),
-            severity=severities.get(each.GetType(), "note"),
+            validator=str(error.GetValidator().GetMetadata().name),
+            name=str(error.GetName()),
+            severity=severities.get(error.GetType(), "note"),
             prim=place[0],
             property=place[1],
-            message=_one_line(each.GetMessage()).replace(folder, prefix),
-            is_open=_is_open(each),
+            message=_one_line(error.GetMessage()).replace(folder, prefix),
+            is_open=_is_open(error),
         )
-        for each in context.Validate(stage)
-        for place in (_place(stage, each),)
+        for error in context.Validate(stage)
+        for place in (_place(stage, error),)
     }
     return tuple(sorted(found, key=str))
 
@@ -93,8 +93,8 @@ def _one_line(text: str) -> str:
 
 def _is_open(error: Any) -> bool:
     validator = str(error.GetValidator().GetMetadata().name).rpartition(":")[2]
-    told = _OPEN.get((validator, str(error.GetName())))
-    return told is not None and told.search(error.GetMessage()) is not None
+    message = _OPEN.get((validator, str(error.GetName())))
+    return message is not None and message.search(error.GetMessage()) is not None
 
 
 def _place(stage: Usd.Stage, error: Any) -> tuple[str, str | None]:
@@ -107,8 +107,8 @@ def _place(stage: Usd.Stage, error: Any) -> tuple[str, str | None]:
         if site.IsValidSpecInLayer():
             return _split((site.GetPropertySpec() or site.GetPrimSpec()).path)
     # Of a layer that is referred to OpenUSD gives a path of the stage, in the message alone.
-    named = (Sdf.Path(each) for each in _NAMED.findall(error.GetMessage()))
-    return _split(next((each for each in named if stage.GetObjectAtPath(each)), _ROOT))
+    named = (Sdf.Path(path) for path in _NAMED.findall(error.GetMessage()))
+    return _split(next((path for path in named if stage.GetObjectAtPath(path)), _ROOT))
 
 
 def _split(path: Sdf.Path) -> tuple[str, str | None]:

@@ -18,7 +18,6 @@ without that look, a prim that is none ends the process.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -26,7 +25,7 @@ from msgspec import Struct
 from msgspec.structs import astuple
 from pxr import Gf, Sdf, Tf, Usd
 
-from lab3_usd.model.stage import AnimatedAttribute
+from lab3_usd.model.stage import AnimatedAttribute, same_value
 from lab3_usd.spec.catalog import Value
 
 CENTIMETRES = 0.01  # per unit, where a stage does not say
@@ -93,7 +92,7 @@ def elements(vector: Any) -> list[Any]:
 
 
 _KEY = "changes after the start"
-_RELATIVE = 1e-6
+_NEAR_ZERO = 1e-6
 
 
 def hold_start_values(stage: Usd.Stage) -> None:
@@ -108,8 +107,8 @@ def hold_start_values(stage: Usd.Stage) -> None:
         return
     start = stage.GetStartTimeCode()
     sampled = list(_sampled(stage))
-    held = [(each, each.Get(start)) for each in sampled]
-    changes = [found for each, value in held for found in _changes(each, value, start)]
+    held = [(attribute, attribute.Get(start)) for attribute in sampled]
+    changes = [change for attribute, value in held for change in _changes(attribute, value, start)]
     with Sdf.ChangeBlock():
         for attribute, value in held:
             _write(session, attribute, value)
@@ -145,19 +144,13 @@ def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[Ani
     """Yield the first sample after the start that is not as the value there."""
     for time in attribute.GetTimeSamples():
         then = attribute.Get(time) if time > start else first
-        if then != first and not _alike(plain_value(first), plain_value(then)):
+        if then == first:
+            continue
+        known = plain_value(first)
+        if known is None or not same_value(known, plain_value(then), near_zero=_NEAR_ZERO):
             prim, name = str(attribute.GetPrim().GetPath()), str(attribute.GetName())
             yield AnimatedAttribute(prim, name, time, _text(first), _text(then))
             return
-
-
-def _alike(one: Any, other: Any) -> bool:
-    """Whether two values are the same up to float noise."""
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(map(_alike, one, other))
-    if isinstance(one, float) and isinstance(other, float):
-        return math.isclose(one, other, rel_tol=_RELATIVE, abs_tol=_RELATIVE)
-    return bool(one == other) and one is not None
 
 
 def _text(value: Any) -> str:
@@ -197,7 +190,7 @@ def targets_of(relationship: Usd.Relationship) -> list[Sdf.Path]:
     try:
         targets: list[Sdf.Path] = Usd.Relationship.GetTargets(relationship)
     except Tf.ErrorException:
-        if all(type(each) is Sdf.RelationshipSpec for each in relationship.GetPropertyStack()):
+        if all(type(spec) is Sdf.RelationshipSpec for spec in relationship.GetPropertyStack()):
             raise
         return []
     return targets
