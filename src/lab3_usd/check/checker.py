@@ -50,9 +50,6 @@ STAGE_FAMILIES = (
     "N",
     "P",
 )  # which have rules of both scopes
-EXTRA_NODE = "N02"
-# Which rule says more of a prim, or of its property, than each of these does.
-SAYS_MORE = {"R03": "T01"}
 
 import_rules(*GRAPH_FAMILIES, *STAGE_FAMILIES)
 
@@ -84,7 +81,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     if is_root_articulated(placed, stage):
         placed = articulated_at_root(placed)
     robot = relocations.get(lab.scene.robot.path, "")
-    subjects = [*_graph_subjects(placed, checkpoint, stage, live, robot)]
+    subjects = tuple(_graph_subjects(placed, checkpoint, stage, live, robot))
     run = _Run(lab, [], [])
     for found in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
@@ -101,6 +98,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         missing_graphs={
             subject.spec.name: subject.missing_with for subject in subjects if subject.missing_with
         },
+        graphs=subjects,
     )
     for found in (*rules_of("model", "F"), *rules_of("stage", *STAGE_FAMILIES)):
         run.rule(found, whole)
@@ -115,29 +113,31 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     outcome = Outcome(whole, tuple(requirements), tuple(run.findings))
     for found in rules_of("outcome", *STAGE_FAMILIES):
         run.rule(found, outcome)
-    findings = tuple(with_named_nodes(with_repairs(run.findings, subjects, whole), live))
+    findings = tuple(with_named_nodes(with_repairs(run.findings, whole), live))
     graphs = {graph_subject.spec.name: graph_subject.roles.graph for graph_subject in subjects}
     asked = with_other_faults(outcome.requirements, findings, graphs)
     return Judgement(findings, asked, tuple(run.crashes))
 
 
 def _without_repeats(findings: list[Finding]) -> list[Finding]:
-    """Leave out what another finding says better.
-
-    An extra node is left out where an error says what harm it does, a target that does not exist
-    where its frame is missing.
-    """
-    harmful = {finding.prim for finding in findings if finding.severity == "error"}
-    left = [
-        finding for finding in findings if finding.rule != EXTRA_NODE or finding.prim not in harmful
-    ]
-    sites = {(finding.rule, finding.prim, finding.property) for finding in left}
+    """Leave out what an error says better: what harm a prim does, which frames a target lacks."""
+    errors = [finding for finding in findings if finding.severity == "error"]
+    harmful = {finding.prim for finding in errors}
+    named = {
+        (finding.prim, finding.property, target)
+        for finding in errors
+        for target in finding.unknown_targets
+    }
     return [
         finding
-        for finding in left
-        if not any(
-            (SAYS_MORE.get(finding.rule), finding.prim, name) in sites
-            for name in (finding.property, None)
+        for finding in findings
+        if finding.severity == "error"
+        or not (
+            (finding.weaker and finding.prim in harmful)
+            or any(
+                (finding.prim, finding.property, target) in named
+                for target in finding.unknown_targets
+            )
         )
     ]
 
