@@ -23,7 +23,7 @@ SectionKey = tuple[int, str, int, int, str]
 
 Severity = Literal["error", "warning", "note"]
 Verdict = Literal["pass", "fail", "unreadable"]
-Unopened = Literal["", "file", "asset"]
+Unopened = Literal["", "stage", "file", "asset"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
 
@@ -35,7 +35,7 @@ class Problem(Struct, frozen=True):
     ids of the demands that it leaves unmet, `causes` the sites (prim and property) whose change
     may have brought it about. One that is `weaker` is left out beside an error at its prim, one
     that names `unknown_targets` beside an error at its site that names them as well. `unopened` is
-    what could not be opened: a file or a part of the stage, or an asset at the prim.
+    what could not be opened: the stage itself, a file of it or beside it, an asset at the prim.
     """
 
     prim: str

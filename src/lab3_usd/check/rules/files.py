@@ -23,7 +23,7 @@ def unreadable_file(reason: str) -> Iterator[Problem]:
 
     Example: a file that ends in `.uda`, or an upload that was cut short.
     """
-    yield Problem("/", reason)
+    yield Problem("/", reason, unopened="stage")
 
 
 @rule("F02", "not-verifiable", scope="model", severity="note")

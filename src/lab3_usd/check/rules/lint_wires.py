@@ -11,7 +11,7 @@ from lab3_usd.check.ros.topics import did_you_mean, likely_name
 from lab3_usd.check.ros.wires import Connection, connections, find_cycles, why_dead
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, display
-from lab3_usd.spec.catalog import OUTPUT, NodeType, can_connect
+from lab3_usd.spec.catalog import OUTPUT, NodeType, Port, can_connect
 
 
 @rule("K20", "wire-from-nowhere", scope="lint")
@@ -49,13 +49,17 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
             property=wire.port,
             actual=wire.path,
             severity="warning" if is_fed else None,
-            fix=_sources(wire, *others) if is_fed else (),
+            fix=_rewiring(wire, *others) if is_fed else (),
         )
 
 
-def _sources(wire: Connection, *sources: str) -> tuple[Edit, ...]:
+def _input(wire: Connection) -> Port | None:
+    return None if wire.node.type is None else wire.node.type.port(wire.port)
+
+
+def _rewiring(wire: Connection, *sources: str) -> tuple[Edit, ...]:
     """Return what gives the input of a wire these sources; nothing where the input is unknown."""
-    port = None if wire.node.type is None else wire.node.type.port(wire.port)
+    port = _input(wire)
     return (Connect(wire.node.path, port.name, port.usd_type, sources),) if port else ()
 
 
@@ -74,11 +78,8 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
         source = wire.source
         if source is not None and not source.has_port(wire.source_port) and source.type is not None:
             near = meant_port(wire.source_port, source.type, is_source=True)
-            port = None if wire.node.type is None else wire.node.type.port(wire.port)
-            meant = f"{source.path}.{near}"
-            sources = [
-                meant if path == wire.path else path for path in wire.node.sources(wire.port)
-            ]
+            port, meant = _input(wire), f"{source.path}.{near}"
+            sources = wire.node.sources(wire.port)
             fits = near and port and can_connect(source.type.ports[near], port)
             yield Problem(
                 wire.node.path,
@@ -89,7 +90,9 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
                 expected=near,
                 actual=wire.path,
                 related=(source.path,),
-                fix=_sources(wire, *sources) if fits else (),
+                fix=_rewiring(wire, *(meant if path == wire.path else path for path in sources))
+                if fits
+                else (),
             )
         kind = wire.node.type
         if kind is not None and kind.port(wire.port) is None:
@@ -183,7 +186,7 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
     """
     fed: dict[tuple[str, str], list[Connection]] = {}
     for wire in connections(subject):
-        port = None if wire.node.type is None else wire.node.type.port(wire.port)
+        port = _input(wire)
         if wire.is_live and port is not None and not port.is_execution:
             fed.setdefault((wire.node.path, wire.port), []).append(wire)
     for (path, port_name), wires in fed.items():
