@@ -38,18 +38,8 @@ from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
 
 GRAPH_FAMILIES = ("G", "N", "P", "R", "W")
-STAGE_FAMILIES = (
-    "F",
-    "S",
-    "L",
-    "C",
-    "D",
-    "T",
-    "Q",
-    "G",
-    "N",
-    "P",
-)  # which have rules of both scopes
+# Some have rules of both scopes.
+STAGE_FAMILIES = ("F", "S", "L", "C", "D", "T", "Q", "G", "N", "P")
 
 import_rules(*GRAPH_FAMILIES, *STAGE_FAMILIES)
 
@@ -128,18 +118,13 @@ def _without_repeats(findings: list[Finding]) -> list[Finding]:
         for finding in errors
         for target in finding.unknown_targets
     }
-    return [
-        finding
-        for finding in findings
-        if finding.severity == "error"
-        or not (
-            (finding.weaker and finding.prim in harmful)
-            or any(
-                (finding.prim, finding.property, target) in named
-                for target in finding.unknown_targets
-            )
-        )
-    ]
+
+    def is_repeated(finding: Finding) -> bool:
+        sites = {(finding.prim, finding.property, target) for target in finding.unknown_targets}
+        is_better_said = (finding.weaker and finding.prim in harmful) or not sites.isdisjoint(named)
+        return is_better_said and finding.severity != "error"
+
+    return [finding for finding in findings if not is_repeated(finding)]
 
 
 class _Run(Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""How to repair what rules found: a finding and the spec give the edits."""
+"""Repairs that rules share: what makes a property of a node right, and what ends its harm."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def edits_in_stage(whole: StageSubject, prim: str, name: str | None) -> tuple[Ed
 def edits_of_harm(
     whole: StageSubject, prim: str, name: str | None = None, severity: Severity | None = None
 ) -> tuple[Edit, ...]:
-    """Return what ends the harm that a node does: one without a role goes, if the harm is sure."""
+    """Return what ends the harm that a node does: one without a role is removed if it is sure."""
     extra = (node.path for roles in whole.roles.values() for node in roles.extra)
     is_removed = severity in {None, "error"} and prim in extra
     return (RemovePrim(prim),) if is_removed else edits_in_stage(whole, prim, name)
