@@ -516,6 +516,7 @@ def test_a_target_that_is_not_there_is_told_with_the_frame_that_it_costs() -> No
     for listed, rules in (
         ([robot.AppendChild("base"), *kept[1:]], ["T01"]),
         ([robot.AppendChild("base"), *kept], ["R03"]),
+        ([robot.AppendChild("base"), robot.AppendChild("base_footprint"), *kept], ["R03", "T09"]),
     ):
         targets.SetTargets(listed)
         found = [finding for finding in judged(stage, "05").findings if finding.severity != "note"]

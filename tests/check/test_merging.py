@@ -67,6 +67,21 @@ def told(found: Judgement) -> list[tuple[str, str]]:
     ]
 
 
+def test_what_graphs_share_is_repaired_once() -> None:
+    graph = flat(*GRAPHS, share=True)
+    context = next(node for node in graph.nodes if node.name == "ros2_context")
+    faulty = {
+        "G03": replace(graph, attributes={**graph.attributes, "pipelineStage": "onDemand"}),
+        "N01": replace(graph, nodes=tuple(node for node in graph.nodes if node is not context)),
+        "P01": with_nodes(graph, valued(context, "inputs:domain_id", 7)),
+    }
+    for rule, changed in faulty.items():
+        findings = judged_model(stage_with(changed, *GRAPHS)).findings
+        (repair,) = [finding.fix for finding in findings if finding.rule == rule]
+        assert repair is not None
+        assert len(repair.edits) == 1
+
+
 @pytest.mark.parametrize("share", [False, True])
 @pytest.mark.parametrize("path", [FLAT, "/turtlebot3_burger/ROS_Drive", "/World/ROS_Clock"])
 def test_all_graphs_in_one_are_one_finding(path: str, *, share: bool) -> None:

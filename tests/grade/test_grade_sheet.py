@@ -46,7 +46,10 @@ GRADE = Grade(
     percent=50.0,
     because=("late: at most 50%",),
 )
-LEFT_OUT = Finding("Z02", "reference-left-out", "error", "/", "x is not opened", handout="6.1")
+LEFT_OUT = Finding(
+    "Z02", "reference-left-out", "error", "/", "x is not opened", handout="6.1", unopened="file"
+)
+MISSING = replace(LEFT_OUT, rule="G01", prim="/World/ROS_Clock", handout="B2", unopened="")
 
 
 def report(*findings: Finding) -> Report:
@@ -147,23 +150,23 @@ def test_one_submission_is_one_block_whose_counts_agree() -> None:
 
 
 def test_what_was_not_opened_comes_before_what_is_missing_for_it() -> None:
-    missing = replace(LEFT_OUT, rule="S01", message="the robot is missing", handout="A2")
-    tree = shown(report(missing, LEFT_OUT))
+    tree = shown(report(replace(MISSING, message="the clock is missing"), LEFT_OUT))
     assert [each.one("h6").text for each in tree.all("article", "card")] == [
         "x is not opened",
-        "the robot is missing",
+        "the clock is missing",
     ]
     assert tree.one("section", "chapter").one("h4").text == "Not opened"
 
 
 def test_a_reference_that_cannot_be_found_comes_before_what_is_missing_below_it() -> None:
-    missing = replace(LEFT_OUT, rule="G01", prim="/World/ROS_Clock", handout="B2")
-    lost = replace(LEFT_OUT, rule="F02", prim="/World", severity="note", handout=None)
+    lost = replace(
+        LEFT_OUT, rule="F02", prim="/World", severity="note", handout=None, unopened="asset"
+    )
     elsewhere = replace(lost, prim="/World2")
-    tree = shown(report(missing, lost, elsewhere))
+    tree = shown(report(MISSING, lost, elsewhere))
     sites = [each.one("p", "site").text for each in tree.all("article", "card")]
     assert sites == ["/World", "/World/ROS_Clock", "/World2"]
-    unchanged = read(render("html", report(missing, lost, elsewhere), all_rules(), Options()))
+    unchanged = read(render("html", report(MISSING, lost, elsewhere), all_rules(), Options()))
     sites = [each.one("p", "site").text for each in unchanged.all("article", "card")]
     assert sites == ["/World/ROS_Clock", "/World", "/World2"]
 

@@ -38,21 +38,8 @@ from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
 
 GRAPH_FAMILIES = ("G", "N", "P", "R", "W")
-STAGE_FAMILIES = (
-    "F",
-    "S",
-    "L",
-    "C",
-    "D",
-    "T",
-    "Q",
-    "G",
-    "N",
-    "P",
-)  # which have rules of both scopes
-EXTRA_NODE = "N02"
-# Which rule says more of a prim, or of its property, than each of these does.
-SAYS_MORE = {"R03": "T01"}
+# Some have rules of both scopes.
+STAGE_FAMILIES = ("F", "S", "L", "C", "D", "T", "Q", "G", "N", "P")
 
 import_rules(*GRAPH_FAMILIES, *STAGE_FAMILIES)
 
@@ -84,7 +71,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     if is_root_articulated(placed, stage):
         placed = articulated_at_root(placed)
     robot = relocations.get(lab.scene.robot.path, "")
-    subjects = [*_graph_subjects(placed, checkpoint, stage, live, robot)]
+    subjects = tuple(_graph_subjects(placed, checkpoint, stage, live, robot))
     run = _Run(lab, [], [])
     for found in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
@@ -101,6 +88,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         missing_graphs={
             subject.spec.name: subject.missing_with for subject in subjects if subject.missing_with
         },
+        graphs=subjects,
     )
     for found in (*rules_of("model", "F"), *rules_of("stage", *STAGE_FAMILIES)):
         run.rule(found, whole)
@@ -115,31 +103,28 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     outcome = Outcome(whole, tuple(requirements), tuple(run.findings))
     for found in rules_of("outcome", *STAGE_FAMILIES):
         run.rule(found, outcome)
-    findings = tuple(with_named_nodes(with_repairs(run.findings, subjects, whole), live))
+    findings = tuple(with_named_nodes(with_repairs(run.findings, whole), live))
     graphs = {graph_subject.spec.name: graph_subject.roles.graph for graph_subject in subjects}
     asked = with_other_faults(outcome.requirements, findings, graphs)
     return Judgement(findings, asked, tuple(run.crashes))
 
 
 def _without_repeats(findings: list[Finding]) -> list[Finding]:
-    """Leave out what another finding says better.
+    """Leave out what an error says better: what harm a prim does, which frames a target lacks."""
+    errors = [finding for finding in findings if finding.severity == "error"]
+    harmful = {finding.prim for finding in errors}
+    named = {
+        (finding.prim, finding.property, target)
+        for finding in errors
+        for target in finding.unknown_targets
+    }
 
-    An extra node is left out where an error says what harm it does, a target that does not exist
-    where its frame is missing.
-    """
-    harmful = {finding.prim for finding in findings if finding.severity == "error"}
-    left = [
-        finding for finding in findings if finding.rule != EXTRA_NODE or finding.prim not in harmful
-    ]
-    sites = {(finding.rule, finding.prim, finding.property) for finding in left}
-    return [
-        finding
-        for finding in left
-        if not any(
-            (SAYS_MORE.get(finding.rule), finding.prim, name) in sites
-            for name in (finding.property, None)
-        )
-    ]
+    def is_repeated(finding: Finding) -> bool:
+        sites = {(finding.prim, finding.property, target) for target in finding.unknown_targets}
+        is_better_said = (finding.weaker and finding.prim in harmful) or not sites.isdisjoint(named)
+        return is_better_said and finding.severity != "error"
+
+    return [finding for finding in findings if not is_repeated(finding)]
 
 
 class _Run(Struct, frozen=True):

@@ -1,9 +1,9 @@
-"""How to repair what rules found: a finding and the spec give the edits."""
+"""Repairs that rules share: what makes a property of a node right, and what ends its harm."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 
 from msgspec.structs import replace
 
@@ -12,11 +12,8 @@ from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.robot.poses import ORDER
 from lab3_usd.check.robot.wheels import base_side, wheel_joints
 from lab3_usd.check.ros.topics import likely_name
-from lab3_usd.check.tf.targets import NAME_OVERRIDE
 from lab3_usd.model.changes import (
     Activate,
-    AddGraph,
-    AddNode,
     ApplySchema,
     ClearValue,
     Connect,
@@ -30,16 +27,46 @@ from lab3_usd.model.changes import (
     SetValue,
     repair_by,
 )
-from lab3_usd.model.finding import Finding
+from lab3_usd.model.finding import Finding, Severity
 from lab3_usd.model.physics import FIXED, JOINT_ENABLED
-from lab3_usd.model.stage import DEACTIVATED, OVER, Node, PortState
+from lab3_usd.model.stage import Node, PortState
 from lab3_usd.spec.catalog import Catalog, NodeType, Port
 from lab3_usd.spec.graph import NodeSpec
 
 TYPE, VERSION = "node:type", "node:typeVersion"
 
 
-def property_edits(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[Edit]:
+def edits_at(subject: GraphSubject, *properties: str) -> tuple[Edit, ...]:
+    """Return what makes properties right, given by their paths, of nodes that play a role."""
+    return tuple(edit for path in properties for edit in _site_edits(subject, path))
+
+
+def _site_edits(subject: GraphSubject, path: str) -> Iterator[Edit]:
+    prim, _, name = path.partition(".")
+    role, node = subject.roles.role_of.get(prim), subject.live_nodes.get(prim)
+    if role is None:
+        retyped = subject.roles.retyped.items()
+        role = next((role for role, stand_in in retyped if stand_in.path == prim), None)
+    if role is not None and node is not None:
+        yield from _property_edits(subject, role, node, name)
+
+
+def edits_in_stage(whole: StageSubject, prim: str, name: str | None) -> tuple[Edit, ...]:
+    """Return what makes a property of a node right by every graph in which it plays a role."""
+    graphs = whole.graphs if name else ()
+    return tuple(edit for subject in graphs for edit in edits_at(subject, f"{prim}.{name}"))
+
+
+def edits_of_harm(
+    whole: StageSubject, prim: str, name: str | None = None, severity: Severity | None = None
+) -> tuple[Edit, ...]:
+    """Return what ends the harm that a node does: one without a role is removed if it is sure."""
+    extra = (node.path for roles in whole.roles.values() for node in roles.extra)
+    is_removed = severity in {None, "error"} and prim in extra
+    return (RemovePrim(prim),) if is_removed else edits_in_stage(whole, prim, name)
+
+
+def _property_edits(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[Edit]:
     """Yield what makes one property of a node right; nothing where it is."""
     spec = subject.spec.nodes[role]
     port = spec.type.port(name)
@@ -75,7 +102,7 @@ def _unknown_port_edits(subject: GraphSubject, role: str, node: Node, name: str)
     kind = subject.spec.nodes[role].type
     likely = likely_name(name, [*kind.ports])
     if likely is not None and _misspelt(kind, node, likely) == name:
-        yield from property_edits(subject, role, node, likely)
+        yield from _property_edits(subject, role, node, likely)
     elif node.sources(name):
         yield Connect(node.path, name, "token")
 
@@ -134,16 +161,10 @@ def _is_left_alone(subject: GraphSubject, role: str, state: PortState, port: Por
 
 
 _SCHEMA = r"[A-Z]\w+API(:\w+)?"
-_GRAPH_PLACE = "G02"
-_GRAPH_KIND = "G03"
-_NAMESPACE = "P10"
-_OLD_TYPES = "N06"
-_MISSING_GRAPH = "G01"
-_MISSING_NODE = "N01"
-_UNWANTED = ("N02", "N07", "N08", "N09", "N12", "S21", "S23", "L07")
-_EARLY = ("G04", "S18", "L08", "C09", "D07")
+_UNWANTED = ("S21", "S23", "L07")
+_EARLY = ("S18", "L08", "C09", "D07")
 _MISSING_PRIM = "S01"
-_MOVED = (_MISSING_PRIM, "S07", "L02", "C02", _GRAPH_PLACE)
+_MOVED = (_MISSING_PRIM, "S07", "L02", "C02")
 _ARTICULATION = "S11"
 _WHEEL_SHAPE = "S06"
 _LOOSE_LINK = "S12"
@@ -153,89 +174,26 @@ _FRAMES = "physics:local"
 _SCENE = ("S", "L", "C")
 
 
-def with_repairs(
-    findings: Iterable[Finding], subjects: Sequence[GraphSubject], whole: StageSubject
-) -> Iterator[Finding]:
+def with_repairs(findings: Iterable[Finding], whole: StageSubject) -> Iterator[Finding]:
     """Yield the findings, those that have one right repair together with it."""
     for finding in findings:
         is_open = finding.severity != "note" and finding.fix is None
-        edits = tuple(_edits(finding, subjects, whole)) if is_open else ()
+        edits = tuple(_edits(finding, whole)) if is_open else ()
         yield replace(finding, fix=repair_by(edits)) if edits else finding
 
 
-def _edits(
-    finding: Finding, subjects: Sequence[GraphSubject], whole: StageSubject
-) -> Iterator[Edit]:
-    if finding.rule in (*_UNWANTED, *_EARLY) or _is_of_extra_node(finding, subjects):
+def _edits(finding: Finding, whole: StageSubject) -> Iterator[Edit]:
+    if finding.rule in (*_UNWANTED, *_EARLY):
         yield RemovePrim(finding.prim)
-    elif finding.rule in _MOVED and finding.expected in (*finding.related, _path_asked(finding)):
+    elif finding.rule in _MOVED and finding.expected in finding.related:
         yield from _move(finding)
-    elif finding.rule == _NAMESPACE or finding.property == NAME_OVERRIDE:
-        yield ClearValue(finding.prim, finding.property or "")
     elif finding.rule[0] in _SCENE:
         yield from _scene_edits(finding, whole)
-    else:
-        for subject in subjects:
-            yield from _graph_edits(finding, subject)
-
-
-def _is_of_extra_node(finding: Finding, subjects: Sequence[GraphSubject]) -> bool:
-    """Whether an error tells what harm a node does that plays no role in the lab."""
-    return finding.severity == "error" and any(
-        node.path == finding.prim for subject in subjects for node in subject.roles.extra
-    )
-
-
-def _path_asked(finding: Finding) -> str | None:
-    return finding.expected if finding.rule == _GRAPH_PLACE else None
 
 
 def _move(finding: Finding) -> Iterator[Edit]:
     if finding.expected is not None and finding.expected != finding.prim:
         yield MovePrim(finding.prim, finding.expected)
-
-
-def _graph_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
-    graph, spec = subject.roles.graph, subject.spec
-    if finding.rule == _MISSING_GRAPH and finding.prim == spec.path:
-        yield from _missing_graph_edits(subject)
-    elif graph is not None and finding.prim == graph.path:
-        if finding.rule == _GRAPH_KIND:
-            yield from _kind_edits(finding, subject)
-        if finding.rule == _OLD_TYPES:
-            yield from modern_types(graph.nodes, subject.lab.catalog)
-        if finding.rule == _MISSING_NODE:
-            yield from _node_edits(finding, subject)
-    else:
-        for site in _sites(finding):
-            yield from _site_edits(site, subject)
-
-
-def _missing_graph_edits(subject: GraphSubject) -> Iterator[Edit]:
-    """Yield how to get a graph back; a prim of another kind at its path stays."""
-    path = subject.spec.path
-    there = subject.stage.prims.get(path)
-    if there is None:
-        yield AddGraph(path, subject.spec.name)
-    elif not there.present:
-        yield Activate(path)
-
-
-def _kind_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
-    for attribute in subject.lab.catalog.graph.attributes:
-        if attribute.name == finding.property:
-            yield SetValue(finding.prim, attribute.name, attribute.usd_type, attribute.value)
-
-
-def _node_edits(finding: Finding, subject: GraphSubject) -> Iterator[Edit]:
-    """Yield how to get a missing node: one that is in the file is activated."""
-    for role, spec in subject.spec.nodes.items():
-        if f"({role}) is missing" not in finding.message or spec.type.type != finding.expected:
-            continue
-        if any(f" is {each}" in finding.message for each in (DEACTIVATED, OVER)):
-            yield Activate(finding.related[0])
-        elif not finding.related:
-            yield AddNode(f"{finding.prim}/{role}", subject.spec.name, role)
 
 
 def _sites(finding: Finding) -> Iterator[tuple[str, str]]:
@@ -246,15 +204,6 @@ def _sites(finding: Finding) -> Iterator[tuple[str, str]]:
         prim, dot, name = each.partition(".")
         if dot:
             yield prim, name
-
-
-def _site_edits(site: tuple[str, str], subject: GraphSubject) -> Iterator[Edit]:
-    path, name = site
-    role, node = subject.roles.role_of.get(path), subject.live_nodes.get(path)
-    if role is None:
-        role = next((r for r, each in subject.roles.retyped.items() if each.path == path), None)
-    if role is not None and node is not None:
-        yield from property_edits(subject, role, node, name)
 
 
 def _scene_edits(finding: Finding, whole: StageSubject) -> Iterator[Edit]:

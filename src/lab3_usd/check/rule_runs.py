@@ -82,4 +82,7 @@ def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
         hint=problem.hint or in_words_of(lab, found.section("Fix")) or None,
         related=problem.related,
         fix=repair_by(problem.fix) if problem.fix and severity != "note" else None,
+        weaker=problem.weaker,
+        unknown_targets=problem.unknown_targets,
+        unopened=problem.unopened,
     )

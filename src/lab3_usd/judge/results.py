@@ -122,7 +122,16 @@ def unreadable(path: str, checkpoint: str | None, reason: str) -> StageResult:
     """Return the result for a file that no stage can be read from."""
     text = reason.removeprefix(f"{path}: ")
     hint = "open the stage in Isaac Sim, save it again as .usda, and hand in that file"
-    finding = Finding(UNREADABLE, "unreadable-file", "error", "/", text, layer=path, hint=hint)
+    finding = Finding(
+        UNREADABLE,
+        "unreadable-file",
+        "error",
+        "/",
+        text,
+        layer=path,
+        hint=hint,
+        unopened="stage",
+    )
     return StageResult(path, checkpoint, "unreadable", Score(0.0, 0.0), (finding,))
 
 

@@ -23,6 +23,7 @@ SectionKey = tuple[int, str, int, int, str]
 
 Severity = Literal["error", "warning", "note"]
 Verdict = Literal["pass", "fail", "unreadable"]
+Unopened = Literal["", "stage", "file", "asset"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
 
@@ -32,7 +33,9 @@ class Problem(Struct, frozen=True):
     `severity` is None where the rule's own severity holds. `handout` names the section of the
     handout that asks for it (`C9`, `8.11`). `fix` are the edits that repair it, `requirements` the
     ids of the demands that it leaves unmet, `causes` the sites (prim and property) whose change
-    may have brought it about.
+    may have brought it about. One that is `weaker` is left out beside an error at its prim, one
+    that names `unknown_targets` beside an error at its site that names them as well. `unopened` is
+    what could not be opened: the stage itself, a file of it or beside it, an asset at the prim.
     """
 
     prim: str
@@ -47,10 +50,16 @@ class Problem(Struct, frozen=True):
     fix: tuple[Edit, ...] = ()
     requirements: tuple[str, ...] = ()
     causes: tuple[tuple[str, str | None], ...] = ()
+    weaker: bool = False
+    unknown_targets: tuple[str, ...] = ()
+    unopened: Unopened = ""
 
 
 class Finding(Struct, frozen=True):
-    """One fault at its place, as every report shows it (see `schema/report-1.json`)."""
+    """One fault at its place, as every report shows it (see `schema/report-1.json`).
+
+    Not shown are the last fields, which are those of its problem.
+    """
 
     rule: str
     name: str
@@ -67,6 +76,9 @@ class Finding(Struct, frozen=True):
     hint: str | None = None
     related: tuple[str, ...] = ()
     fix: Repair | None = None
+    weaker: bool = False
+    unknown_targets: tuple[str, ...] = ()
+    unopened: Unopened = ""
 
 
 Site = tuple[str, str, str | None]

@@ -195,10 +195,6 @@ def _parts(result: StageResult) -> tuple[Part, ...]:
     return tuple(Part(name, sum(met), len(met)) for name, met in asked.items())
 
 
-_NOT_OPENED = ("F03", "Z01", "Z02")
-_NOT_FOUND = "F02"  # is about one prim, for which other files may do as well
-
-
 class Fault(Struct, frozen=True):
     """A finding, and all the stages that have it.
 
@@ -233,13 +229,13 @@ def faults(block: Block, *, graded: bool = False) -> list[Fault]:
 
 
 def _causes(found: Iterable[Finding]) -> Iterator[Finding]:
-    """Yield what was not opened, as far as something is wrong where it belongs."""
+    """Yield what was not opened: of assets, those where something is wrong at or below the prim."""
     wrong = sorted(f"{finding.prim}/" for finding in found if finding.severity == "error")
     for finding in found:
         below = f"{finding.prim}/"
         at = bisect_left(wrong, below)
         is_wrong = at < len(wrong) and wrong[at].startswith(below)
-        if finding.rule in _NOT_OPENED or (finding.rule == _NOT_FOUND and is_wrong):
+        if finding.unopened == "file" or (finding.unopened == "asset" and is_wrong):
             yield finding
 
 

@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 
 from msgspec import Struct, field
 
-from lab3_usd.model.finding import Finding, Problem, Requirement, node_title, short_source
+from lab3_usd.model.finding import Finding, Requirement
 from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -56,33 +56,6 @@ class WireFault(Struct, frozen=True):
     elsewhere: str | None = None
 
 
-def wire_problem(fault: WireFault, message: str, hint: str | None = None) -> Problem:
-    """Return a problem at the faulty input."""
-    return Problem(
-        prim=fault.node.path,
-        property=fault.port,
-        message=message,
-        expected=fault.expected,
-        actual=fault.actual,
-        handout=None if fault.wire is None else fault.wire.handout,
-        related=() if fault.elsewhere is None else (fault.elsewhere,),
-        hint=hint,
-    )
-
-
-def source_shown(fault: WireFault) -> str:
-    """Return the source that is there, with its whole path when it stands in another graph."""
-    graph = fault.node.path.rpartition("/")[0]
-    is_here = fault.actual is None or fault.actual.startswith(f"{graph}/")
-    return short_source(fault.actual) if is_here else str(fault.actual)
-
-
-def connect_hint(fault: WireFault) -> str:
-    """Say which wire to draw."""
-    port = fault.port.partition(":")[2]
-    return f"drag a wire from {short_source(fault.expected)} to {port} of {node_title(fault.node)}"
-
-
 class ModelSubject(Protocol):
     """A stage, whatever is asked of it."""
 
@@ -123,7 +96,7 @@ class StageSubject(Struct, frozen=True, eq=False):
     follows from that error is not said again. `relocations` maps where the handout has the robot
     and its links to where they stand instead; `lab` reads as if they belonged there.
     `missing_graphs` maps each graph that is missing together with a prim to that prim, whose
-    finding names the graph.
+    finding names the graph. `graphs` are those of the checkpoint, each as its own rules see it.
     """
 
     lab: Lab
@@ -133,6 +106,7 @@ class StageSubject(Struct, frozen=True, eq=False):
     faulty_prims: frozenset[str] = frozenset()
     relocations: Mapping[str, str] = field(default_factory=dict)
     missing_graphs: Mapping[str, str] = field(default_factory=dict)
+    graphs: tuple[GraphSubject, ...] = ()
 
 
 class Outcome(Struct, frozen=True, eq=False):

@@ -23,7 +23,7 @@ def unreadable_file(reason: str) -> Iterator[Problem]:
 
     Example: a file that ends in `.uda`, or an upload that was cut short.
     """
-    yield Problem("/", reason)
+    yield Problem("/", reason, unopened="stage")
 
 
 @rule("F02", "not-verifiable", scope="model", severity="note")
@@ -49,7 +49,7 @@ def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
             f"not verifiable: {what} cannot be found from here, so what it would bring to {first} "
             "is neither passed nor failed"
         )
-        yield Problem(first, message, actual=asset, related=tuple(others))
+        yield Problem(first, message, actual=asset, related=tuple(others), unopened="asset")
 
 
 @rule("F03", "missing-sublayer", scope="model")
@@ -67,7 +67,7 @@ def missing_sublayer(subject: ModelSubject) -> Iterator[Problem]:
     for missing in subject.stage.unresolved:
         if missing.kind == "sublayer":
             message = f"sublayer {missing.asset} cannot be found"
-            yield Problem("/", message, actual=missing.asset)
+            yield Problem("/", message, actual=missing.asset, unopened="file")
 
 
 @rule("F04", "muted-sublayer", scope="stage", severity="warning")
@@ -132,7 +132,7 @@ def file_left_out(path: str, reason: str) -> Iterator[Problem]:
 
     Example: `{stages}/{stage3}` is a symbolic link to a file in somebody's home.
     """
-    yield Problem(path, f"this file is left out: {reason}")
+    yield Problem(path, f"this file is left out: {reason}", unopened="file")
 
 
 @rule("Z02", "reference-left-out", scope="file")
@@ -147,7 +147,7 @@ def reference_left_out(asset: str, reason: str) -> Iterator[Problem]:
 
     Example: `references = @../../solution/{stage3}@`.
     """
-    yield Problem("/", f"{asset} is not opened: {reason}", actual=asset)
+    yield Problem("/", f"{asset} is not opened: {reason}", actual=asset, unopened="file")
 
 
 _DEEPEST = 3

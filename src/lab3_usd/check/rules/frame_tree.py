@@ -9,11 +9,12 @@ from msgspec import Struct
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import edits_of_harm
 from lab3_usd.check.ros.running import effective_value, running_nodes
 from lab3_usd.check.tf.frames import Edge, certain_edges, frames_in_cycles
 from lab3_usd.check.tf.lab_frames import TfView, is_reported_elsewhere, repeating_graphs
 from lab3_usd.check.tf.targets import tf_ports
-from lab3_usd.model.finding import Problem
+from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.stage import AbsentPrim, Node, PortState
 from lab3_usd.spec.catalog import NodeType, TfPorts
 
@@ -63,6 +64,8 @@ def two_parents(view: TfView) -> Iterator[Problem]:
         sites = "; ".join(f"{site.parent} -> {site.child}" for site, _ in found)
         names = ", ".join(f"'{site.child}'" for site, _ in found)
         many = len(found) > 1
+        is_sure = any(_has_parents(certain_edges(edges)) for _, edges in found)
+        severity: Severity | None = None if is_sure else "warning"
         yield Problem(
             cause,
             f"publishes {sites}; so {names} {'have' if many else 'has'} two parents",
@@ -72,7 +75,8 @@ def two_parents(view: TfView) -> Iterator[Problem]:
             actual=sites,
             handout=view.subject.lab.frames.handout,
             related=_others(everything, found[0][0]),
-            severity=None if any(_has_parents(certain_edges(e)) for _, e in found) else "warning",
+            severity=severity,
+            fix=edits_of_harm(view.subject, cause, severity=severity),
         )
 
 
@@ -104,15 +108,16 @@ def transform_published_twice(view: TfView) -> Iterator[Problem]:
         if publisher.rpartition("/")[0] in copies:
             continue  # the rule of topics says that the whole graph is there twice
         sites = ", ".join(f"{site.parent} -> {site.child}" for site, _ in found)
+        is_sure = any(_has_publishers(certain_edges(edges)) for _, edges in found)
+        severity: Severity | None = None if is_sure else "warning"
         yield Problem(
             publisher,
             f"publishes {sites}, which another node publishes as well",
             actual=sites,
             handout=subject.lab.frames.handout,
             related=_others([edge for _, edges in found for edge in edges], found[0][0]),
-            severity=None
-            if any(_has_publishers(certain_edges(e)) for _, e in found)
-            else "warning",
+            severity=severity,
+            fix=edits_of_harm(subject, publisher, severity=severity),
         )
     for edges in _same_transforms(view).values():
         if not _has_publishers(edges) and len({edge.prim for edge in edges}) > 1:
@@ -121,13 +126,15 @@ def transform_published_twice(view: TfView) -> Iterator[Problem]:
 
 def _of_two_prims(edges: list[Edge], subject: StageSubject) -> Problem:
     prims = " and ".join(dict.fromkeys(str(edge.prim) for edge in edges))
+    severity: Severity | None = None if edges[0].sure else "warning"
     return Problem(
         edges[0].cause,
         f"gives the frame '{edges[0].child}' to {prims}",
         expected="one prim for each frame",
         actual=prims,
         handout=subject.lab.frames.handout,
-        severity=None if edges[0].sure else "warning",
+        severity=severity,
+        fix=edits_of_harm(subject, edges[0].cause, severity=severity),
     )
 
 
@@ -157,13 +164,15 @@ def ring_of_frames(view: TfView) -> Iterator[Problem]:
     if ring:
         inside = [edge for edge in edges if edge.parent in ring and edge.child in ring]
         site = _site(inside, view)
+        severity: Severity | None = None if frames_in_cycles(certain_edges(edges)) else "warning"
         yield Problem(
             site.cause,
             f"{site.parent} -> {site.child} closes a ring of the frames {', '.join(ring)}",
             actual=f"{site.parent} -> {site.child}",
             handout=view.subject.lab.frames.handout,
             related=_others(inside, site),
-            severity=None if frames_in_cycles(certain_edges(edges)) else "warning",
+            severity=severity,
+            fix=edits_of_harm(view.subject, site.cause, severity=severity),
         )
 
 
@@ -192,12 +201,14 @@ def frames_not_connected(view: TfView) -> Iterator[Problem]:
             loose.setdefault(edge.cause, []).append(edge)
     for cause, found in loose.items():
         names = ", ".join(f"{edge.parent} -> {edge.child}" for edge in found)
+        severity: Severity | None = None if certain_edges(found) else "warning"
         yield Problem(
             cause,
             f"publishes {names}, which is not connected with '{_tops(subject)[0]}'",
             actual=names,
             handout=subject.lab.frames.handout,
-            severity=None if certain_edges(found) else "warning",
+            severity=severity,
+            fix=edits_of_harm(subject, cause, severity=severity),
         )
 
 
@@ -260,6 +271,7 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
                 path,
                 "a node of this name publishes what the lab must not have",
                 handout=subject.lab.frames.guard_handout,
+                fix=edits_of_harm(subject, path),
             )
     yield from _put_away(subject)
 
@@ -319,6 +331,7 @@ def _placed(placement: _Placement, view: TfView) -> Problem:
         actual=f"{parent} -> {view.odom}",
         handout=frames.guard_handout,
         hint=hint,
+        fix=edits_of_harm(view.subject, placement.node, placement.port),
     )
 
 
@@ -391,4 +404,5 @@ def competes_with_localization(view: TfView) -> Iterator[Problem]:
                 actual=f"{parent} -> {child}",
                 handout=localization.handout,
                 hint=hint,
+                fix=edits_of_harm(subject, placement.node, placement.port),
             )

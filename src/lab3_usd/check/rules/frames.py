@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from lab3_usd.check.match.conformance import setting_matches
 from lab3_usd.check.match.subject import Outcome
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import edits_in_stage, edits_of_harm
 from lab3_usd.check.ros.running import effective_value
 from lab3_usd.check.ros.topics import endpoints
 from lab3_usd.check.tf.frames import Edge, certain_edges, unknown_publishers
@@ -28,7 +29,8 @@ from lab3_usd.check.tf.targets import (
     frame_name,
     tf_ports,
 )
-from lab3_usd.model.finding import Finding, Problem
+from lab3_usd.model.changes import ClearValue
+from lab3_usd.model.finding import Finding, Problem, Severity
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import Node, is_unresolved
@@ -69,6 +71,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             expected=frame,
             actual=frame_name(maker.prims[frame], stage),
             handout=maker.handout,
+            fix=(ClearValue(maker.prims[frame], NAME_OVERRIDE),),
         )
     rest = [frame for frame in missing if frame not in renamed]
     why = _why_not_all(maker, rest, view)
@@ -85,6 +88,8 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             expected=", ".join(maker.prims[frame] for frame in frames),
             actual=", ".join(targets) or "no targets",
             handout=maker.handout,
+            fix=edits_in_stage(view.subject, maker.node.path, maker.port),
+            unknown_targets=tuple(strangers),
         )
 
 
@@ -153,10 +158,13 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
     node = view.live_nodes[cause]
     ports = tf_ports(node)
     port = next(iter(ports.names or ports.prims))
+    severity: Severity | None = None if certain_edges(edges) else "warning"
     site: tuple[str, str] = (cause, port)
+    fix = edits_of_harm(view.subject, cause, port, severity)
     prim = next(iter(node.targets(port)), None)
     if cause in view.role_specs and prim and frame_name(prim, view.subject.stage) != expected:
         site = (prim, NAME_OVERRIDE)
+        fix = (ClearValue(*site),)
     return Problem(
         site[0],
         f"'{actual}' is the parent of {frame_list_text(frames)}, expected '{expected}'",
@@ -164,7 +172,8 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
         expected=expected,
         actual=actual,
         handout=view.subject.lab.frames.handout,
-        severity=None if certain_edges(edges) else "warning",
+        severity=severity,
+        fix=fix,
     )
 
 
@@ -257,6 +266,7 @@ def _foreign_frames(node: Node, topic: str, view: TfView) -> Iterator[Problem]:
             expected="a frame of the TF tree",
             actual=value,
             severity="warning" if spec is None else None,
+            fix=edits_in_stage(view.subject, node.path, port),
         )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.model.changes import Activate, AddGraph, Edit, MovePrim, RemovePrim, SetValue
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, StageModel
@@ -44,7 +45,17 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
         expected=spec.path,
         handout=spec.handout,
         hint=f"make the graph {spec.name} at {spec.path} as section {spec.handout} shows",
+        fix=tuple(_way_back(subject)),
     )
+
+
+def _way_back(subject: GraphSubject) -> Iterator[Edit]:
+    """Yield how to get a graph back; a prim of another kind at its path stays."""
+    prim = subject.stage.prims.get(subject.spec.path)
+    if prim is None:
+        yield AddGraph(subject.spec.path, subject.spec.name)
+    elif not prim.present:
+        yield Activate(prim.path)
 
 
 def _why_missing(subject: GraphSubject) -> str:
@@ -94,6 +105,7 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
             handout=spec.handout,
             hint=hint,
             related=() if standing is None else (spec.path,),
+            fix=(MovePrim(graph.path, spec.path),),
         )
 
 
@@ -173,6 +185,7 @@ def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
             expected=display(attribute.value),
             actual=display(value),
             handout=subject.spec.handout,
+            fix=(SetValue(graph.path, attribute.name, attribute.usd_type, attribute.value),),
         )
 
 
@@ -218,4 +231,5 @@ def early_graph(subject: StageSubject) -> Iterator[Problem]:
         spec = later.get(graph.path)
         if graph.active and spec is not None:
             message = f"graph {spec.name} belongs to a later checkpoint; was this saved late?"
-            yield Problem(graph.path, message, handout=spec.handout, severity=severity)
+            fix = (RemovePrim(graph.path),)
+            yield Problem(graph.path, message, handout=spec.handout, severity=severity, fix=fix)

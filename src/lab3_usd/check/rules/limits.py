@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.check.match.conformance import setting_value
 from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import edits_at
 from lab3_usd.model.finding import Problem, display, role_title, short_source
 from lab3_usd.model.physics import number
 from lab3_usd.model.stage import Node
@@ -32,7 +33,10 @@ def limit_without_time_step(subject: GraphSubject) -> Iterator[Problem]:
             first = f"delete the wire from {wires}, then " if wires else ""
             hint = f"{first}select {role_title(spec)} and set {port.partition(':')[2]} to 0"
             section = dict(spec.keep).get(port, spec.handout)
-            yield Problem(node.path, message, port, "0", display(value), section, hint=hint)
+            fix = edits_at(subject, f"{node.path}.{port}")
+            yield Problem(
+                node.path, message, port, "0", display(value), section, hint=hint, fix=fix
+            )
 
 
 def stopping_inputs(subject: GraphSubject) -> Iterator[tuple[str, str]]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import LintSubject, sensor_of
+from lab3_usd.model.changes import ApplySchema
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim
@@ -107,6 +108,7 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
                 f"has no {asked.needs}, so that {node.path} refuses it",
                 expected=asked.needs,
                 related=(node.path,),
+                fix=(ApplySchema(path, asked.needs),),
             )
 
 

@@ -17,7 +17,9 @@ from lab3_usd.check.ros.topics import (
     likely_name,
 )
 from lab3_usd.check.tf.trees import refused_namespaces, written_frames, written_topics
+from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Problem, Severity, display
+from lab3_usd.model.stage import Node
 
 
 def _running(subject: LintSubject, direction: str) -> list[Endpoint]:
@@ -297,14 +299,24 @@ def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
             known = (*port.allowed, *(() if node.type is None else node.type.message))
             if isinstance(value, str) and value not in ("", port.default, *known):
                 near = likely_name(value, port.allowed)
+                expected = near or ", ".join(port.allowed)
                 yield Problem(
                     node.path,
                     f"{name} is {display(value)}, which {subject.title(node)} does not offer"
                     f"{did_you_mean(near)}",
                     property=name,
-                    expected=near or ", ".join(port.allowed),
+                    expected=expected,
                     actual=value,
+                    fix=_setting(node, name, expected if expected in port.allowed else ""),
                 )
+
+
+def _setting(node: Node, name: str, value: str) -> tuple[Edit, ...]:
+    """Return what gives an input the value that was likely meant; a connected one has none."""
+    port = None if node.type is None else node.type.port(name)
+    if port is None or not value or node.sources(name):
+        return ()
+    return (SetValue(node.path, name, port.usd_type, value),)
 
 
 @rule("K37", "topic-name", scope="lint")
@@ -368,4 +380,5 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
                 property=port,
                 expected=value.lstrip("/") or "the name of a frame",
                 actual=value,
+                fix=_setting(node, port, value.lstrip("/")),
             )

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import TYPE, VERSION, modern_types
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.ros.topics import did_you_mean, likely_type
+from lab3_usd.model.changes import SetValue
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.isaac import NEWEST
-
-TYPE = "node:type"
 
 
 @rule("K30", "unregistered-type", scope="lint")
@@ -39,6 +39,7 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
             hint=None
             if likely
             else "replace the node by one that this release has, or use another",
+            fix=(SetValue(node.path, TYPE, "token", likely),) if likely else (),
         )
 
 
@@ -99,6 +100,7 @@ def old_names(subject: LintSubject) -> Iterator[Problem]:
                 expected=now,
                 actual=old[0].type_name,
                 related=tuple(node.path for node in old),
+                fix=tuple(modern_types(old, subject.catalog)),
             )
 
 
@@ -143,7 +145,7 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(
                 node.path,
                 f"{subject.title(node)} is of version {node.version}, known is {node.type.version}",
-                property="node:typeVersion",
+                property=VERSION,
                 expected=str(node.type.version),
                 actual=str(node.version),
             )

@@ -9,8 +9,9 @@ from lab3_usd.check.ros.execution import has_job, is_nothing
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.ros.topics import did_you_mean, likely_name
 from lab3_usd.check.ros.wires import Connection, connections, find_cycles, why_dead
+from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, display
-from lab3_usd.spec.catalog import OUTPUT, NodeType, can_connect
+from lab3_usd.spec.catalog import OUTPUT, NodeType, Port, can_connect
 
 
 @rule("K20", "dangling-wire", scope="lint", formerly="wire-from-nowhere")
@@ -48,7 +49,18 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
             property=wire.port,
             actual=wire.path,
             severity="warning" if is_fed else None,
+            fix=_rewiring(wire, *others) if is_fed else (),
         )
+
+
+def _input(wire: Connection) -> Port | None:
+    return None if wire.node.type is None else wire.node.type.port(wire.port)
+
+
+def _rewiring(wire: Connection, *sources: str) -> tuple[Edit, ...]:
+    """Return what gives the input of a wire these sources; nothing where the input is unknown."""
+    port = _input(wire)
+    return (Connect(wire.node.path, port.name, port.usd_type, sources),) if port else ()
 
 
 @rule("K21", "unknown-port", scope="lint")
@@ -66,6 +78,9 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
         source = wire.source
         if source is not None and not source.has_port(wire.source_port) and source.type is not None:
             near = meant_port(wire.source_port, source.type, is_source=True)
+            port, meant = _input(wire), f"{source.path}.{near}"
+            sources = wire.node.sources(wire.port)
+            fits = near and port and can_connect(source.type.ports[near], port)
             yield Problem(
                 wire.node.path,
                 f"{wire.port} is wired from {source.name}.{wire.source_port}, a port that "
@@ -75,6 +90,9 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
                 expected=near,
                 actual=wire.path,
                 related=(source.path,),
+                fix=_rewiring(wire, *(meant if path == wire.path else path for path in sources))
+                if fits
+                else (),
             )
         kind = wire.node.type
         if kind is not None and kind.port(wire.port) is None:
@@ -86,6 +104,9 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
                 property=wire.port,
                 expected=near,
                 actual=wire.port,
+                fix=(RenameProperty(wire.node.path, wire.port, near),)
+                if near and near not in wire.node.ports
+                else (),
             )
 
 
@@ -165,7 +186,7 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
     """
     fed: dict[tuple[str, str], list[Connection]] = {}
     for wire in connections(subject):
-        port = None if wire.node.type is None else wire.node.type.port(wire.port)
+        port = _input(wire)
         if wire.is_live and port is not None and not port.is_execution:
             fed.setdefault((wire.node.path, wire.port), []).append(wire)
     for (path, port_name), wires in fed.items():

@@ -11,9 +11,11 @@ from lab3_usd.check.hints import shown_graph, without_node
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import TYPE, VERSION, edits_at, modern_types
 from lab3_usd.check.robot.wheels import is_doubtful, second_commanders
 from lab3_usd.check.ros.running import live_nodes, severity_if_uncertain
 from lab3_usd.check.ros.topics import Endpoint, endpoints
+from lab3_usd.model.changes import Activate, AddNode, Edit, RemovePrim
 from lab3_usd.model.finding import Problem, node_title, role_title
 from lab3_usd.model.stage import (
     DEACTIVATED,
@@ -56,6 +58,11 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
         there = absent.get(spec.role) or in_another_graph(spec, subject)
         why = "" if there is None else f": {there.path} is {there.reason}{_below(there, subject)}"
         spared = without_node(subject, spec.role)
+        fix: tuple[Edit, ...] = ()
+        if there is None:
+            fix = (AddNode(f"{graph.path}/{spec.role}", subject.spec.name, spec.role),)
+        elif there.reason in {DEACTIVATED, OVER}:
+            fix = (Activate(there.path),)
         yield Problem(
             prim=graph.path,
             message=f"node {role_title(spec)} ({spec.role}) is missing{why}{spared}",
@@ -63,6 +70,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
             handout=spec.handout,
             related=() if there is None else (there.path,),
             hint=_way_back(subject, spec, there),
+            fix=fix,
         )
 
 
@@ -142,12 +150,13 @@ def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
         title = node.type_name if is_same_title or node.type is None else node.type.ui_name
         yield Problem(
             prim=node.path,
-            property="node:type",
+            property=TYPE,
             message=f"node is {title or 'of no type'}, expected {role_title(spec)}{alike}",
             expected=spec.type.type,
             actual=node.type_name,
             handout=spec.handout,
             hint=f"replace the node by {role_title(spec)} and {_wiring(subject, spec)}",
+            fix=edits_at(subject, f"{node.path}.{TYPE}"),
         )
 
 
@@ -163,7 +172,7 @@ def old_node_version(subject: GraphSubject) -> Iterator[Problem]:
     """
     for node, spec in subject.matched():
         if node.version is not None and node.version < spec.type.version:
-            yield _version_problem(node, spec, "an older")
+            yield _version_problem(subject, node, spec, "an older")
 
 
 @rule("N05", "new-node-version", scope="graph", severity="warning")
@@ -178,17 +187,18 @@ def new_node_version(subject: GraphSubject) -> Iterator[Problem]:
     """
     for node, spec in subject.matched():
         if node.version is not None and node.version > spec.type.version:
-            yield _version_problem(node, spec, "a newer")
+            yield _version_problem(subject, node, spec, "a newer")
 
 
-def _version_problem(node: Node, spec: NodeSpec, kind: str) -> Problem:
+def _version_problem(subject: GraphSubject, node: Node, spec: NodeSpec, kind: str) -> Problem:
     return Problem(
         prim=node.path,
-        property="node:typeVersion",
+        property=VERSION,
         message=f"{role_title(spec)} is of {kind} version, {node.version}",
         expected=str(spec.type.version),
         actual=str(node.version),
         handout=spec.handout,
+        fix=edits_at(subject, f"{node.path}.{VERSION}"),
     )
 
 
@@ -213,7 +223,13 @@ def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
         message = f"{count} from before 4.5: {old[0].type_name}"
         expected = catalog.modern(old[0].type_name)
         yield Problem(
-            graph.path, message, None, expected, old[0].type_name, subject.spec.handout, names
+            graph.path,
+            message,
+            expected=expected,
+            actual=old[0].type_name,
+            handout=subject.spec.handout,
+            related=names,
+            fix=tuple(modern_types(old, catalog)),
         )
 
 
@@ -239,7 +255,14 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
         is_told = _is_script(subject, node) or node in told
         if not is_told and not _published_again(subject, node):
             message = f"{node_title(node)} is not asked for in {subject.spec.name}"
-            yield Problem(node.path, message, actual=node.type_name, handout=subject.spec.handout)
+            yield Problem(
+                node.path,
+                message,
+                actual=node.type_name,
+                handout=subject.spec.handout,
+                fix=(RemovePrim(node.path),),
+                weaker=True,
+            )
 
 
 def _is_script(subject: GraphSubject, node: Node) -> bool:
@@ -302,6 +325,7 @@ def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
                 handout=subject.spec.handout,
                 related=(other.node.path,),
                 severity=None if _is_sure(pair) else "warning",
+                fix=(RemovePrim(node.path),),
             )
 
 
@@ -322,8 +346,9 @@ def script_node(subject: StageSubject) -> Iterator[Problem]:
         yield Problem(
             script.prim,
             f"{what} runs code out of the file, which the lab does not need",
-            property="node:type" if is_node else None,
+            property=TYPE if is_node else None,
             actual=script.carrier,
+            fix=(RemovePrim(script.prim),),
         )
 
 
@@ -347,7 +372,7 @@ def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
     for node in nodes_outside_graphs(stage):
         if node.path not in missed and not lab.catalog.scripts.runs(node.type_name):
             message = f"{node_title(node)} stands outside every graph, where it is never evaluated"
-            yield Problem(node.path, message, None, None, node.type_name)
+            yield Problem(node.path, message, actual=node.type_name, fix=(RemovePrim(node.path),))
 
 
 @rule("N12", "wheels-commanded-twice", scope="stage")
@@ -378,4 +403,5 @@ def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
             handout=robot.wheels.handout or robot.handout,
             related=(own,),
             severity=doubtful,
+            fix=(RemovePrim(node.path),),
         )

@@ -12,15 +12,16 @@ from lab3_usd.check.hints import with_setting
 from lab3_usd.check.match.conformance import setting_matches, setting_value
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import edits_at
 from lab3_usd.check.ros.running import live_nodes
 from lab3_usd.check.ros.topics import moving_prims
 from lab3_usd.check.rules.limits import stopping_limits
 from lab3_usd.check.tf.lab_frames import role_specs
+from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
 from lab3_usd.model.stage import Node, once_per_stage, same_value
 from lab3_usd.spec.catalog import INPUT, Port, Value, are_alike
 from lab3_usd.spec.graph import NodeSpec, Setting, resolved_topic
-from lab3_usd.spec.lab import Lab
 
 
 class Found(Struct, frozen=True):
@@ -46,7 +47,7 @@ def _find_settings(subject: GraphSubject) -> Iterator[Found]:
             yield Found(node, spec, setting, value, setting_matches(node, setting, value))
 
 
-def setting_problem(found: Found, message: str) -> Problem:
+def setting_problem(subject: GraphSubject, found: Found, message: str) -> Problem:
     """Return the problem of one setting, with how to set it right."""
     setting, wanted = found.setting, display(found.setting.value)
     port = setting.port.partition(":")[2]
@@ -61,6 +62,7 @@ def setting_problem(found: Found, message: str) -> Problem:
         handout=setting.handout,
         hint=f"{first}select {role_title(found.spec)} "
         f"and set {port} to {wanted} in the Property panel",
+        fix=edits_at(subject, f"{found.node.path}.{setting.port}"),
     )
 
 
@@ -125,7 +127,7 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
         what = display(found.value) if found.value is not None else _wired(found)
         message = f"{port} is {what}, expected {display(found.setting.value)}"
         message += with_setting(subject, found.spec.role, found.setting, found.value)
-        yield setting_problem(found, message)
+        yield setting_problem(subject, found, message)
 
 
 def _wired(found: Found) -> str:
@@ -159,7 +161,7 @@ def wrong_default(subject: GraphSubject) -> Iterator[Problem]:
             continue
         default, wanted = display(found.value), display(found.setting.value)
         message = f"{port} was left at its default {default}, expected {wanted}"
-        yield setting_problem(found, message)
+        yield setting_problem(subject, found, message)
 
 
 @rule("P03", "wrong-value-type", scope="graph")
@@ -177,7 +179,7 @@ def wrong_value_type(subject: GraphSubject) -> Iterator[Problem]:
         declared = _wrong_type(found.node, port)
         if declared is not None and port is not None:
             message = f"{port.name} is of type {declared}, expected {port.usd_type}"
-            problem = setting_problem(found, message)
+            problem = setting_problem(subject, found, message)
             title = role_title(found.spec)
             hint = f"delete {title}, add it again from the node list and set its fields"
             yield replace(problem, expected=port.usd_type, actual=declared, hint=hint)
@@ -205,8 +207,10 @@ def swapped_values(subject: GraphSubject) -> Iterator[Problem]:
                 f"{name} holds the value that belongs here"
             )
             hint = f"exchange the values of {found.node.name} and {name}"
-            problem = setting_problem(found, message)
-            yield replace(problem, hint=hint, related=(f"{other}.{port}",))
+            problem = setting_problem(subject, found, message)
+            related = f"{other}.{port}"
+            fix = (*problem.fix, *edits_at(subject, related))
+            yield replace(problem, hint=hint, related=(related,), fix=fix)
 
 
 @rule("P04", "kept-default-changed", scope="graph")
@@ -222,13 +226,13 @@ def kept_default_changed(subject: GraphSubject) -> Iterator[Problem]:
     """
     for node, spec, port, value in _changed(subject):
         if port.short in subject.lab.policy.keep_default:
-            yield _kept_problem(subject.lab, node, spec, port, display(value))
+            yield _kept_problem(subject, node, spec, port, display(value))
     for fault in subject.wire_faults:
         spec = subject.spec.nodes[subject.roles.role_of[fault.node.path]]
         wired = spec.type.port(fault.port)
         if wired is not None and fault.kind == "unasked" and _is_kept_from_wires(subject, wired):
             source = short_source(fault.actual)
-            problem = _kept_problem(subject.lab, fault.node, spec, wired, f"wired from {source}")
+            problem = _kept_problem(subject, fault.node, spec, wired, f"wired from {source}")
             yield replace(problem, hint=f"delete the wire from {source}")
 
 
@@ -242,13 +246,17 @@ def _is_profile(port: Port) -> bool:
     return "qos" in port.short
 
 
-def _kept_problem(lab: Lab, node: Node, spec: NodeSpec, port: Port, actual: str) -> Problem:
+def _kept_problem(
+    subject: GraphSubject, node: Node, spec: NodeSpec, port: Port, actual: str
+) -> Problem:
     expected = display(port.default)
     message = f"{port.name} is {actual}, expected its default {expected}"
     hint = f"select {role_title(spec)} and reset {port.short} in the Property panel"
-    usual = lab.handout.behind("P04", spec.handout) if _is_profile(port) else spec.handout
+    handout = subject.lab.handout
+    usual = handout.behind("P04", spec.handout) if _is_profile(port) else spec.handout
     section = dict(spec.keep).get(port.name, usual)
-    return Problem(node.path, message, port.name, expected, actual, section, hint=hint)
+    fix = edits_at(subject, f"{node.path}.{port.name}")
+    return Problem(node.path, message, port.name, expected, actual, section, hint=hint, fix=fix)
 
 
 _Changed = tuple[Node, NodeSpec, Port, Value | None]
@@ -289,10 +297,13 @@ def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
             )
             section = dict(spec.keep).get(port.name, spec.handout)
             expected, actual = display(port.default), display(value)
-            yield Problem(node.path, message, port.name, expected, actual, section)
+            fix = edits_at(subject, f"{node.path}.{port.name}")
+            yield Problem(node.path, message, port.name, expected, actual, section, fix=fix)
     for node, spec, name, prims in _aimed(subject):
         message = f"{name} names {format_paths(prims)}, the handout leaves it empty"
-        yield Problem(node.path, message, name, format_paths(()), format_paths(prims), spec.handout)
+        expected, actual = format_paths(()), format_paths(prims)
+        fix = edits_at(subject, f"{node.path}.{name}")
+        yield Problem(node.path, message, name, expected, actual, spec.handout, fix=fix)
 
 
 def _aimed(
@@ -332,7 +343,14 @@ def namespace(subject: GraphSubject) -> Iterator[Problem]:
             message = f"{port.name} is {display(value)}, expected no namespace"
             hint = f"select {role_title(spec)} and clear {port.short} in the Property panel"
             yield Problem(
-                node.path, message, port.name, "''", display(value), spec.handout, hint=hint
+                node.path,
+                message,
+                port.name,
+                expected="''",
+                actual=display(value),
+                handout=spec.handout,
+                hint=hint,
+                fix=edits_at(subject, f"{node.path}.{port.name}"),
             )
 
 
@@ -352,7 +370,7 @@ def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
         if is_topic and found.met and found.value != found.setting.value:
             wanted = display(found.setting.value)
             message = f"{found.setting.port} is {display(found.value)}, which is {wanted} to ROS 2"
-            yield setting_problem(found, message)
+            yield setting_problem(subject, found, message)
 
 
 @rule("P09", "stamp-reset", scope="stage", severity="note")
@@ -413,7 +431,15 @@ def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
             message = (
                 f"{attribute} is {display(value)}, which moves the topics of {_counted(nodes)}"
             )
-            yield Problem(path, message, attribute, "''", display(value), related=tuple(nodes))
+            yield Problem(
+                path,
+                message,
+                attribute,
+                expected="''",
+                actual=display(value),
+                related=tuple(nodes),
+                fix=(ClearValue(path, attribute),),
+            )
 
 
 def _counted(nodes: list[str]) -> str:

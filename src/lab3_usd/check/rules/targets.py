@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.check.match.conformance import target_matches, targets_handout_prims, targets_prims
 from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import edits_at, edits_in_stage, edits_of_harm
 from lab3_usd.check.ros.running import severity_if_uncertain
 from lab3_usd.check.tf.lab_frames import (
     TfView,
@@ -24,7 +25,7 @@ from lab3_usd.check.tf.lab_frames import (
     self_parent_pairs,
 )
 from lab3_usd.check.tf.targets import Pair, listed_targets, parent_prim, tf_ports
-from lab3_usd.model.finding import Problem, Severity, format_paths
+from lab3_usd.model.finding import Problem, format_paths
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.graph import NodeSpec, Target
 
@@ -37,7 +38,7 @@ def _targets(subject: GraphSubject) -> Iterator[tuple[Node, NodeSpec, Target]]:
                 yield node, spec, target
 
 
-def _problem(node: Node, target: Target, message: str) -> Problem:
+def _problem(subject: GraphSubject, node: Node, target: Target, message: str) -> Problem:
     return Problem(
         prim=node.path,
         property=target.port,
@@ -47,6 +48,7 @@ def _problem(node: Node, target: Target, message: str) -> Problem:
         handout=target.handout,
         hint="select the node, clear the field in the Property panel, "
         f"pick {format_paths(target.prims)}",
+        fix=edits_at(subject, f"{node.path}.{target.port}"),
     )
 
 
@@ -75,7 +77,7 @@ def missing_target(subject: GraphSubject) -> Iterator[Problem]:
             message = f"{target.port} names no prim, expected {asked}"
             if state is not None and state.usd_type != "rel":
                 message = f"{target.port} is an attribute, expected a relationship to {asked}"
-            yield _problem(node, target, message)
+            yield _problem(subject, node, target, message)
 
 
 @rule("R02", "wrong-target", scope="graph")
@@ -99,14 +101,14 @@ def wrong_target(subject: GraphSubject) -> Iterator[Problem]:
             message = (
                 f"{target.port} is {format_paths(actual)}, expected {format_paths(target.prims)}"
             )
-            yield _problem(node, target, message)
+            yield _problem(subject, node, target, message)
         if targets_handout_prims(node, target):
             root = format_paths(target.prims)
             message = (
                 f"{target.port} is {format_paths(actual)} as in the handout, but the articulation"
             )
             message += f" root is on {root}: no articulation is found, and nothing moves"
-            yield replace(_problem(node, target, message), severity="warning")
+            yield replace(_problem(subject, node, target, message), severity="warning")
 
 
 @rule("R03", "unknown-target", scope="graph", severity="warning")
@@ -125,7 +127,15 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
             for path in node.targets(port):
                 if path not in asked and not _exists(subject, path):
                     message = f"{port} names {path}, which does not exist"
-                    yield Problem(node.path, message, port, None, path, spec.handout)
+                    yield Problem(
+                        node.path,
+                        message,
+                        port,
+                        actual=path,
+                        handout=spec.handout,
+                        fix=edits_at(subject, f"{node.path}.{port}"),
+                        unknown_targets=(path,),
+                    )
 
 
 def _exists(subject: GraphSubject, path: str) -> bool:
@@ -156,15 +166,18 @@ def frame_is_its_own_parent(view: TfView) -> Iterator[Problem]:
             continue
         for problem in _own_parents(node, view):
             doubtful = severity_if_uncertain(subject.stage, subject.lab, path)
-            yield replace(problem, severity=doubtful or problem.severity)
+            severity = doubtful or problem.severity
+            fix = edits_of_harm(subject, path, problem.property, severity)
+            yield replace(problem, severity=severity, fix=fix)
     strangers = (
         edge for edge in view.edges if edge.cause not in {*view.role_specs, *subject.faulty_prims}
     )
     for edge in strangers:
         if edge.parent == edge.child != view.odom and edge.target is None:
-            severity: Severity | None = None if edge.sure else "warning"
+            severity = None if edge.sure else "warning"
             message = f"publishes '{edge.child}' as its own parent"
-            yield Problem(edge.cause, message, severity=severity)
+            fix = edits_of_harm(subject, edge.cause, severity=severity)
+            yield Problem(edge.cause, message, severity=severity, fix=fix)
 
 
 def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
@@ -248,4 +261,5 @@ def robot_root_alone(view: TfView) -> Iterator[Problem]:
                 actual=", ".join(maker.node.targets(maker.port)),
                 handout=maker.handout,
                 hint=f"add {homes} as a second target",
+                fix=edits_in_stage(view.subject, maker.node.path, maker.port),
             )

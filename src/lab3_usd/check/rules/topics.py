@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import edits_in_stage, edits_of_harm
 from lab3_usd.check.robot.sensors import second_lidars
 from lab3_usd.check.robot.wheels import second_commanders
 from lab3_usd.check.ros.running import live_nodes, live_sources
 from lab3_usd.check.ros.topics import PROFILE, Endpoint, endpoints
 from lab3_usd.check.tf.lab_frames import repeated_publishers, repeating_graphs, role_specs
-from lab3_usd.model.finding import Problem
+from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.prims import is_at_or_below
 
 
@@ -40,6 +41,7 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
         names = ", ".join(str(endpoint.topic) for endpoint, _ in found)
         paths = [other.node.path for _, others in found for other in others]
         wanted = subject.lab.topics.get(str(first.topic))
+        severity: Severity | None = None if any(map(_is_sure, found)) else "warning"
         yield Problem(
             first.node.path,
             f"publishes {names}, which another node publishes as well",
@@ -48,7 +50,8 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
             actual=names,
             handout=None if wanted is None else wanted.handout,
             related=tuple(dict.fromkeys([*(e.node.path for e, _ in found[1:]), *paths])),
-            severity=None if any(map(_is_sure, found)) else "warning",
+            severity=severity,
+            fix=edits_of_harm(subject, first.node.path, first.port, severity),
         )
 
 
@@ -78,6 +81,7 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
             continue
         is_told = path in subject.faulty_prims or path.rpartition("/")[0] in copies
         if endpoint.runs and not is_told:
+            severity: Severity | None = None if endpoint.sure else "warning"
             yield Problem(
                 path,
                 f"{endpoint.direction} {endpoint.topic} as {endpoint.type}",
@@ -85,7 +89,8 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
                 expected=wanted.type,
                 actual=endpoint.type,
                 handout=wanted.handout,
-                severity=None if endpoint.sure else "warning",
+                severity=severity,
+                fix=edits_of_harm(subject, path, endpoint.port, severity),
             )
 
 
@@ -111,6 +116,7 @@ def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
             continue
         actual = None if endpoint.qos is None else endpoint.qos.durability
         if wanted.durability and actual not in (None, wanted.durability):
+            severity: Severity | None = None if endpoint.sure else "warning"
             yield Problem(
                 path,
                 f"publishes {endpoint.topic} with durability {actual}",
@@ -118,7 +124,8 @@ def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
                 expected=wanted.durability,
                 actual=actual,
                 handout=wanted.handout,
-                severity=None if endpoint.sure else "warning",
+                severity=severity,
+                fix=edits_of_harm(subject, path, endpoint.port, severity),
             )
 
 
@@ -150,6 +157,7 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
                 expected="the default",
                 actual="a profile Isaac Sim refuses" if endpoint.qos is None else str(endpoint.qos),
                 hint=f"delete the wire from {', '.join(sources)} and leave the profile empty",
+                fix=edits_in_stage(subject, path, PROFILE),
             )
 
 
@@ -179,6 +187,7 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
                 property=endpoint.port,
                 actual=endpoint.topic,
                 related=(asked[endpoint.topic],),
+                fix=edits_in_stage(subject, path, endpoint.port),
             )
 
 
@@ -215,4 +224,5 @@ def topic_of_commands_published(subject: StageSubject) -> Iterator[Problem]:
                 property=endpoint.port,
                 actual=endpoint.topic,
                 related=(taken[endpoint.topic],),
+                fix=edits_in_stage(subject, endpoint.node.path, endpoint.port),
             )

@@ -5,30 +5,56 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.hints import without_wire
-from lab3_usd.check.match.subject import (
-    GraphSubject,
-    WireFault,
-    connect_hint,
-    source_shown,
-    wire_problem,
-)
+from lab3_usd.check.match.subject import GraphSubject, WireFault
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import edits_at
 from lab3_usd.check.ros.running import is_opened_first, signals_once
 from lab3_usd.check.rules.limits import stopping_inputs
 from lab3_usd.check.rules.settings import settings_of
-from lab3_usd.model.finding import Problem, short_source
+from lab3_usd.model.finding import Problem, node_title, short_source
 
 
 def _faults(subject: GraphSubject, *kinds: str) -> Iterator[WireFault]:
     return (fault for fault in subject.wire_faults if fault.kind in kinds)
 
 
+def _problem(
+    subject: GraphSubject, fault: WireFault, message: str, hint: str | None = None
+) -> Problem:
+    """Return a problem at the faulty input, whose repair is also that of the other input."""
+    elsewhere = () if fault.elsewhere is None else (fault.elsewhere,)
+    return Problem(
+        prim=fault.node.path,
+        property=fault.port,
+        message=message,
+        expected=fault.expected,
+        actual=fault.actual,
+        handout=None if fault.wire is None else fault.wire.handout,
+        related=elsewhere,
+        hint=hint,
+        fix=edits_at(subject, f"{fault.node.path}.{fault.port}", *elsewhere),
+    )
+
+
+def _source_shown(fault: WireFault) -> str:
+    """Return the source that is there, with its whole path when it stands in another graph."""
+    graph = fault.node.path.rpartition("/")[0]
+    is_here = fault.actual is None or fault.actual.startswith(f"{graph}/")
+    return short_source(fault.actual) if is_here else str(fault.actual)
+
+
+def _connect_hint(fault: WireFault) -> str:
+    """Say which wire to draw."""
+    port = fault.port.partition(":")[2]
+    return f"drag a wire from {short_source(fault.expected)} to {port} of {node_title(fault.node)}"
+
+
 def _to_delete(subject: GraphSubject, kind: str, what: str) -> Iterator[Problem]:
     """Yield a problem for each wire of a kind, whose whole repair is to delete it."""
     for fault in _faults(subject, kind):
-        source = source_shown(fault)
+        source = _source_shown(fault)
         message = f"{fault.port} {what.format(source)}"
-        yield wire_problem(fault, message, f"delete the wire from {source}")
+        yield _problem(subject, fault, message, f"delete the wire from {source}")
 
 
 @rule("W01", "missing-wire", scope="graph")
@@ -48,11 +74,13 @@ def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
         message = f"{fault.port} is not wired, expected {short_source(fault.expected)}"
         if fault.elsewhere is not None:
             message += f"; that wire goes into {short_source(fault.elsewhere)} instead"
-        yield wire_problem(fault, message + without_wire(subject, fault.wire), connect_hint(fault))
+        yield _problem(
+            subject, fault, message + without_wire(subject, fault.wire), _connect_hint(fault)
+        )
 
 
 def _explain(fault: WireFault, subject: GraphSubject) -> str:
-    expected, actual = short_source(fault.expected), source_shown(fault)
+    expected, actual = short_source(fault.expected), _source_shown(fault)
     message = f"{fault.port} is wired from {actual}, expected {expected}"
     if fault.kind == "bypass":
         message += f"; the wire goes past {expected.partition('.')[0]}"
@@ -87,7 +115,7 @@ def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
     """
     for fault in _faults(subject, "wrong", "bypass"):
         message = _explain(fault, subject) + without_wire(subject, fault.wire)
-        yield wire_problem(fault, message, connect_hint(fault))
+        yield _problem(subject, fault, message, _connect_hint(fault))
 
 
 @rule("W03", "dead-source", scope="graph")
@@ -104,10 +132,12 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
     Example: `make_array.inputs:input0` connected to `constant_left_joint.outputs:value`.
     """
     for fault in _faults(subject, "dead"):
-        expected, actual = short_source(fault.expected), source_shown(fault)
+        expected, actual = short_source(fault.expected), _source_shown(fault)
         why = "does not exist" if "." in str(fault.actual) else "is a prim and no port"
         message = f"{fault.port} is wired from {actual}, which {why}, expected {expected}"
-        yield wire_problem(fault, message + without_wire(subject, fault.wire), connect_hint(fault))
+        yield _problem(
+            subject, fault, message + without_wire(subject, fault.wire), _connect_hint(fault)
+        )
 
 
 @rule("W04", "second-source", scope="graph")
@@ -147,9 +177,9 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
     for fault in _faults(subject, "unasked"):
         if (fault.node.path, fault.port) not in told and fault.port.partition(":")[2] not in kept:
             message = (
-                f"{fault.port} is wired from {source_shown(fault)}, which the handout does not ask"
+                f"{fault.port} is wired from {_source_shown(fault)}, which the handout does not ask"
             )
-            yield wire_problem(fault, message)
+            yield _problem(subject, fault, message)
 
 
 @rule("W06", "swapped-wires", scope="graph")
@@ -168,10 +198,12 @@ def swapped_wires(subject: GraphSubject) -> Iterator[Problem]:
         other = short_source(fault.elsewhere)
         message = (
             f"{fault.port} and {other} are wired the wrong way round: "
-            f"{fault.port} is wired from {source_shown(fault)}, "
+            f"{fault.port} is wired from {_source_shown(fault)}, "
             f"expected {short_source(fault.expected)}"
         )
-        yield wire_problem(fault, message, f"exchange the two wires at {fault.port} and {other}")
+        yield _problem(
+            subject, fault, message, f"exchange the two wires at {fault.port} and {other}"
+        )
 
 
 @rule("W07", "cross-graph-wire", scope="graph")
@@ -191,7 +223,7 @@ def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
             f"{fault.port} is wired from {fault.actual}, which is not in this graph, "
             f"expected {short_source(fault.expected)}"
         )
-        yield wire_problem(fault, message, connect_hint(fault))
+        yield _problem(subject, fault, message, _connect_hint(fault))
 
 
 @rule("W08", "execution-cycle", scope="graph")
@@ -234,10 +266,10 @@ def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
     `differential_controller.inputs:execIn`.
     """
     for fault in _faults(subject, "forbidden"):
-        actual = source_shown(fault)
+        actual = _source_shown(fault)
         expected = "" if fault.expected is None else f", expected {short_source(fault.expected)}"
         message = f"{fault.port} is wired from {actual}, which the handout forbids{expected}"
-        yield wire_problem(fault, message, connect_hint(fault) if fault.expected else None)
+        yield _problem(subject, fault, message, _connect_hint(fault) if fault.expected else None)
 
 
 @rule("W11", "leftover-wire", scope="graph", severity="warning")
@@ -252,6 +284,8 @@ def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: a second source `isaac_read_simulation_time_01` of a deleted node.
     """
     for fault in _faults(subject, "leftover"):
-        yield wire_problem(
-            fault, f"{fault.port} has a leftover wire from {source_shown(fault)}, now gone"
+        yield _problem(
+            subject,
+            fault,
+            f"{fault.port} has a leftover wire from {_source_shown(fault)}, now gone",
         )

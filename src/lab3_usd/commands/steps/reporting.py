@@ -12,7 +12,7 @@ import click
 from lab3_usd.commands.steps.options import chosen, wants_color, width
 from lab3_usd.config.settings import with_config_applied
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
-from lab3_usd.judge.results import STAGE_ENDINGS, UNREADABLE
+from lab3_usd.judge.results import STAGE_ENDINGS
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
 from lab3_usd.report.formats.registry import format_named, render
 from lab3_usd.report.options import Options
@@ -72,12 +72,13 @@ def selected_findings(
     That a file could not be read is said in any case.
     """
     every = tuple(findings)
-    others = (finding for finding in every if finding.rule != UNREADABLE)
+    unread = [finding for finding in every if finding.unopened == "stage"]
+    others = (finding for finding in every if finding.unopened != "stage")
     kept = with_config_applied(others, path, options["config"])
     asked = (
         finding for finding in kept if chosen(finding.rule, options["select"], options["ignore"])
     )
-    return (*(finding for finding in every if finding.rule == UNREADABLE), *asked)
+    return (*unread, *asked)
 
 
 def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
