@@ -18,6 +18,7 @@ from lab3_usd.check.requirements import (
     graph_requirements,
     scene_requirements,
     with_other_faults,
+    with_unmet,
 )
 from lab3_usd.check.robot.location import (
     is_root_articulated,
@@ -102,20 +103,21 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
             subject.spec.name: subject.missing_with for subject in subjects if subject.missing_with
         },
     )
-    for found in (*rules_of("model", "F"), *rules_of("stage", *STAGE_FAMILIES)):
+    of_stage = [*rules_of("scene", *STAGE_FAMILIES), *rules_of("stage", *STAGE_FAMILIES)]
+    for found in (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id)):
         run.rule(found, whole)
     if checkpoint.frames:
         transforms = tf_view(whole)
         for found in rules_of("frames", *STAGE_FAMILIES):
             run.rule(found, transforms)
-    run.findings[:] = _without_repeats(run.findings)
+    run.findings[:] = with_unmet(_without_repeats(run.findings), whole, lab)
     requirements = [item for subject in subjects for item in graph_requirements(subject)]
-    requirements += scene_requirements(whole, run.findings, lab)
+    requirements += scene_requirements(lab, checkpoint, run.findings)
     requirements += frame_requirements(whole)
     outcome = Outcome(whole, tuple(requirements), tuple(run.findings))
     for found in rules_of("outcome", *STAGE_FAMILIES):
         run.rule(found, outcome)
-    findings = tuple(with_named_nodes(with_repairs(run.findings, subjects, whole), live))
+    findings = tuple(with_named_nodes(with_repairs(run.findings, subjects), live))
     graphs = {graph_subject.spec.name: graph_subject.roles.graph for graph_subject in subjects}
     asked = with_other_faults(outcome.requirements, findings, graphs)
     return Judgement(findings, asked, tuple(run.crashes))

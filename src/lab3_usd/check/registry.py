@@ -6,21 +6,26 @@ import importlib
 import inspect
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from msgspec import Struct
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Problem, Severity, family_of
 
-# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, its
-# transforms (from the checkpoint on that asks for them), what came out of judging it, the stage
-# beside its starter, the map files, the saved output of the running system, the folder. Rules of
-# the scope `model` look at a stage with or without a spec, those of `lint` at one without, those of
-# `native` at what OpenUSD's validators say of it.
+if TYPE_CHECKING:
+    from lab3_usd.spec.lab import Checkpoint, Lab
+
+# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, in it
+# the scene that the starter brings (whose own faults it excuses), its transforms (from the
+# checkpoint on that asks for them), what came out of judging it, the stage beside its starter, the
+# map files, the saved output of the running system, the folder. Rules of the scope `model` look at
+# a stage with or without a spec, those of `lint` at one without, those of `native` at what
+# OpenUSD's validators say of it.
 Scope = Literal[
     "graph",
     "stage",
+    "scene",
     "model",
     "lint",
     "native",
@@ -90,11 +95,33 @@ MODULES = {
 }
 
 
+SCENE = "Scene"
+
+
+class Demand(Struct, frozen=True):
+    """One requirement of the scene, as the rule that judges it states it.
+
+    A `Problem` fails it by its `id`, or by the absence of its `prim`. It is listed among the other
+    demands of that prim, or under `part` where it is about no single prim.
+    """
+
+    id: str
+    title: str
+    prim: str
+    handout: str
+    group: str = SCENE
+    part: Literal["", "assembly", "world", "starter"] = ""
+
+
+Demands = Callable[["Lab", "Checkpoint"], Iterator[Demand]]
+
+
 class Rule(Struct, frozen=True):
     """One rule: a stable id, a name, a usual severity, and the generator that finds problems.
 
     `manual` is its docstring: what is wrong; `Why:`; `Fix:`; `Example:`. Names of a lab are filled
-    in by `check.manual`.
+    in by `check.manual`. `demands` yields what a checkpoint requires of the scene and the rule
+    judges; several rules may judge the same demands.
     """
 
     id: str
@@ -103,6 +130,7 @@ class Rule(Struct, frozen=True):
     scope: Scope
     check: Callable[..., Iterator[Problem]]
     manual: str = ""
+    demands: Demands | None = None
 
     @property
     def family(self) -> str:
@@ -126,7 +154,11 @@ def _origin(check: Callable[..., Iterator[Problem]]) -> tuple[str, str]:
 
 
 def rule(
-    rule_id: str, name: str, scope: Scope, severity: Severity = "error"
+    rule_id: str,
+    name: str,
+    scope: Scope,
+    severity: Severity = "error",
+    demands: Demands | None = None,
 ) -> Callable[[Check], Check]:
     """Register a generator of `Problem`s as the rule `rule_id`, which is never used again."""
 
@@ -134,7 +166,8 @@ def rule(
         known = _RULES.get(rule_id)
         if known is not None and _origin(known.check) != _origin(check):
             raise ValueError(f"rule {rule_id} is registered twice")
-        _RULES[rule_id] = Rule(rule_id, name, severity, scope, check, inspect.getdoc(check) or "")
+        manual = inspect.getdoc(check) or ""
+        _RULES[rule_id] = Rule(rule_id, name, severity, scope, check, manual, demands)
         _in_order.cache_clear()
         return check
 
@@ -168,6 +201,12 @@ def rules_of(scope: Scope, *families: str) -> list[Rule]:
     """
     import_rules(*families)
     return list(_in_order(scope, families))
+
+
+def scene_demands() -> tuple[Demands, ...]:
+    """Return what the rules imported so far demand of the scene, in order of their ids."""
+    stated = (known.demands for _, known in sorted(_RULES.items()))
+    return tuple(dict.fromkeys(demands for demands in stated if demands is not None))
 
 
 @cache

@@ -82,4 +82,10 @@ def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
         hint=problem.hint or in_words_of(lab, found.section("Fix")) or None,
         related=problem.related,
         fix=repair_by(problem.fix) if problem.fix and severity != "note" else None,
+        unmet=problem.unmet,
+        absent=problem.absent,
+        causes=problem.causes,
+        follows=problem.follows,
+        if_supplied=problem.if_supplied,
+        supplied=found.scope == "scene",
     )
