@@ -103,8 +103,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
             subject.spec.name: subject.missing_with for subject in subjects if subject.missing_with
         },
     )
-    of_stage = [*rules_of("scene", *STAGE_FAMILIES), *rules_of("stage", *STAGE_FAMILIES)]
-    for found in (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id)):
+    for found in (*rules_of("model", "F"), *rules_of("stage", *STAGE_FAMILIES)):
         run.rule(found, whole)
     if checkpoint.frames:
         transforms = tf_view(whole)

@@ -16,16 +16,14 @@ from lab3_usd.model.finding import Problem, Severity, family_of
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Checkpoint, Lab
 
-# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, in it
-# the scene that the starter brings (whose own faults it excuses), its transforms (from the
-# checkpoint on that asks for them), what came out of judging it, the stage beside its starter, the
-# map files, the saved output of the running system, the folder. Rules of the scope `model` look at
-# a stage with or without a spec, those of `lint` at one without, those of `native` at what
-# OpenUSD's validators say of it.
+# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, its
+# transforms (from the checkpoint on that asks for them), what came out of judging it, the stage
+# beside its starter, the map files, the saved output of the running system, the folder. Rules of
+# the scope `model` look at a stage with or without a spec, those of `lint` at one without, those of
+# `native` at what OpenUSD's validators say of it.
 Scope = Literal[
     "graph",
     "stage",
-    "scene",
     "model",
     "lint",
     "native",
@@ -62,6 +60,8 @@ FAMILIES = {
     "K": "lint",
     "UV": "native",
 }
+# The families that judge what the starter brings: it excuses the faults that it has itself.
+SUPPLIED = ("S",)
 # The modules below check/rules that hold the rules of each family.
 MODULES = {
     "F": ("files",),
@@ -113,7 +113,7 @@ class Demand(Struct, frozen=True):
     part: Literal["", "assembly", "world", "starter"] = ""
 
 
-Demands = Callable[["Lab", "Checkpoint"], Iterator[Demand]]
+Demands = Callable[["Lab", "Checkpoint"], Iterable[Demand]]
 
 
 class Rule(Struct, frozen=True):
@@ -136,6 +136,11 @@ class Rule(Struct, frozen=True):
     def family(self) -> str:
         """The letters that the id begins with."""
         return family_of(self.id)
+
+    @property
+    def judges_supplied(self) -> bool:
+        """Whether the rule judges what the starter brings."""
+        return self.family in SUPPLIED
 
     def section(self, title: str) -> str:
         """Return the paragraph of the manual that opens with `title:`, as one line."""

@@ -87,5 +87,5 @@ def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
         causes=problem.causes,
         follows=problem.follows,
         if_supplied=problem.if_supplied,
-        supplied=found.scope == "scene",
+        supplied=found.judges_supplied,
     )

@@ -28,7 +28,7 @@ from lab3_usd.model.finding import (
 
 UNUSED = "F06"
 _WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint"})
-_WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "scene", "frames", "outcome"})
+_WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "frames", "outcome"})
 
 
 def scopes_run(*, starter: object, native: bool) -> frozenset[Scope]:

@@ -74,7 +74,7 @@ def _links(subject: StageSubject) -> Iterator[tuple[Prim, LinkSpec]]:
             yield prim, spec
 
 
-@rule("S04", "link-mass", scope="scene", demands=_link_bodies)
+@rule("S04", "link-mass", scope="stage", demands=_link_bodies)
 def link_mass(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot does not have the mass in the handout.
 
@@ -108,7 +108,7 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
         yield Problem(prim.path, message, MASS, asked, is_, spec.handout, fix=(fix,), unmet=unmet)
 
 
-@rule("S05", "rigid-body", scope="scene", demands=_link_bodies)
+@rule("S05", "rigid-body", scope="stage", demands=_link_bodies)
 def rigid_body(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot is not a rigid body, or is a rigid body that cannot move.
 
@@ -142,7 +142,7 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
         yield Problem(path, message, name, expected, actual, handout, fix=(fix,), unmet=unmet)
 
 
-@rule("S06", "wheel-collision", scope="scene", demands=_link_bodies)
+@rule("S06", "wheel-collision", scope="stage", demands=_link_bodies)
 def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
     """A wheel has no collision geometry, or its collision is disabled.
 
@@ -186,7 +186,7 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
         )
 
 
-@rule("S24", "link-scale", scope="scene", demands=_link_bodies)
+@rule("S24", "link-scale", scope="stage", demands=_link_bodies)
 def link_scale(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot is scaled.
 
@@ -220,7 +220,7 @@ def _articulation(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
         yield Demand(_ARTICULATED, title, spec.target, spec.handout, part="assembly")
 
 
-@rule("S11", "articulation", scope="scene", demands=_articulation)
+@rule("S11", "articulation", scope="stage", demands=_articulation)
 def articulation(subject: StageSubject) -> Iterator[Problem]:
     """The robot has no articulation root, two of them, or one on the wrong prim.
 
@@ -285,7 +285,7 @@ def joined_links(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
             yield Demand(f"Scene/joined/{name}", title, f"{robot.path}/{name}", link.handout)
 
 
-@rule("S12", "loose-link", scope="scene", demands=joined_links)
+@rule("S12", "loose-link", scope="stage", demands=joined_links)
 def loose_link(subject: StageSubject) -> Iterator[Problem]:
     """No joint ties a link of the robot to the other links, or one lets the lidar's link move.
 
@@ -346,7 +346,7 @@ def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem
             )
 
 
-@rule("S21", "held-by-the-world", scope="scene")
+@rule("S21", "held-by-the-world", scope="stage")
 def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
     """A joint ties the robot to the world, or to a prim that is not part of the robot.
 

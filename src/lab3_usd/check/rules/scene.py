@@ -60,7 +60,7 @@ def _prim_demand(path: str) -> str:
     return f"Scene/prim/{path.rpartition('/')[2]}"
 
 
-@rule("S01", "missing-prim", scope="scene", demands=_supplied_prims)
+@rule("S01", "missing-prim", scope="stage", demands=_supplied_prims)
 def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     """The robot, one of its links, or the parent of the graphs is missing or at another path.
 
@@ -145,7 +145,7 @@ def _units(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
         yield Demand(f"Scene/stage/{name}", title, "/", spec.handout)
 
 
-@rule("S02", "stage-units", scope="scene", demands=_units)
+@rule("S02", "stage-units", scope="stage", demands=_units)
 def stage_units(subject: StageSubject) -> Iterator[Problem]:
     """The stage is not Z up, in metres and kilograms.
 
@@ -191,7 +191,7 @@ def _robot_pose(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     yield from pose_demands(SCENE, lab.scene.robot.path, lab.scene.robot.pose)
 
 
-@rule("S03", "robot-pose", scope="scene", demands=_robot_pose)
+@rule("S03", "robot-pose", scope="stage", demands=_robot_pose)
 def robot_pose(subject: StageSubject) -> Iterator[Problem]:
     """The robot root is not at the pose of the starter.
 
@@ -234,7 +234,7 @@ def _link_offsets(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
             yield Demand(f"Scene/offset/{name}", title, f"{robot.path}/{name}", link.handout)
 
 
-@rule("S17", "scan-offset", scope="scene", demands=_link_offsets)
+@rule("S17", "scan-offset", scope="stage", demands=_link_offsets)
 def scan_offset(subject: StageSubject) -> Iterator[Problem]:
     """A link, as the one that carries the lidar, is not at its place on the robot.
 
@@ -310,7 +310,7 @@ _OPERATION, _ORDER = "xformOp:", "xformOpOrder"
 _SENSOR = "omni:sensor:"
 
 
-@rule("S30", "value-changes-with-time", scope="scene", severity="warning")
+@rule("S30", "value-changes-with-time", scope="stage", severity="warning")
 def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
     """Time samples change a value while the timeline plays.
 
@@ -390,7 +390,7 @@ def _nothing_more(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
         yield Demand(_EMPTY, "nothing of the later parts", "/", handout, part="starter")
 
 
-@rule("S18", "starter-not-empty", scope="scene", demands=_nothing_more)
+@rule("S18", "starter-not-empty", scope="stage", demands=_nothing_more)
 def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
     """The first checkpoint holds parts of later checkpoints.
 

@@ -71,7 +71,7 @@ def _wheel_fix(joint: WheelJoint, name: str) -> tuple[Edit, ...]:
 _TURNS_A_WHEEL = _of_each_joint(joint="turns a wheel")
 
 
-@rule("S07", "wheel-joint", scope="scene", demands=_TURNS_A_WHEEL)
+@rule("S07", "wheel-joint", scope="stage", demands=_TURNS_A_WHEEL)
 def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint is missing, disabled, has another name, cannot turn, or is no robot's joint.
 
@@ -178,7 +178,7 @@ def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
     return None
 
 
-@rule("S08", "joint-bodies", scope="scene", demands=_of_each_joint(bodies="connects its wheel"))
+@rule("S08", "joint-bodies", scope="stage", demands=_of_each_joint(bodies="connects its wheel"))
 def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint does not connect its own wheel to a body of the robot.
 
@@ -211,7 +211,7 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
             )
 
 
-@rule("S23", "second-wheel-joint", scope="scene", demands=_TURNS_A_WHEEL)
+@rule("S23", "second-wheel-joint", scope="stage", demands=_TURNS_A_WHEEL)
 def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     """A second joint ties a wheel, beside its own joint.
 
@@ -256,7 +256,7 @@ def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
     return wheel.live is not None and not is_switched_off(wheel.live, JOINT_ENABLED)
 
 
-@rule("S20", "wheel-distance", scope="scene", demands=_of_each_joint(place="sits at its place"))
+@rule("S20", "wheel-distance", scope="stage", demands=_of_each_joint(place="sits at its place"))
 def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     """The distance between the wheel joints is not the handout's, or the wheels are exchanged.
 
@@ -331,7 +331,7 @@ def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterat
 _WORDS = {DAMPING: "damping", MAX_FORCE: "the drive's largest force"}
 
 
-@rule("S09", "joint-axis", scope="scene", demands=_of_each_joint(axis="turns forward"))
+@rule("S09", "joint-axis", scope="stage", demands=_of_each_joint(axis="turns forward"))
 def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint has a wrong axis: not the lateral axis of the robot, or inverted.
 
@@ -394,7 +394,7 @@ def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:
 _DRIVE = _of_each_joint(stiffness="has stiffness 0", damping="has damping and force")
 
 
-@rule("S10", "joint-drive", scope="scene", demands=_DRIVE)
+@rule("S10", "joint-drive", scope="stage", demands=_DRIVE)
 def joint_drive(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint has no velocity drive (stiffness 0, damping and force above 0).
 

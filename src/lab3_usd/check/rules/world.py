@@ -77,7 +77,7 @@ def _part_demand(part: str, title: str) -> Demands:
 _GROUND, _LIGHT, _SCENE = "Scene/ground", "Scene/light", "Scene/physics_scene"
 
 
-@rule("S13", "ground", scope="scene", demands=_part_demand("ground", "a ground with collision"))
+@rule("S13", "ground", scope="stage", demands=_part_demand("ground", "a ground with collision"))
 def ground(subject: StageSubject) -> Iterator[Problem]:
     """No fixed ground with a collision lies below the robot.
 
@@ -163,7 +163,7 @@ def _silent_ground(subject: StageSubject) -> Prim | None:
     return next((subject.stage.prims[box.path] for box in boxes(subject)), None)
 
 
-@rule("S14", "light", scope="scene", demands=_part_demand("light", "a light"))
+@rule("S14", "light", scope="stage", demands=_part_demand("light", "a light"))
 def light(subject: StageSubject) -> Iterator[Problem]:
     """The scene has no light.
 
@@ -184,7 +184,7 @@ def light(subject: StageSubject) -> Iterator[Problem]:
 _PHYSICS = _part_demand("physics_scene", "a physics scene")
 
 
-@rule("S15", "physics-scene", scope="scene", demands=_PHYSICS)
+@rule("S15", "physics-scene", scope="stage", demands=_PHYSICS)
 def physics_scene(subject: StageSubject) -> Iterator[Problem]:
     """The stage has no physics scene, or one whose gravity does not pull down.
 
@@ -214,7 +214,7 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
         yield _missing(subject, asked, "a physics scene", found, _SCENE)
 
 
-@rule("S16", "observation-camera", scope="scene", severity="warning")
+@rule("S16", "observation-camera", scope="stage", severity="warning")
 def observation_camera(subject: StageSubject) -> Iterator[Problem]:
     """The observation camera beside the robot is missing.
 
@@ -290,7 +290,7 @@ def _rest(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
         yield Demand(AT_REST, "robot rests on the ground", robot.path, handout, part="assembly")
 
 
-@rule("S19", "not-at-rest", scope="scene", demands=_rest)
+@rule("S19", "not-at-rest", scope="stage", demands=_rest)
 def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
     """A wheel is above the ground, or a part of the robot is below it.
 
@@ -395,7 +395,7 @@ def _is_on(box: Collider, stage: StageModel) -> bool:
     return prim is not None and collides(prim)
 
 
-@rule("S22", "starts-elsewhere", scope="scene", severity="note")
+@rule("S22", "starts-elsewhere", scope="stage", severity="note")
 def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     """The robot's base is not where its root has it.
 
