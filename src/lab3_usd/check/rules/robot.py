@@ -122,24 +122,22 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
     """
     handout = subject.lab.scene.robot.handout
     for prim, _ in _links(subject):
-        path = prim.path
-        name, expected, actual = BODY_ENABLED, "True", "False"
-        fix: Edit = Restore(path, BODY_ENABLED)
+        path, name, unmet = prim.path, BODY_ENABLED, (f"Scene/body/{prim.name}",)
+        fix: Edit = Restore(path, name)
         if BODY_API not in prim.apis:
-            if is_unresolved(subject.stage, path):
-                continue
-            message, expected, actual = f"{prim.name} is no rigid body", BODY_API, None
-            fix = ApplySchema(path, BODY_API)
-        elif is_switched_off(prim, BODY_ENABLED):
+            if not is_unresolved(subject.stage, path):
+                message, fix = f"{prim.name} is no rigid body", ApplySchema(path, BODY_API)
+                yield Problem(
+                    path, message, name, BODY_API, handout=handout, fix=(fix,), unmet=unmet
+                )
+        elif is_switched_off(prim, name):
             message = f"{prim.name}'s rigid body is switched off"
+            yield Problem(path, message, name, "True", "False", handout, fix=(fix,), unmet=unmet)
         elif prim.attributes.get(KINEMATIC) is True:
-            message = f"{prim.name} is kinematic: nothing moves it"
-            name, expected, actual = KINEMATIC, "False", "True"
-            fix = Restore(path, KINEMATIC)
-        else:
-            continue
-        unmet = (f"Scene/body/{prim.name}",)
-        yield Problem(path, message, name, expected, actual, handout, fix=(fix,), unmet=unmet)
+            message, fix = f"{prim.name} is kinematic: nothing moves it", Restore(path, KINEMATIC)
+            yield Problem(
+                path, message, KINEMATIC, "False", "True", handout, fix=(fix,), unmet=unmet
+            )
 
 
 @rule("S06", "wheel-collision", scope="stage", demands=_link_bodies)
