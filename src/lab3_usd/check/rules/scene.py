@@ -1,4 +1,4 @@
-"""Rules about what the starter brings, time samples that change it, and prims of later parts."""
+"""Rules about what the starter brings, and time samples that change it."""
 
 from __future__ import annotations
 
@@ -18,19 +18,9 @@ from lab3_usd.check.robot.poses import (
     units_of,
     vector_text,
 )
-from lab3_usd.check.robot.sensors import (
-    CAMERA,
-    LIDAR,
-    OTHER,
-    find_sensor,
-    is_named,
-    later_sensors,
-    lidars,
-    sensor_candidates,
-    sensors_of,
-)
+from lab3_usd.check.robot.sensors import is_named
 from lab3_usd.check.ros.running import live_nodes
-from lab3_usd.check.rules.sensors import part_of_pose, pose_demands
+from lab3_usd.check.rules.sensors import EMPTY, part_of_pose, pose_demands
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import bodies, bodies_below
@@ -381,13 +371,10 @@ def _rates(path: str, subject: StageSubject) -> list[str]:
     ]
 
 
-_EMPTY = "Scene/empty"
-
-
 def _nothing_more(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     if checkpoint.id == lab.first:
         handout = lab.scene.forbidden.starter.handout
-        yield Demand(_EMPTY, "nothing of the later parts", "/", handout, part="starter")
+        yield Demand(EMPTY, "nothing of the later parts", "/", handout, part="starter")
 
 
 @rule("S18", "starter-not-empty", scope="stage", demands=_nothing_more)
@@ -415,7 +402,7 @@ def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
         if is_wrong and not any(is_at_or_below(path, top) for top in told):
             told.append(path)
             message = f"{path} is not part of the supplied scene; was this saved late?"
-            fix, unmet = (RemovePrim(path),), (_EMPTY,)
+            fix, unmet = (RemovePrim(path),), (EMPTY,)
             yield Problem(path, message, actual=kind, handout=spec.handout, fix=fix, unmet=unmet)
 
 
@@ -426,82 +413,3 @@ def _prims_and_nodes(subject: StageSubject) -> Iterator[tuple[str, str]]:
             yield prim.path, prim.type
     for node in subject.stage.nodes():
         yield node.path, ""
-
-
-@rule("L08", "early-lidar", scope="stage", severity="warning")
-def early_lidar(subject: StageSubject) -> Iterator[Problem]:
-    """The stage holds a lidar before the handout asks for one.
-
-    Why: the file may have been saved late, after work on a later part had begun. A starter scene
-    must not contain a lidar.
-
-    Fix: save each checkpoint before you start the next part.
-
-    Example: `{lidar}` in a checkpoint before the one that adds it.
-    """
-    later = later_sensors(subject, LIDAR)
-    paths = [subject.lab.sensors[name].path for name in later]
-    is_first = not sensors_of(subject, LIDAR)
-    for prim in lidars(subject) if later else ():
-        # Beside a lidar that is asked for, any other place is that of a second lidar.
-        if is_first or prim.path in paths:
-            yield _early(subject, prim)
-
-
-def _early(subject: StageSubject, prim: Prim) -> Problem:
-    """Return that a sensor is there too early: an error in the starter."""
-    return Problem(
-        prim.path,
-        f"{prim.path} belongs to a later checkpoint; was this saved late?",
-        actual=prim.type,
-        handout=subject.lab.scene.forbidden.starter.handout,
-        severity=None if subject.checkpoint.graphs else "error",
-        fix=(RemovePrim(prim.path),),
-        unmet=(_EMPTY,),
-    )
-
-
-@rule("C09", "early-camera", scope="stage", severity="warning")
-def early_camera(subject: StageSubject) -> Iterator[Problem]:
-    """The robot has a camera before the handout asks for one.
-
-    Why: the file may have been saved late, after work on a later part had begun. A starter scene
-    must not have the robot's camera.
-
-    Fix: save each checkpoint before you start the next part.
-
-    Example: `{camera}` in a checkpoint before the one that adds it.
-    """
-    yield from _early_on_robot(subject, CAMERA)
-
-
-@rule("D07", "early-sensor", scope="stage", severity="warning")
-def early_sensor(subject: StageSubject) -> Iterator[Problem]:
-    """The robot has a sensor before the handout asks for one of its type.
-
-    Why: the file may have been saved late, after work on a later part had begun. The supplied file
-    must not contain the sensor.
-
-    Fix: save each checkpoint before you start the next part.
-
-    Example: an IMU on the robot in the checkpoint before the part that adds it.
-    """
-    yield from _early_on_robot(subject, OTHER)
-
-
-def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
-    """Yield each prim of the robot that looks like a sensor of a later checkpoint."""
-    lab, stage = subject.lab, subject.stage
-    asked = [find_sensor(lab, stage, name) for name in subject.checkpoint.sensors]
-    # What stands in the place of a sensor, or is one, is judged as that.
-    others = {place.path for place in asked}
-    others |= {place.prim.path for place in asked if place.prim is not None}
-    found = {
-        prim.path: prim
-        for name in later_sensors(subject, kind)
-        for prim in sensor_candidates(lab, stage, name)
-    }
-    for prim in found.values():
-        # One of the world may have any name.
-        if prim.path not in others and is_at_or_below(prim.path, lab.scene.robot.path):
-            yield _early(subject, prim)

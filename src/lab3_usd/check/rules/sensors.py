@@ -1,6 +1,6 @@
 """Rules about sensors of other kinds, and what all sensors have in common.
 
-Missing, misplaced, of another type.
+Missing, misplaced, of another type, or there before the handout asks for them.
 """
 
 from __future__ import annotations
@@ -21,21 +21,27 @@ from lab3_usd.check.robot.poses import (
     sensor_tolerance,
 )
 from lab3_usd.check.robot.sensors import (
+    CAMERA,
+    LIDAR,
     OTHER,
     SensorLocation,
     candidate_transforms,
     find_sensor,
     kind_of,
+    later_sensors,
+    lidars,
+    sensor_candidates,
     sensors_of,
 )
-from lab3_usd.model.changes import ApplySchema, MovePrim, RemoveSchema, Restore
+from lab3_usd.model.changes import ApplySchema, MovePrim, RemovePrim, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
-from lab3_usd.model.prims import Prim
+from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import absence_reason, is_unresolved, missing_graphs_text
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import PoseSpec, SensorAttribute, SensorSpec
 
+EMPTY = "Scene/empty"  # the requirement that the first checkpoint holds nothing of later ones
 POSITION, ROTATION = "position", "rotation"
 _PARTS: Mapping[Kind, str] = {"translate": POSITION, "rotate": ROTATION, "scale": "scale"}
 
@@ -375,3 +381,82 @@ def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
                     fix=(ApplySchema(prim.path, wanted),),
                     unmet=(f"{sensor.group}/{wanted}",),
                 )
+
+
+@rule("L08", "early-lidar", scope="stage", severity="warning")
+def early_lidar(subject: StageSubject) -> Iterator[Problem]:
+    """The stage holds a lidar before the handout asks for one.
+
+    Why: the file may have been saved late, after work on a later part had begun. A starter scene
+    must not contain a lidar.
+
+    Fix: save each checkpoint before you start the next part.
+
+    Example: `{lidar}` in a checkpoint before the one that adds it.
+    """
+    later = later_sensors(subject, LIDAR)
+    paths = [subject.lab.sensors[name].path for name in later]
+    is_first = not sensors_of(subject, LIDAR)
+    for prim in lidars(subject) if later else ():
+        # Beside a lidar that is asked for, any other place is that of a second lidar.
+        if is_first or prim.path in paths:
+            yield _early(subject, prim)
+
+
+def _early(subject: StageSubject, prim: Prim) -> Problem:
+    """Return that a sensor is there too early: an error in the starter."""
+    return Problem(
+        prim.path,
+        f"{prim.path} belongs to a later checkpoint; was this saved late?",
+        actual=prim.type,
+        handout=subject.lab.scene.forbidden.starter.handout,
+        severity=None if subject.checkpoint.graphs else "error",
+        fix=(RemovePrim(prim.path),),
+        unmet=(EMPTY,),
+    )
+
+
+@rule("C09", "early-camera", scope="stage", severity="warning")
+def early_camera(subject: StageSubject) -> Iterator[Problem]:
+    """The robot has a camera before the handout asks for one.
+
+    Why: the file may have been saved late, after work on a later part had begun. A starter scene
+    must not have the robot's camera.
+
+    Fix: save each checkpoint before you start the next part.
+
+    Example: `{camera}` in a checkpoint before the one that adds it.
+    """
+    yield from _early_on_robot(subject, CAMERA)
+
+
+@rule("D07", "early-sensor", scope="stage", severity="warning")
+def early_sensor(subject: StageSubject) -> Iterator[Problem]:
+    """The robot has a sensor before the handout asks for one of its type.
+
+    Why: the file may have been saved late, after work on a later part had begun. The supplied file
+    must not contain the sensor.
+
+    Fix: save each checkpoint before you start the next part.
+
+    Example: an IMU on the robot in the checkpoint before the part that adds it.
+    """
+    yield from _early_on_robot(subject, OTHER)
+
+
+def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
+    """Yield each prim of the robot that looks like a sensor of a later checkpoint."""
+    lab, stage = subject.lab, subject.stage
+    asked = [find_sensor(lab, stage, name) for name in subject.checkpoint.sensors]
+    # What stands in the place of a sensor, or is one, is judged as that.
+    others = {place.path for place in asked}
+    others |= {place.prim.path for place in asked if place.prim is not None}
+    candidates = {
+        prim.path: prim
+        for name in later_sensors(subject, kind)
+        for prim in sensor_candidates(lab, stage, name)
+    }
+    for prim in candidates.values():
+        # One of the world may have any name.
+        if prim.path not in others and is_at_or_below(prim.path, lab.scene.robot.path):
+            yield _early(subject, prim)

@@ -107,7 +107,7 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
                 related=joint.related,
                 fix=fix,
                 unmet=(f"Scene/joint/{joint.name}",),
-                absent=True,
+                absent=joint.live is None,
             )
         elif wrong is not None:
             says, name, expected, actual = wrong

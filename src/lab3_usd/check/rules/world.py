@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from msgspec.structs import replace
 
@@ -59,25 +59,29 @@ from lab3_usd.model.transforms import (
     transform_point,
 )
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.scene import WorldPart
-
-
-def _part_demand(part: str, title: str) -> Demands:
-    """Return the demand that the world has a part."""
-
-    def demands(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
-        del checkpoint
-        asked: WorldPart | None = getattr(lab.scene.world, part)
-        if asked is not None:
-            yield Demand(f"Scene/{part}", title, asked.usual, asked.handout, part="world")
-
-    return demands
-
+from lab3_usd.spec.scene import WorldPart, WorldSpec
 
 _GROUND, _LIGHT, _SCENE = "Scene/ground", "Scene/light", "Scene/physics_scene"
 
 
-@rule("S13", "ground", scope="stage", demands=_part_demand("ground", "a ground with collision"))
+def _part_demand(name: str, title: str, part: Callable[[WorldSpec], WorldPart | None]) -> Demands:
+    """Return the demand that the world has a part, where the lab has one."""
+
+    def demands(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+        del checkpoint
+        asked = part(lab.scene.world)
+        if asked is not None:
+            yield Demand(name, title, asked.usual, asked.handout, part="world")
+
+    return demands
+
+
+_HAS_GROUND = _part_demand(_GROUND, "a ground with collision", lambda world: world.ground)
+_HAS_LIGHT = _part_demand(_LIGHT, "a light", lambda world: world.light)
+_HAS_SCENE = _part_demand(_SCENE, "a physics scene", lambda world: world.physics_scene)
+
+
+@rule("S13", "ground", scope="stage", demands=_HAS_GROUND)
 def ground(subject: StageSubject) -> Iterator[Problem]:
     """No fixed ground with a collision lies below the robot.
 
@@ -163,7 +167,7 @@ def _silent_ground(subject: StageSubject) -> Prim | None:
     return next((subject.stage.prims[box.path] for box in boxes(subject)), None)
 
 
-@rule("S14", "light", scope="stage", demands=_part_demand("light", "a light"))
+@rule("S14", "light", scope="stage", demands=_HAS_LIGHT)
 def light(subject: StageSubject) -> Iterator[Problem]:
     """The scene has no light.
 
@@ -181,10 +185,7 @@ def light(subject: StageSubject) -> Iterator[Problem]:
         yield _missing(subject, asked, "a light", found, _LIGHT)
 
 
-_PHYSICS = _part_demand("physics_scene", "a physics scene")
-
-
-@rule("S15", "physics-scene", scope="stage", demands=_PHYSICS)
+@rule("S15", "physics-scene", scope="stage", demands=_HAS_SCENE)
 def physics_scene(subject: StageSubject) -> Iterator[Problem]:
     """The stage has no physics scene, or one whose gravity does not pull down.
 
