@@ -22,6 +22,7 @@ from lab3_usd.model.changes import (
     ClearValue,
     Connect,
     Edit,
+    MovePrim,
     RemovePrim,
     RemoveSchema,
     RenameProperty,
@@ -112,6 +113,11 @@ CASES: dict[str, tuple[Step, tuple[Edit, ...], bool]] = {
         {"schema": ["/Environment/GroundPlane", "PhysicsRigidBodyAPI"]},
         (RemoveSchema("/Environment/GroundPlane", "PhysicsRigidBodyAPI"),),
         True,
+    ),
+    "a wheel joint of another name is renamed when asked for": (
+        {"move": [JOINT, f"{JOINT}_1"]},
+        (MovePrim(f"{JOINT}_1", JOINT),),
+        False,
     ),
     "a value of the scene is restored": (
         {"set": [f"{JOINT}.drive:angular:physics:stiffness", 10.0]},

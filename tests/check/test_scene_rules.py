@@ -48,7 +48,7 @@ from scene_changes import (
 from scene_sabotage import scene_sabotage, turned_floor
 from scene_stages import built, findings_of, stage_rules, told
 
-from lab3_usd.check.scene_requirements import is_met, scene_items
+from lab3_usd.check.requirements import demands_of, unmet_by
 from lab3_usd.model.finding import Finding
 from lab3_usd.spec.load.loader import load_lab
 
@@ -97,8 +97,8 @@ def test_a_fault_is_said_by_its_rule(name: str, rule: str, said: dict[str, list[
 
 def costs_an_item(fault: Sabotage, found: list[Finding]) -> bool:
     lab = load_lab()
-    items = scene_items(lab, lab.checkpoints[fault.checkpoint])
-    return not all(is_met(item, found) for item in items)
+    demands = {demand.id for demand in demands_of(lab, lab.checkpoints[fault.checkpoint])}
+    return bool(demands & unmet_by(found))
 
 
 def test_each_fault_costs_an_item(said: dict[str, list[Finding]]) -> None:
@@ -108,28 +108,31 @@ def test_each_fault_costs_an_item(said: dict[str, list[Finding]]) -> None:
 @pytest.mark.parametrize("checkpoint", CHECKPOINTS)
 def test_each_item_is_lost_by_some_fault(checkpoint: str, said: dict[str, list[Finding]]) -> None:
     lab = load_lab()
-    items = scene_items(lab, lab.checkpoints[checkpoint])
-    kept = [item.id for item in items if all(is_met(item, found) for found in said.values())]
-    assert kept == []
+    demands = {demand.id for demand in demands_of(lab, lab.checkpoints[checkpoint])}
+    assert demands - unmet_by(finding for found in said.values() for finding in found) == set()
+
+
+def test_each_requirement_that_a_finding_fails_is_one_of_the_checkpoint(
+    said: dict[str, list[Finding]],
+) -> None:
+    lab = load_lab()
+    for fault in FAULTS:
+        demands = {demand.id for demand in demands_of(lab, lab.checkpoints[fault.checkpoint])}
+        assert unmet_by(said[fault.name]) <= demands, fault.name
 
 
 def test_items_have_ids_of_their_own() -> None:
     lab = load_lab()
-    ids = [item.id for item in scene_items(lab, lab.checkpoints["05"])]
+    ids = [demand.id for demand in demands_of(lab, lab.checkpoints["05"])]
     assert len(ids) == len(set(ids))
 
 
 def test_a_wrong_mass_costs_that_mass_only(said: dict[str, list[Finding]]) -> None:
-    lab = load_lab()
-    items = scene_items(lab, lab.checkpoints["05"])
-    lost = [item.id for item in items if not is_met(item, said["base_link heavy"])]
-    assert lost == ["Scene/mass/base_link"]
+    assert unmet_by(said["base_link heavy"]) == {"Scene/mass/base_link"}
 
 
 def test_a_missing_link_costs_all_that_is_asked_of_it(said: dict[str, list[Finding]]) -> None:
-    lab = load_lab()
-    items = scene_items(lab, lab.checkpoints["05"])
-    lost = {item.id for item in items if not is_met(item, said["no base_scan"])}
+    lost = unmet_by(said["no base_scan"])
     assert {"Scene/prim/base_scan", "Scene/mass/base_scan", "Lidar2D/tickRate"} <= lost
     assert "Scene/mass/base_link" not in lost
 
@@ -443,20 +446,18 @@ def test_a_wheel_joint_outside_of_the_articulation_is_unknown_to_its_controller(
     name = "physics:excludeFromArticulation"
     put(path, name, value)(stage)
     assert told(stage, "02") == ([("S07", path, name)] if value else [])
-    lab = load_lab()
-    items = {item.id: item for item in scene_items(lab, lab.checkpoints["02"])}
-    met = is_met(items["Scene/joint/wheel_left_joint"], findings_of(stage, "02"))
-    assert met != value
+    lost = "Scene/joint/wheel_left_joint" in unmet_by(findings_of(stage, "02"))
+    assert lost == value
 
 
 def test_a_robot_without_any_joint_meets_nothing_that_joints_do() -> None:
-    lab, stage = load_lab(), built("02")
+    stage = built("02")
     for joint in stage.GetPrimAtPath(JOINTS).GetChildren():
         deactivate(str(joint.GetPath()))(stage)
     found = findings_of(stage, "02")
-    lost = [item.id for item in scene_items(lab, lab.checkpoints["02"]) if not is_met(item, found)]
+    lost = unmet_by(found)
     assert [each.rule for each in found] == ["S07"]
-    assert {"Scene/damping/wheel_left_joint", "Scene/joined/base_scan"} <= set(lost)
+    assert {"Scene/damping/wheel_left_joint", "Scene/joined/base_scan"} <= lost
     assert "Scene/mass/base_link" not in lost
 
 
@@ -743,11 +744,9 @@ def test_a_joint_in_the_place_of_a_wheels_own_is_one_error(kind: str) -> None:
 
 
 def test_a_joint_that_ties_both_wheels_costs_an_item_of_each_wheel_that_it_names() -> None:
-    lab, stage = load_lab(), built("02")
+    stage = built("02")
     weld(LOCK, body0=LINK_LEFT, body1=f"{ROBOT}/wheel_right_link")(stage)
-    found = findings_of(stage, "02")
-    lost = [item.id for item in scene_items(lab, lab.checkpoints["02"]) if not is_met(item, found)]
-    assert lost == ["Scene/joint/wheel_left_joint"]
+    assert unmet_by(findings_of(stage, "02")) == {"Scene/joint/wheel_left_joint"}
 
 
 @pytest.mark.parametrize("checkpoint", ["00", "02", "08"])

@@ -30,6 +30,7 @@ from scene_changes import (
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
+from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, Restore
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.reader import read_model
@@ -142,6 +143,26 @@ def test_a_fault_of_a_sensor_of_any_kind_is_found(judged: Judge, fault: str) -> 
     found = judged("05", change)
     assert about_sensors(found) == [finding]
     assert {f"Imu/{each}" for each in lost} <= unmet(found)
+
+
+REPAIRS: dict[str, Edit] = {
+    "removed": Restore(IMU),
+    "renamed": MovePrim(f"{BASE}/Imu_Sensor", IMU),
+    "an Xform": Restore(IMU),
+    "moved": Restore(IMU, TRANSLATE),
+    "turned": Restore(IMU, ORIENT),
+    "scaled": Restore(IMU, SCALE),
+    "left behind": Restore(IMU, "xformOpOrder"),
+    "slow": Restore(IMU, PERIOD),
+    "without its schema": ApplySchema(IMU, SCHEMA),
+}
+
+
+@pytest.mark.parametrize("fault", REPAIRS)
+def test_a_fault_of_a_sensor_of_any_kind_has_its_repair(judged: Judge, fault: str) -> None:
+    findings = [finding for finding in judged("05", FAULTS[fault][0]).findings if finding.fix]
+    edits = {finding.rule: finding.fix.edits for finding in findings if finding.fix}
+    assert edits.get(FAULTS[fault][1][:3]) == (REPAIRS[fault],)
 
 
 def test_a_sensor_before_its_checkpoint_is_early(judged: Judge) -> None:

@@ -209,6 +209,17 @@ def test_a_repair_that_would_make_it_worse_is_left_out_and_told(tmp_path: Path) 
     assert "active = false" in path.read_text()
 
 
+def test_a_renamed_wheel_joint_gets_its_name_back_with_unsafe(tmp_path: Path) -> None:
+    joint = "/turtlebot3_burger/joints/wheel_left_joint"
+    path = saved(tmp_path, {"move": [joint, f"{joint}_1"]})
+    stage = Sdf.Layer.OpenAsAnonymous(str(path))
+    properties = {*stage.GetPrimAtPath(f"{joint}_1").properties.keys()}
+    assert fix(path, "--in-place", "--unsafe").exit_code == 0
+    repaired = Sdf.Layer.OpenAsAnonymous(str(path))
+    assert not repaired.GetPrimAtPath(f"{joint}_1")
+    assert {*repaired.GetPrimAtPath(joint).properties.keys()} == properties
+
+
 def test_what_belongs_to_a_later_checkpoint_is_removed_with_unsafe(tmp_path: Path) -> None:
     path = tmp_path / "Lab3_00_student_start.usda"
     correct_stage("04").GetRootLayer().Export(str(path))

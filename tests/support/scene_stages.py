@@ -10,6 +10,7 @@ from pxr import Sdf, Usd
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Rule, rules_of
+from lab3_usd.check.requirements import with_unmet
 from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import StageModel
@@ -53,11 +54,12 @@ def findings_of(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
     """What the rules about files, scene, lidar and camera say."""
     lab = load_lab()
     subject = StageSubject(lab, lab.checkpoints[checkpoint], model_of(stage), {})
-    return [
+    findings = (
         finding_of(rule, problem, lab)
         for rule in stage_rules().values()
         for problem in rule.check(subject)
-    ]
+    )
+    return [*with_unmet(findings, subject, lab)]
 
 
 def told(stage: Usd.Stage, checkpoint: str) -> list[tuple[str, str, str | None]]:

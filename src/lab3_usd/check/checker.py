@@ -12,12 +12,12 @@ from lab3_usd.check.match.diagnosis import diagnose
 from lab3_usd.check.match.graphs import match_all
 from lab3_usd.check.match.subject import GraphSubject, Outcome, StageSubject
 from lab3_usd.check.registry import Rule, import_rules, rules_of
-from lab3_usd.check.repairs import with_repairs
 from lab3_usd.check.requirements import (
     frame_requirements,
     graph_requirements,
     scene_requirements,
     with_other_faults,
+    with_unmet,
 )
 from lab3_usd.check.robot.location import (
     is_root_articulated,
@@ -96,14 +96,14 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         transforms = tf_view(whole)
         for found in rules_of("frames", *STAGE_FAMILIES):
             run.rule(found, transforms)
-    run.findings[:] = _without_repeats(run.findings)
+    run.findings[:] = with_unmet(_without_repeats(run.findings), whole, lab)
     requirements = [item for subject in subjects for item in graph_requirements(subject)]
-    requirements += scene_requirements(whole, run.findings, lab)
+    requirements += scene_requirements(lab, checkpoint, run.findings)
     requirements += frame_requirements(whole)
     outcome = Outcome(whole, tuple(requirements), tuple(run.findings))
     for found in rules_of("outcome", *STAGE_FAMILIES):
         run.rule(found, outcome)
-    findings = tuple(with_named_nodes(with_repairs(run.findings, whole), live))
+    findings = tuple(with_named_nodes(run.findings, live))
     graphs = {graph_subject.spec.name: graph_subject.roles.graph for graph_subject in subjects}
     asked = with_other_faults(outcome.requirements, findings, graphs)
     return Judgement(findings, asked, tuple(run.crashes))

@@ -6,12 +6,15 @@ import importlib
 import inspect
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from msgspec import Struct
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Problem, Severity, family_of
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.lab import Checkpoint, Lab
 
 # What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, its
 # transforms (from the checkpoint on that asks for them), what came out of judging it, the stage
@@ -57,6 +60,8 @@ FAMILIES = {
     "K": "lint",
     "UV": "native",
 }
+# The families that judge what the starter brings: it excuses the faults that it has itself.
+SUPPLIED = ("S",)
 # The modules below check/rules that hold the rules of each family.
 MODULES = {
     "F": ("files",),
@@ -66,9 +71,9 @@ MODULES = {
     "R": ("targets",),
     "W": ("wires",),
     "S": ("scene", "robot", "wheel_joints", "world"),
-    "L": ("lidar", "scene"),
-    "C": ("camera", "scene"),
-    "D": ("sensors", "scene"),
+    "L": ("lidar", "sensors"),
+    "C": ("camera", "sensors"),
+    "D": ("sensors",),
     "T": ("frames", "frame_tree", "targets"),
     "Q": ("topics",),
     "U": ("starter",),
@@ -90,11 +95,34 @@ MODULES = {
 }
 
 
+SCENE = "Scene"
+
+
+class Demand(Struct, frozen=True):
+    """One requirement of the scene, as the rule that judges it states it.
+
+    A `Problem` fails it by its `id`, or by the absence of its `prim`. It is listed among the other
+    demands of that prim, or under `part` where it is about no single prim.
+    """
+
+    id: str
+    title: str
+    prim: str
+    handout: str
+    group: str = SCENE
+    part: Literal["", "assembly", "world", "starter"] = ""
+
+
+Demands = Callable[["Lab", "Checkpoint"], Iterable[Demand]]
+
+
 class Rule(Struct, frozen=True):
     """One rule: a stable id, a name, a usual severity, and the generator that finds problems.
 
     `manual` is its docstring: what is wrong; `Why:`; `Fix:`; `Example:`. Names of a lab are filled
     in by `check.manual`. `formerly` is the name of an earlier release, which is still understood.
+    `demands` yields what a checkpoint requires of the scene and the rule judges; several rules may
+    judge the same demands.
     """
 
     id: str
@@ -104,11 +132,17 @@ class Rule(Struct, frozen=True):
     check: Callable[..., Iterator[Problem]]
     manual: str = ""
     formerly: str = ""
+    demands: Demands | None = None
 
     @property
     def family(self) -> str:
         """The letters that the id begins with."""
         return family_of(self.id)
+
+    @property
+    def judges_supplied(self) -> bool:
+        """Whether the rule judges what the starter brings."""
+        return self.family in SUPPLIED
 
     def section(self, title: str) -> str:
         """Return the paragraph of the manual that opens with `title:`, as one line."""
@@ -127,7 +161,12 @@ def _origin(check: Callable[..., Iterator[Problem]]) -> tuple[str, str]:
 
 
 def rule(
-    rule_id: str, name: str, scope: Scope, severity: Severity = "error", formerly: str = ""
+    rule_id: str,
+    name: str,
+    scope: Scope,
+    severity: Severity = "error",
+    formerly: str = "",
+    demands: Demands | None = None,
 ) -> Callable[[Check], Check]:
     """Register a generator of `Problem`s as the rule `rule_id`, which is never used again."""
 
@@ -136,7 +175,7 @@ def rule(
         if known is not None and _origin(known.check) != _origin(check):
             raise ValueError(f"rule {rule_id} is registered twice")
         manual = inspect.getdoc(check) or ""
-        _RULES[rule_id] = Rule(rule_id, name, severity, scope, check, manual, formerly)
+        _RULES[rule_id] = Rule(rule_id, name, severity, scope, check, manual, formerly, demands)
         _in_order.cache_clear()
         return check
 
@@ -183,6 +222,12 @@ def rules_of(scope: Scope, *families: str) -> list[Rule]:
     """
     import_rules(*families)
     return list(_in_order(scope, families))
+
+
+def scene_demands() -> tuple[Demands, ...]:
+    """Return what the rules imported so far demand of the scene, in order of their ids."""
+    stated = (known.demands for _, known in sorted(_RULES.items()))
+    return tuple(dict.fromkeys(demands for demands in stated if demands is not None))
 
 
 @cache

@@ -15,15 +15,15 @@ from lab3_usd.check.match.conformance import (
     target_matches,
 )
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
+from lab3_usd.check.registry import SCENE, Demand, Demands, scene_demands
 from lab3_usd.check.robot.location import relocated_path
-from lab3_usd.check.scene_requirements import SCENE, is_met, scene_items
 from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.check.tf.lab_frames import tf_view, waived_frames
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Setting, Target, Wire
-from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lab import Checkpoint, Lab
 
 _Asked = Setting | Target | Wire
 
@@ -96,19 +96,54 @@ def _meets(subject: GraphSubject, node: Node, asked: _Asked | None) -> bool:
     return source is not None and is_fed(source, node, asked, subject.roles.equivalents)
 
 
-def scene_requirements(
-    subject: StageSubject, findings: Iterable[Finding], lab: Lab
-) -> Iterator[Requirement]:
-    """Yield every scene item; one is met when no error names its site.
+def demands_of(lab: Lab, checkpoint: Checkpoint) -> tuple[Demand, ...]:
+    """Return what the rules demand of the scene, prim by prim in the order of the scene file."""
+    return _in_order(lab, checkpoint, scene_demands())
 
-    The items read as in `lab`, whose prims are looked up where they really stand.
+
+@lru_cache(maxsize=16)
+def _in_order(lab: Lab, checkpoint: Checkpoint, stated: tuple[Demands, ...]) -> tuple[Demand, ...]:
+    robot = lab.scene.robot
+    joints = (robot.joint_path(name) for name in robot.wheels.joints)
+    sensors = (lab.sensors[name].path for name in checkpoint.sensors)
+    parts = ["/", lab.scene.world.graph_parent.path, robot.path, *robot.link_paths, "assembly"]
+    parts += [*joints, "world", "starter", *sensors]
+    places = {part: number for number, part in enumerate(parts)}
+    demands = (demand for demands in stated for demand in demands(lab, checkpoint))
+    return tuple(
+        sorted(demands, key=lambda demand: places.get(demand.part or demand.prim, len(places)))
+    )
+
+
+def with_unmet(findings: Iterable[Finding], subject: StageSubject, lab: Lab) -> Iterator[Finding]:
+    """Yield the findings; what says that a prim is absent fails all that is asked of it and below.
+
+    The demands read as in `lab`, whose prims are looked up where they really stand.
     """
-    errors = [finding for finding in findings if finding.severity == "error"]
     robot = lab.scene.robot.path
-    for item in scene_items(lab, subject.checkpoint):
-        path = _actual_path(item.prim, robot, subject.relocations)
-        met = is_met(item if path == item.prim else replace(item, prim=path), errors)
-        yield Requirement(item.id, item.group, "scene", item.title, met, item.handout)
+    for finding in findings:
+        gone = [
+            demand.id
+            for demand in (demands_of(lab, subject.checkpoint) if finding.absent else ())
+            if is_at_or_below(_actual_path(demand.prim, robot, subject.relocations), finding.prim)
+        ]
+        yield replace(finding, unmet=(*finding.unmet, *gone)) if gone else finding
+
+
+def scene_requirements(
+    lab: Lab, checkpoint: Checkpoint, findings: Iterable[Finding]
+) -> Iterator[Requirement]:
+    """Yield what is demanded of the scene, met where no error fails it."""
+    unmet = unmet_by(findings)
+    for demand in demands_of(lab, checkpoint):
+        met = demand.id not in unmet
+        yield Requirement(demand.id, demand.group, "scene", demand.title, met, demand.handout)
+
+
+def unmet_by(findings: Iterable[Finding]) -> set[str]:
+    """Return the ids of the requirements that errors fail."""
+    errors = (finding for finding in findings if finding.severity == "error")
+    return {name for finding in errors for name in finding.unmet}
 
 
 def _actual_path(path: str, robot: str, relocations: Mapping[str, str]) -> str:

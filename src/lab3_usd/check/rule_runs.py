@@ -85,4 +85,10 @@ def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
         weaker=problem.weaker,
         unknown_targets=problem.unknown_targets,
         unopened=problem.unopened,
+        unmet=problem.unmet,
+        absent=problem.absent,
+        causes=problem.causes,
+        follows=problem.follows,
+        if_supplied=problem.if_supplied,
+        supplied=found.judges_supplied,
     )

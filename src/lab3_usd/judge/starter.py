@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -11,24 +10,15 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
-from lab3_usd.check.repairs import with_starter_repairs
-from lab3_usd.check.requirements import with_other_faults
+from lab3_usd.check.requirements import unmet_by, with_other_faults
 from lab3_usd.check.rule_runs import RuleResults, run_family
-from lab3_usd.check.scene_requirements import is_met, scene_items
 from lab3_usd.errors import StageError
 from lab3_usd.judge.results import located, score_of, unreadable
 from lab3_usd.model.changes import Site, repair_by
-from lab3_usd.model.finding import Finding, Requirement, StageResult, ordered
-from lab3_usd.model.physics import JOINT_ENABLED
+from lab3_usd.model.finding import Finding, StageResult, ordered
 from lab3_usd.spec.lab import Lab
 
 _FAMILY = "U"
-_EXCUSED = "S"  # the family of the scene, which the starter brings
-_UNITS = "S02"
-# The rules that relate to the prim which causes what they tell, and by which of its properties.
-_CAUSES = {"S12": JOINT_ENABLED, "S19": "xformOp:translate"}
-# What another size or place of a link's shape brings about; the change itself tells how to undo it.
-_FOLLOWS = {"S19": re.compile(r"radius|height|size|axis|points|xformOp:\w+")}
 _Fault = tuple[str, str, str | None, str | None]
 
 
@@ -90,8 +80,13 @@ def open_against_starter(
     lab: Lab,
 ) -> StageResult:
     """Return the result of an open stage together with what it changed of the starter."""
-    kept = tuple(finding for finding in result.findings if not _is_excused(finding, starter))
-    kept += tuple(_units(finding for finding in result.findings if _is_excused(finding, starter)))
+    excused = [
+        finding
+        for finding in result.findings
+        if finding.supplied and _fault(finding) in starter.faults
+    ]
+    kept = tuple(finding for finding in result.findings if finding not in excused)
+    kept += tuple(_warning(excused))
     told = [finding for finding in kept if finding.severity != "note"]
     blamed = {(finding.prim, finding.property) for finding in told}
     reported = _ReportedSites(
@@ -105,9 +100,11 @@ def open_against_starter(
     except StageError as error:  # of a prim that nothing else asks for
         return unreadable(result.path, result.checkpoint, str(error))
     kept = tuple(finding for finding in kept if not _follows(finding, judged.findings))
-    requirements = result.requirements
-    if len(kept) != len(result.findings):
-        requirements = tuple(_again(result, kept, lab))
+    excused_ids = unmet_by(result.findings) - unmet_by(kept)
+    requirements = tuple(
+        replace(requirement, met=True) if requirement.id in excused_ids else requirement
+        for requirement in result.requirements
+    )
     findings = ordered((*kept, *judged.findings))
     requirements = with_other_faults(requirements, judged.findings, {})
     crashes = (*result.crashes, *judged.crashes)
@@ -123,25 +120,19 @@ def open_against_starter(
 
 
 def _causes(finding: Finding) -> Iterator[Site]:
-    """Yield what may cause a fault besides its site: related properties, prims and those above."""
-    for each in finding.related:
-        prim, dot, name = each.partition(".")
+    """Yield what may cause a fault besides its site: the properties that the finding names."""
+    yield from finding.causes
+    for path in finding.related:
+        prim, dot, name = path.partition(".")
         if dot:
             yield prim, name
-    for path in finding.related if finding.rule in _CAUSES else ():
-        above = path
-        while above:
-            yield above, _CAUSES[finding.rule]
-            above = above.rpartition("/")[0]
 
 
 def _undone(
     findings: Collection[Finding], beside: _Beside, blamed: frozenset[Site]
 ) -> Iterator[Finding]:
     """Yield the findings; what a change of the starter causes is repaired by undoing the change."""
-    caused = [
-        finding for finding in findings if finding.rule in _CAUSES and finding.severity != "note"
-    ]
+    caused = [finding for finding in findings if finding.causes and finding.severity != "note"]
     changes = _compared(beside, _ReportedSites(blamed)).findings if caused else ()
     for finding in findings:
         sites = {*_causes(finding)} if finding in caused else ()
@@ -151,35 +142,25 @@ def _undone(
 
 
 def _follows(finding: Finding, changes: Collection[Finding]) -> bool:
-    """Whether what is found of a link follows from a change of a shape below it."""
-    cause = _FOLLOWS.get(finding.rule)
-    return cause is not None and any(
-        change.prim.startswith(f"{finding.prim}/") and cause.fullmatch(change.property or "")
+    """Whether what is found of a prim follows from a change below it, which is reported."""
+    return bool(finding.follows) and any(
+        change.prim.startswith(f"{finding.prim}/")
+        and (change.property or "").startswith(finding.follows)
         for change in changes
-        if change.rule.startswith(_FAMILY) and change.severity == "error"
+        if change.severity == "error"
     )
 
 
-def _is_excused(finding: Finding, starter: Starter) -> bool:
-    return finding.rule.startswith(_EXCUSED) and _fault(finding) in starter.faults
-
-
-def _units(excused: Iterable[Finding]) -> Iterator[Finding]:
-    """Yield one warning for units and an up axis that are the starter's fault."""
-    told = [finding for finding in excused if finding.rule == _UNITS]
-    if told:
-        wrong = "; ".join(finding.message for finding in told)
+def _warning(excused: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield the warning that stays of what the starter has wrong as well: one for each hint."""
+    by_hint: dict[str, list[Finding]] = {}
+    for finding in excused:
+        if finding.if_supplied:
+            by_hint.setdefault(finding.if_supplied, []).append(finding)
+    for hint, findings in by_hint.items():
+        wrong = "; ".join(finding.message for finding in findings)
         message = f"{wrong}: so it is in the starter, whose fault it is"
-        hint = "tell your instructor; the starter needs other units or another up axis"
-        yield replace(told[0], severity="warning", message=message, hint=hint)
-
-
-def _again(result: StageResult, kept: Collection[Finding], lab: Lab) -> Iterator[Requirement]:
-    """Judge the requirements of the scene again, by the findings that were kept."""
-    items = {item.id: item for item in scene_items(lab, lab.checkpoints[result.checkpoint or ""])}
-    for requirement in result.requirements:
-        item = items.get(requirement.id)
-        yield requirement if item is None else replace(requirement, met=is_met(item, kept))
+        yield replace(findings[0], severity="warning", message=message, hint=hint)
 
 
 class _Beside(Struct, frozen=True, eq=False):
@@ -190,10 +171,6 @@ class _Beside(Struct, frozen=True, eq=False):
     path: Path
     checkpoint: str
     lab: Lab
-
-    def has_supplied(self, path: str) -> bool:
-        """Whether something stands at a path of the starter, or the layer itself is meant."""
-        return bool(self.starter.stage.GetPrimAtPath(path))
 
 
 def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
@@ -206,9 +183,15 @@ def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
     with stage_errors(beside.path):
         found = compare_starter(beside.starter.stage, stage, lab, beside.checkpoint)
     subject = replace(
-        found, faulty_sites=reported.faulty_sites, related_prims=reported.related_prims
+        found,
+        faulty_sites=reported.faulty_sites,
+        related_prims=reported.related_prims,
+        supplied=frozenset(
+            change.prim
+            for change in found.changes
+            if beside.starter.stage.GetPrimAtPath(change.prim)
+        ),
     )
     judged = run_family("starter", _FAMILY, subject, lab)
-    repaired = with_starter_repairs(judged.findings, beside.has_supplied)
-    findings = located(tuple(repaired), beside.path, stage)
+    findings = located(judged.findings, beside.path, stage)
     return replace(judged, findings=tuple(findings))

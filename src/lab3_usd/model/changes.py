@@ -233,9 +233,12 @@ class StarterSubject(Struct, frozen=True):
 
     `faulty_sites` holds the sites where other rules have found an error already, `related_prims`
     the prims that an error relates to: one of them that is absent is reported as moved.
+    `supplied` are the changed prims that stand where the starter has something: only they can be
+    restored.
     """
 
     rules: StarterRules
     changes: tuple[Change, ...]
     faulty_sites: frozenset[Site] = frozenset()
     related_prims: frozenset[str] = frozenset()
+    supplied: frozenset[str] = frozenset()

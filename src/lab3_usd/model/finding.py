@@ -31,11 +31,17 @@ class Problem(Struct, frozen=True):
     """What a rule yields: the site (prim and property) and what is wrong there.
 
     `severity` is None where the rule's own severity holds. `handout` names the section of the
-    handout that asks for it (`C9`, `8.11`). `fix` are the edits that repair it, `requirements` the
-    ids of the demands that it leaves unmet, `causes` the sites (prim and property) whose change
-    may have brought it about. One that is `weaker` is left out beside an error at its prim, one
-    that names `unknown_targets` beside an error at its site that names them as well. `unopened` is
-    what could not be opened: the stage itself, a file of it or beside it, an asset at the prim.
+    handout that asks for it (`C9`, `8.11`). `fix` are the edits that repair it, `unmet` the ids of
+    the requirements that it fails; where the prim is `absent`, so does all that is asked of it and
+    of what lies below it. `unopened` is what could not be opened: the stage itself, a file of it or
+    beside it, an asset at the prim.
+
+    One that is `weaker` is left out beside an error at its prim, one that names `unknown_targets`
+    beside an error at its site that names them as well. `causes` are the sites whose change brings
+    it about: with a starter, the change is not reported as well, and undoing it is the repair.
+    `follows` are the beginnings of properties: a change of one of them below the prim explains the
+    problem, and is reported instead. `if_supplied` is the hint of the warning that stays where the
+    starter has the problem itself.
     """
 
     prim: str
@@ -48,17 +54,21 @@ class Problem(Struct, frozen=True):
     severity: Severity | None = None
     hint: str | None = None
     fix: tuple[Edit, ...] = ()
-    requirements: tuple[str, ...] = ()
+    unmet: tuple[str, ...] = ()
+    absent: bool = False
     causes: tuple[tuple[str, str | None], ...] = ()
     weaker: bool = False
     unknown_targets: tuple[str, ...] = ()
     unopened: Unopened = ""
+    follows: tuple[str, ...] = ()
+    if_supplied: str = ""
 
 
 class Finding(Struct, frozen=True):
     """One fault at its place, as every report shows it (see `schema/report-1.json`).
 
-    Not shown are the last fields, which are those of its problem.
+    No report shows what follows `fix`, which is the problem's own but for `supplied`: whether the
+    rule judges what the starter brings.
     """
 
     rule: str
@@ -79,6 +89,12 @@ class Finding(Struct, frozen=True):
     weaker: bool = False
     unknown_targets: tuple[str, ...] = ()
     unopened: Unopened = ""
+    unmet: tuple[str, ...] = ()
+    absent: bool = False
+    causes: tuple[tuple[str, str | None], ...] = ()
+    follows: tuple[str, ...] = ()
+    if_supplied: str = ""
+    supplied: bool = False
 
 
 Site = tuple[str, str, str | None]

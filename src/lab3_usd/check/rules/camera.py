@@ -9,22 +9,29 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.poses import PoseError
 from lab3_usd.check.robot.sensors import CAMERA, View, camera_misfits
 from lab3_usd.check.rules.sensors import (
+    ROTATION,
     PresentSensor,
+    attribute_demand,
     left_behind_sensors,
     misplaced_sensors,
     missing_sensors,
     pose_problem,
     present_sensors,
     resets_xform_stack,
+    sensor_demands,
+    sensor_place,
+    sensor_prim,
+    sensor_values,
     wrong_attributes,
     wrong_type_sensors,
 )
+from lab3_usd.model.changes import Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.stage import is_unresolved, same_value
 from lab3_usd.spec.scene import Plain, SensorSpec
 
 
-@rule("C01", "missing-camera", scope="stage")
+@rule("C01", "missing-camera", scope="stage", demands=sensor_demands(CAMERA, sensor_prim))
 def missing_camera(subject: StageSubject) -> Iterator[Problem]:
     """The robot's camera is missing, deactivated, or only an over.
 
@@ -72,7 +79,7 @@ def _wrong(subject: StageSubject) -> Iterator[tuple[PresentSensor, PoseError | V
                 yield found, error
 
 
-@rule("C04", "camera-position", scope="stage")
+@rule("C04", "camera-position", scope="stage", demands=sensor_demands(CAMERA, sensor_place))
 def camera_position(subject: StageSubject) -> Iterator[Problem]:
     """The robot's camera has another position, is scaled, or does not move with the robot.
 
@@ -116,10 +123,12 @@ def camera_view(subject: StageSubject) -> Iterator[Problem]:
                 found.spec.pose.handout,
                 found.place.related,
                 hint=wrong.hint,
+                fix=(Restore(found.prim.path, wrong.property),),
+                unmet=(f"{found.group}/{ROTATION}",),
             )
 
 
-@rule("C06", "camera-lens", scope="stage")
+@rule("C06", "camera-lens", scope="stage", demands=sensor_demands(CAMERA, sensor_values))
 def camera_lens(subject: StageSubject) -> Iterator[Problem]:
     """Focal length or clipping range of the robot's camera is not that of the handout.
 
@@ -172,6 +181,8 @@ def _left_alone(subject: StageSubject, found: PresentSensor) -> Iterator[Problem
                 entry.handout,
                 found.place.related,
                 severity="warning",
+                fix=(Restore(prim.path, name),),
+                unmet=(attribute_demand(found.group, name),),
             )
 
 
@@ -213,11 +224,19 @@ def _away_from_default(
     subject: StageSubject, usual: Callable[[SensorSpec], Mapping[str, Plain]]
 ) -> Iterator[Problem]:
     """Yield what somebody set to another value than the one a camera has by itself."""
-    for _, spec, place, prim in present_sensors(subject, CAMERA):
-        handout = spec.default_handout or spec.handout
-        for name, default in usual(spec).items():
+    for camera in present_sensors(subject, CAMERA):
+        prim = camera.prim
+        for name, default in usual(camera.spec).items():
             actual = prim.attributes.get(name)
             if actual is not None and not same_value(actual, default):
                 is_, expected = display(actual), display(default)
-                message = f"{name} is {is_}, the default is {expected}"
-                yield Problem(prim.path, message, name, expected, is_, handout, place.related)
+                yield Problem(
+                    prim.path,
+                    f"{name} is {is_}, the default is {expected}",
+                    name,
+                    expected,
+                    is_,
+                    camera.spec.default_handout or camera.spec.handout,
+                    camera.place.related,
+                    fix=(Restore(prim.path, name),),
+                )

@@ -8,25 +8,33 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.sensors import LIDAR, second_lidars
 from lab3_usd.check.rules.sensors import (
     PresentSensor,
+    attribute_demand,
     left_behind_sensors,
     misplaced_sensors,
     misposed_sensors,
     missing_sensors,
     present_sensors,
+    sensor_demands,
+    sensor_group,
+    sensor_place,
+    sensor_prim,
+    sensor_values,
     wrong_type_sensors,
 )
+from lab3_usd.model.changes import ApplySchema, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import is_unresolved, same_value
 from lab3_usd.spec.catalog import Value
-from lab3_usd.spec.scene import ScanSpec, SensorAttribute
+from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.scene import ScanSpec, SensorAttribute, SensorSpec
 
 
-@rule("L01", "missing-lidar", scope="stage")
+@rule("L01", "missing-lidar", scope="stage", demands=sensor_demands(LIDAR, sensor_prim))
 def missing_lidar(subject: StageSubject) -> Iterator[Problem]:
     """The lidar is missing, deactivated, or only an over.
 
@@ -68,7 +76,7 @@ def lidar_type(subject: StageSubject) -> Iterator[Problem]:
     yield from wrong_type_sensors(subject, LIDAR)
 
 
-@rule("L04", "lidar-pose", scope="stage")
+@rule("L04", "lidar-pose", scope="stage", demands=sensor_demands(LIDAR, sensor_place))
 def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
     """The lidar is not at the origin of its link, or does not move with it.
 
@@ -85,7 +93,7 @@ def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
     yield from misposed_sensors(subject, LIDAR)
 
 
-@rule("L05", "lidar-rate", scope="stage")
+@rule("L05", "lidar-rate", scope="stage", demands=sensor_demands(LIDAR, sensor_values))
 def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
     """A rate of the lidar is not set to the value in the handout.
 
@@ -97,11 +105,13 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:tickRate` 20.
     """
-    for _, spec, place, prim in present_sensors(subject, LIDAR):
+    for sensor in present_sensors(subject, LIDAR):
+        prim = sensor.prim
         may_be_hidden = is_unresolved(subject.stage, prim.path)
-        for name, entry in spec.required.items():
+        for name, entry in sensor.spec.required.items():
             actual = prim.attributes.get(name)
-            unset = entry.unset if actual is None and spec.required_api in prim.apis else ""
+            has_api = sensor.spec.required_api in prim.apis
+            unset = entry.unset if actual is None and has_api else ""
             is_hidden = actual is None and may_be_hidden
             if not same_value(actual, entry.value) and unset != "right" and not is_hidden:
                 expected, is_ = display(entry.value), display(actual)
@@ -112,12 +122,20 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
                     expected,
                     is_,
                     entry.handout,
-                    place.related,
+                    sensor.place.related,
                     severity="warning" if unset else None,
+                    fix=(Restore(prim.path, name),),
+                    unmet=(attribute_demand(sensor.group, name),),
                 )
 
 
-@rule("L06", "lidar-schema", scope="stage")
+def _scan(spec: SensorSpec, group: str) -> Iterator[Demand]:
+    if spec.scan or spec.required_api:
+        title = f"{group} has the lidar's schema and gives a scan"
+        yield Demand(f"{group}/schema", title, spec.path, spec.handout, group)
+
+
+@rule("L06", "lidar-schema", scope="stage", demands=sensor_demands(LIDAR, _scan))
 def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
     """The lidar lacks the schema of a generic RTX lidar.
 
@@ -129,14 +147,29 @@ def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
 
     Example: a prim typed by hand, `def OmniLidar "{lidar_name}"`, without a reference.
     """
-    for _, spec, place, prim in present_sensors(subject, LIDAR):
-        wanted = spec.required_api
+    for sensor in present_sensors(subject, LIDAR):
+        prim, wanted = sensor.prim, sensor.spec.required_api
         if wanted and wanted not in prim.apis and not is_unresolved(subject.stage, prim.path):
-            message = f"lidar lacks {wanted}"
-            yield Problem(prim.path, message, None, wanted, None, spec.handout, place.related)
+            yield Problem(
+                prim.path,
+                f"lidar lacks {wanted}",
+                expected=wanted,
+                handout=sensor.spec.handout,
+                related=sensor.place.related,
+                fix=(ApplySchema(prim.path, wanted),),
+                unmet=(f"{sensor.group}/schema",),
+            )
 
 
-@rule("L07", "second-lidar", scope="stage")
+def _no_second(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    for name in checkpoint.sensors:
+        spec, group = lab.sensors[name], sensor_group(lab, name)
+        if spec.kind == LIDAR:
+            handout = lab.scene.forbidden.lidar.handout or spec.handout
+            yield Demand(f"{group}/only", "no second lidar", spec.path, handout, group)
+
+
+@rule("L07", "second-lidar", scope="stage", demands=_no_second)
 def second_lidar(subject: StageSubject) -> Iterator[Problem]:
     """The stage holds a second lidar.
 
@@ -149,11 +182,17 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
     """
     found = [*present_sensors(subject, LIDAR)]
     handout = subject.lab.scene.forbidden.lidar.handout
-    right = ", ".join(each.prim.path for each in found)
-    related = tuple(each.place.path for each in found)
+    right = ", ".join(sensor.prim.path for sensor in found)
     for prim in second_lidars(subject):
-        message = f"{prim.path} is a second lidar beside {right}"
-        yield Problem(prim.path, message, actual=prim.type, handout=handout, related=related)
+        yield Problem(
+            prim.path,
+            f"{prim.path} is a second lidar beside {right}",
+            actual=prim.type,
+            handout=handout,
+            related=tuple(sensor.place.path for sensor in found),
+            fix=(RemovePrim(prim.path),),
+            unmet=tuple(f"{sensor.group}/only" for sensor in found),
+        )
 
 
 _TURN = 360.0
@@ -179,8 +218,18 @@ def _scanning(subject: StageSubject) -> Iterator[tuple[PresentSensor, ScanSpec]]
 
 def _problem(found: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
     name, message, expected = fault
-    actual, related = display(found.prim.attributes.get(name)), found.place.related
-    return Problem(found.prim.path, message, name, expected, actual, scan.handout, related)
+    path, actual = found.prim.path, display(found.prim.attributes.get(name))
+    return Problem(
+        path,
+        message,
+        name,
+        expected,
+        actual,
+        scan.handout,
+        found.place.related,
+        fix=(Restore(path, name),),
+        unmet=(f"{found.group}/schema",),
+    )
 
 
 @rule("L09", "no-scan", scope="stage")

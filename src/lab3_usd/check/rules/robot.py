@@ -5,10 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.axles import rest_frames
 from lab3_usd.check.robot.poses import UNSCALED, is_scaled, pose_property, scale_of, vector_text
 from lab3_usd.check.robot.wheels import could_hide_joints, has_no_joints, wheel_joints
+from lab3_usd.check.rules.world import AT_REST
+from lab3_usd.model.changes import (
+    Activate,
+    ApplySchema,
+    ClearValue,
+    Edit,
+    RemovePrim,
+    RemoveSchema,
+    Restore,
+)
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
     ARTICULATION_API,
@@ -33,7 +43,23 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import is_subtree_unresolved, is_unresolved
+from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import LinkSpec
+
+
+def _link_bodies(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    """Yield what is asked of each link by itself."""
+    del checkpoint
+    robot = lab.scene.robot
+    for name, link in robot.links.items():
+        path = f"{robot.path}/{name}"
+        yield Demand(f"Scene/body/{name}", f"{name} is a rigid body", path, robot.handout)
+        if link.mass is not None:
+            title = f"{name} weighs {link.mass:g} kg"
+            yield Demand(f"Scene/mass/{name}", title, path, link.handout)
+        if link.collision:
+            title = f"{name} has collision geometry"
+            yield Demand(f"Scene/collision/{name}", title, path, link.handout)
 
 
 def _links(subject: StageSubject) -> Iterator[tuple[Prim, LinkSpec]]:
@@ -48,7 +74,7 @@ def _links(subject: StageSubject) -> Iterator[tuple[Prim, LinkSpec]]:
             yield prim, spec
 
 
-@rule("S04", "link-mass", scope="stage")
+@rule("S04", "link-mass", scope="stage", demands=_link_bodies)
 def link_mass(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot does not have the mass in the handout.
 
@@ -74,12 +100,15 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
             continue
         is_ = "not set" if actual is None else f"{actual:g} kg"
         message, asked = f"mass is {is_}, expected {expected:g} kg", f"{expected:g} kg"
+        fix: Edit = Restore(prim.path, MASS)
         if actual is not None and not has_api:
             message, asked = f"mass counts for nothing: {MASS_API} was removed", MASS_API
-        yield Problem(prim.path, message, MASS, asked, is_, spec.handout)
+            fix = ApplySchema(prim.path, MASS_API)
+        unmet = (f"Scene/mass/{prim.name}",)
+        yield Problem(prim.path, message, MASS, asked, is_, spec.handout, fix=(fix,), unmet=unmet)
 
 
-@rule("S05", "rigid-body", scope="stage")
+@rule("S05", "rigid-body", scope="stage", demands=_link_bodies)
 def rigid_body(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot is not a rigid body, or is a rigid body that cannot move.
 
@@ -93,19 +122,25 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
     """
     handout = subject.lab.scene.robot.handout
     for prim, _ in _links(subject):
+        path, name, unmet = prim.path, BODY_ENABLED, (f"Scene/body/{prim.name}",)
+        fix: Edit = Restore(path, name)
         if BODY_API not in prim.apis:
-            if not is_unresolved(subject.stage, prim.path):
-                message = f"{prim.name} is no rigid body"
-                yield Problem(prim.path, message, BODY_ENABLED, BODY_API, handout=handout)
-        elif is_switched_off(prim, BODY_ENABLED):
+            if not is_unresolved(subject.stage, path):
+                message, fix = f"{prim.name} is no rigid body", ApplySchema(path, BODY_API)
+                yield Problem(
+                    path, message, name, BODY_API, handout=handout, fix=(fix,), unmet=unmet
+                )
+        elif is_switched_off(prim, name):
             message = f"{prim.name}'s rigid body is switched off"
-            yield Problem(prim.path, message, BODY_ENABLED, "True", "False", handout)
+            yield Problem(path, message, name, "True", "False", handout, fix=(fix,), unmet=unmet)
         elif prim.attributes.get(KINEMATIC) is True:
-            message = f"{prim.name} is kinematic: nothing moves it"
-            yield Problem(prim.path, message, KINEMATIC, "False", "True", handout)
+            message, fix = f"{prim.name} is kinematic: nothing moves it", Restore(path, KINEMATIC)
+            yield Problem(
+                path, message, KINEMATIC, "False", "True", handout, fix=(fix,), unmet=unmet
+            )
 
 
-@rule("S06", "wheel-collision", scope="stage")
+@rule("S06", "wheel-collision", scope="stage", demands=_link_bodies)
 def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
     """A wheel has no collision geometry, or its collision is disabled.
 
@@ -132,6 +167,10 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
                 continue
         site = off[0].path if off else prim.path
         what = "collision is switched off" if off else "has no collision geometry"
+        inactive = [part.path for part in stage.below(prim.path) if not part.active]
+        fix: Edit = Restore(site, COLLISION_ENABLED) if off else Restore(site)
+        if len(inactive) == 1:
+            fix = Activate(inactive[0])
         yield Problem(
             site,
             f"{prim.name}'s {what}" if off else f"{prim.name} {what}",
@@ -140,10 +179,12 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
             "False" if off else None,
             spec.handout,
             related=(prim.path,) if site != prim.path else (),
+            fix=(fix,),
+            unmet=(f"Scene/collision/{prim.name}",),
         )
 
 
-@rule("S24", "link-scale", scope="stage")
+@rule("S24", "link-scale", scope="stage", demands=_link_bodies)
 def link_scale(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot is scaled.
 
@@ -162,10 +203,22 @@ def link_scale(subject: StageSubject) -> Iterator[Problem]:
             is_, should = vector_text(scale_of(prim)), vector_text(UNSCALED)
             message = f"{prim.name}'s scale is {is_}, expected {should}"
             where = pose_property(prim, "scale")
-            yield Problem(prim.path, message, where, should, is_, handout)
+            fix, unmet = (Restore(prim.path, where),), (f"Scene/body/{prim.name}",)
+            yield Problem(prim.path, message, where, should, is_, handout, fix=fix, unmet=unmet)
 
 
-@rule("S11", "articulation", scope="stage")
+_ARTICULATED = "Scene/articulation"
+
+
+def _articulation(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    del checkpoint
+    spec = lab.scene.robot.articulation
+    if spec.target:
+        title = "one articulation root"
+        yield Demand(_ARTICULATED, title, spec.target, spec.handout, part="assembly")
+
+
+@rule("S11", "articulation", scope="stage", demands=_articulation)
 def articulation(subject: StageSubject) -> Iterator[Problem]:
     """The robot has no articulation root, two of them, or one on the wrong prim.
 
@@ -178,11 +231,11 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `PhysicsArticulationRootAPI` removed from `{robot}/{base}`.
     """
-    spec = subject.lab.scene.robot
-    target, handout = spec.articulation.target, spec.articulation.handout
+    spec = subject.lab.scene.robot.articulation
+    target = spec.target
     if not target:  # the lab's robot has none
         return
-    root = subject.stage.prim(spec.path)
+    root = subject.stage.prim(subject.lab.scene.robot.path)
     base = subject.stage.prim(target)
     if root is None or base is None:
         return
@@ -195,19 +248,42 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
     for prim in found:
         if prim not in right[:1]:
             what = f"a second articulation root, beside {right[0].path}" if right else "misplaced"
-            message = f"the articulation root on {prim.name} is {what}"
-            related = (target,) if prim.path != target else ()
-            yield Problem(prim.path, message, None, target, prim.path, handout, related)
+            yield Problem(
+                prim.path,
+                f"the articulation root on {prim.name} is {what}",
+                expected=target,
+                actual=prim.path,
+                handout=spec.handout,
+                related=(target,) if prim.path != target else (),
+                fix=(RemoveSchema(prim.path, spec.api), ApplySchema(target, spec.api)),
+                unmet=(_ARTICULATED,),
+            )
             if not right:
                 return
     if not found and not is_unresolved(subject.stage, target):
         is_off = is_switched_off(base, ARTICULATION_ENABLED)
         why = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
-        message = f"the articulation root {why}, expected on {target}"
-        yield Problem(target, message, None, ARTICULATION_API, handout=handout)
+        yield Problem(
+            target,
+            f"the articulation root {why}, expected on {target}",
+            expected=ARTICULATION_API,
+            handout=spec.handout,
+            fix=(ApplySchema(target, spec.api), ClearValue(target, spec.switch)),
+            unmet=(_ARTICULATED,),
+        )
 
 
-@rule("S12", "loose-link", scope="stage")
+def joined_links(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    """Yield that joints tie each link to the robot; those of the wheels are asked for apart."""
+    del checkpoint
+    robot = lab.scene.robot
+    for name, link in robot.links.items():
+        if name not in robot.wheels.joints.values() and name != robot.base_frame:
+            title = f"joints tie {name} to the robot"
+            yield Demand(f"Scene/joined/{name}", title, f"{robot.path}/{name}", link.handout)
+
+
+@rule("S12", "loose-link", scope="stage", demands=joined_links)
 def loose_link(subject: StageSubject) -> Iterator[Problem]:
     """No joint ties a link of the robot to the other links, or one lets the lidar's link move.
 
@@ -241,7 +317,17 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
             if off:
                 message += f": {off[0]} is switched off"
                 hint = f"select {off[0]} and set Joint Enabled in the Property panel"
-            yield Problem(path, message, None, base, None, link.handout, off, hint=hint)
+            yield Problem(
+                path,
+                message,
+                expected=base,
+                handout=link.handout,
+                related=off,
+                hint=hint,
+                fix=tuple(Restore(joint, JOINT_ENABLED) for joint in off) or (Restore(path),),
+                unmet=(f"Scene/joined/{name}",),
+                causes=tuple((joint, JOINT_ENABLED) for joint in off),
+            )
         elif path in present and link.offset is not None and groups[path] == groups[base]:
             yield from _movable(subject, path, link.handout)
 
@@ -252,7 +338,10 @@ def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem
         is_known = not is_unresolved(subject.stage, joint.path)
         if link in bodies(joint) and joint.type != FIXED and is_known:
             message = f"{joint.name} lets {link} move on the robot: it is a {joint.type}"
-            yield Problem(joint.path, message, None, FIXED, joint.type, handout, (link,))
+            fix, unmet = (Restore(joint.path),), (f"Scene/joined/{link.rpartition('/')[2]}",)
+            yield Problem(
+                joint.path, message, None, FIXED, joint.type, handout, (link,), fix=fix, unmet=unmet
+            )
 
 
 @rule("S21", "held-by-the-world", scope="stage")
@@ -284,6 +373,8 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
             other or "no prim",
             section,
             (robot,),
+            fix=(RemovePrim(joint.path),),
+            unmet=(AT_REST,),
         )
 
 

@@ -1,4 +1,4 @@
-"""Rules about what the starter brings, time samples that change it, and prims of later parts."""
+"""Rules about what the starter brings, and time samples that change it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import SCENE, Demand, rule
 from lab3_usd.check.robot.axles import rest_frames, welds
 from lab3_usd.check.robot.location import same_named_prims
 from lab3_usd.check.robot.poses import (
@@ -18,18 +18,10 @@ from lab3_usd.check.robot.poses import (
     units_of,
     vector_text,
 )
-from lab3_usd.check.robot.sensors import (
-    CAMERA,
-    LIDAR,
-    OTHER,
-    find_sensor,
-    is_named,
-    later_sensors,
-    lidars,
-    sensor_candidates,
-    sensors_of,
-)
+from lab3_usd.check.robot.sensors import is_named
 from lab3_usd.check.ros.running import live_nodes
+from lab3_usd.check.rules.sensors import EMPTY, part_of_pose, pose_demands
+from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import bodies, bodies_below
 from lab3_usd.model.prims import Prim, is_at_or_below
@@ -42,9 +34,23 @@ from lab3_usd.model.stage import (
 )
 from lab3_usd.model.transforms import IDENTITY, Vector, decompose, relative_transform
 from lab3_usd.spec.catalog import INPUT
+from lab3_usd.spec.lab import Checkpoint, Lab
 
 
-@rule("S01", "missing-prim", scope="stage")
+def _supplied_prims(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    del checkpoint
+    parent, robot = lab.scene.world.graph_parent, lab.scene.robot
+    handouts = {parent.path: parent.handout}
+    handouts |= dict.fromkeys((robot.path, *robot.link_paths), robot.handout)
+    for path, handout in handouts.items():
+        yield Demand(_prim_demand(path), f"{path} exists", path, handout)
+
+
+def _prim_demand(path: str) -> str:
+    return f"Scene/prim/{path.rpartition('/')[2]}"
+
+
+@rule("S01", "missing-prim", scope="stage", demands=_supplied_prims)
 def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     """The robot, one of its links, or the parent of the graphs is missing or at another path.
 
@@ -71,11 +77,22 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
             why = absence_reason(stage, path)
             others = _places(subject, path)
             at, hint = "", None
+            fix: tuple[Edit, ...] = (Restore(path),)
             if others:
                 at = f"; it seems to be the prim at {others[0]}"
                 hint = f"rename or drag {others[0]} back to {path} in the Stage panel"
-            message = f"{path} {why}{at}{missing_graphs_text(subject.missing_graphs, path)}"
-            yield Problem(path, message, None, path, why, handout, others, hint=hint)
+                fix = (MovePrim(others[0], path),) if len(others) == 1 else ()
+            yield Problem(
+                path,
+                f"{path} {why}{at}{missing_graphs_text(subject.missing_graphs, path)}",
+                expected=path,
+                actual=why,
+                handout=handout,
+                related=others,
+                hint=hint,
+                fix=fix,
+                absent=True,
+            )
 
 
 def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
@@ -85,9 +102,17 @@ def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
         if home == spec.path:
             gone = missing_graphs_text(subject.missing_graphs, home)
             message = f"the robot is at {home}, expected at {expected}{gone}"
-            hint = f"rename or drag the robot in the Stage panel, back to {expected}"
-            handout = spec.handout
-            yield Problem(home, message, None, expected, home, handout, (expected,), hint=hint)
+            yield Problem(
+                home,
+                message,
+                expected=expected,
+                actual=home,
+                handout=spec.handout,
+                related=(expected,),
+                hint=f"rename or drag the robot in the Stage panel, back to {expected}",
+                fix=(MovePrim(home, expected),),
+                unmet=(_prim_demand(expected),),
+            )
 
 
 def _places(subject: StageSubject, path: str) -> tuple[str, ...]:
@@ -98,7 +123,19 @@ def _places(subject: StageSubject, path: str) -> tuple[str, ...]:
     return same_named_prims(subject.stage, root, name)
 
 
-@rule("S02", "stage-units", scope="stage")
+def _units(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    del checkpoint
+    spec = lab.scene.stage
+    titles = {
+        "upAxis": f"up axis {spec.up_axis}",
+        "metersPerUnit": f"{spec.meters_per_unit:g} m per unit",
+        "kilogramsPerUnit": f"{spec.kilograms_per_unit:g} kg per unit",
+    }
+    for name, title in titles.items():
+        yield Demand(f"Scene/stage/{name}", title, "/", spec.handout)
+
+
+@rule("S02", "stage-units", scope="stage", demands=_units)
 def stage_units(subject: StageSubject) -> Iterator[Problem]:
     """The stage is not Z up, in metres and kilograms.
 
@@ -126,11 +163,25 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
         if not abs(actual - expected) <= tolerance * expected
     ]
     for name, is_, should in wrong:
-        message = f"{name} is {is_}, expected {should}"
-        yield Problem("/", message, name, should, is_, wanted.handout)
+        yield Problem(
+            "/",
+            f"{name} is {is_}, expected {should}",
+            name,
+            should,
+            is_,
+            wanted.handout,
+            fix=(Restore("/", name),),
+            unmet=(f"Scene/stage/{name}",),
+            if_supplied="tell your instructor; the starter needs other units or another up axis",
+        )
 
 
-@rule("S03", "robot-pose", scope="stage")
+def _robot_pose(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    del checkpoint
+    yield from pose_demands(SCENE, lab.scene.robot.path, lab.scene.robot.pose)
+
+
+@rule("S03", "robot-pose", scope="stage", demands=_robot_pose)
 def robot_pose(subject: StageSubject) -> Iterator[Problem]:
     """The robot root is not at the pose of the starter.
 
@@ -160,10 +211,20 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
             spec.pose.handout,
             severity=severity,
             hint=f"select the robot root and {wrong.hint}",
+            fix=(Restore(root.path, wrong.property),),
+            unmet=(part_of_pose(SCENE, wrong.kind),),
         )
 
 
-@rule("S17", "scan-offset", scope="stage")
+def _link_offsets(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    robot = lab.scene.robot
+    for name, link in robot.links.items() if checkpoint.id == lab.first else ():
+        if link.offset is not None:
+            title = f"{name} sits at {list(link.offset)} on the robot"
+            yield Demand(f"Scene/offset/{name}", title, f"{robot.path}/{name}", link.handout)
+
+
+@rule("S17", "scan-offset", scope="stage", demands=_link_offsets)
 def scan_offset(subject: StageSubject) -> Iterator[Problem]:
     """A link, as the one that carries the lidar, is not at its place on the robot.
 
@@ -183,32 +244,35 @@ def scan_offset(subject: StageSubject) -> Iterator[Problem]:
         prim, expected = stage.prim(f"{robot.path}/{name}"), link.offset
         if prim is None or expected is None:
             continue
-        for found in _link_places(subject, prim):
-            if not is_near(found.at, expected, scene.tolerance.link_position, units):
-                is_, should = vector_text(found.at), vector_text(units.shown(expected))
-                message = f"{name} {found.how} at {is_} on the robot, expected {should}"
-                related = () if found.prim == prim.path else (prim.path,)
-                hint = f"{found.hint} {should}"
+        for place in _link_places(subject, prim):
+            if not is_near(place.at, expected, scene.tolerance.link_position, units):
+                is_, should = vector_text(place.at), vector_text(units.shown(expected))
                 yield Problem(
-                    found.prim,
-                    message,
-                    found.property,
+                    place.prim,
+                    f"{name} {place.how} at {is_} on the robot, expected {should}",
+                    place.property,
                     should,
                     is_,
                     link.handout,
-                    related,
-                    hint=hint,
+                    related=() if place.prim == prim.path else (prim.path,),
+                    hint=f"{place.hint} {should}",
+                    fix=(Restore(place.prim, place.property),),
+                    unmet=(f"Scene/{place.demand}/{name}",),
                 )
 
 
 class _LinkPlace(Struct, frozen=True):
-    """Where a link is on the robot, which property says so, and how that is repaired."""
+    """Where a link is on the robot, which property says so, and how that is repaired.
+
+    `demand` is what is unmet where that is elsewhere: the link's own place, or that it is held.
+    """
 
     prim: str
     property: str
     at: Vector
     how: str
     hint: str
+    demand: str
 
 
 def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
@@ -221,14 +285,15 @@ def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
         if seen:
             hint = f"in the Property panel of {link.name}, set Translate to"
             where = pose_property(link, "translate")
-            yield _LinkPlace(link.path, where, decompose(seen).translation, "sits", hint)
+            at = decompose(seen).translation
+            yield _LinkPlace(link.path, where, at, "sits", hint, "offset")
     joint = next((weld for weld in welds(subject) if link.path in bodies(weld)), None)
     rest = rest_frames(subject).get(link.path)
     if joint is not None and rest is not None and base is not None and base.offset is None:
         side = 1 - bodies(joint).index(link.path)
         hint = f"restore the local positions of {joint.name}, so that it holds {link.name} at"
         at = decompose(rest).translation
-        yield _LinkPlace(joint.path, f"physics:localPos{side}", at, "is held", hint)
+        yield _LinkPlace(joint.path, f"physics:localPos{side}", at, "is held", hint, "joined")
 
 
 _OPERATION, _ORDER = "xformOp:", "xformOpOrder"
@@ -260,6 +325,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
                 expected=attribute.first,
                 actual=attribute.then,
                 severity=severity,
+                fix=(Restore(attribute.prim, attribute.property),),
             )
 
 
@@ -305,7 +371,13 @@ def _rates(path: str, subject: StageSubject) -> list[str]:
     ]
 
 
-@rule("S18", "starter-not-empty", scope="stage")
+def _nothing_more(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    if checkpoint.id == lab.first:
+        handout = lab.scene.forbidden.starter.handout
+        yield Demand(EMPTY, "nothing of the later parts", "/", handout, part="starter")
+
+
+@rule("S18", "starter-not-empty", scope="stage", demands=_nothing_more)
 def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
     """The first checkpoint holds parts of later checkpoints.
 
@@ -330,7 +402,8 @@ def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
         if is_wrong and not any(is_at_or_below(path, top) for top in told):
             told.append(path)
             message = f"{path} is not part of the supplied scene; was this saved late?"
-            yield Problem(path, message, actual=kind, handout=spec.handout)
+            fix, unmet = (RemovePrim(path),), (EMPTY,)
+            yield Problem(path, message, actual=kind, handout=spec.handout, fix=fix, unmet=unmet)
 
 
 def _prims_and_nodes(subject: StageSubject) -> Iterator[tuple[str, str]]:
@@ -340,77 +413,3 @@ def _prims_and_nodes(subject: StageSubject) -> Iterator[tuple[str, str]]:
             yield prim.path, prim.type
     for node in subject.stage.nodes():
         yield node.path, ""
-
-
-@rule("L08", "early-lidar", scope="stage", severity="warning")
-def early_lidar(subject: StageSubject) -> Iterator[Problem]:
-    """The stage holds a lidar before the handout asks for one.
-
-    Why: the file may have been saved late, after work on a later part had begun. A starter scene
-    must not contain a lidar.
-
-    Fix: save each checkpoint before you start the next part.
-
-    Example: `{lidar}` in a checkpoint before the one that adds it.
-    """
-    later = later_sensors(subject, LIDAR)
-    paths = [subject.lab.sensors[name].path for name in later]
-    is_first = not sensors_of(subject, LIDAR)
-    for prim in lidars(subject) if later else ():
-        # Beside a lidar that is asked for, any other place is that of a second lidar.
-        if is_first or prim.path in paths:
-            yield _early(subject, prim)
-
-
-def _early(subject: StageSubject, prim: Prim) -> Problem:
-    """Return that a sensor is there too early: an error in the starter."""
-    severity: Severity | None = None if subject.checkpoint.graphs else "error"
-    message = f"{prim.path} belongs to a later checkpoint; was this saved late?"
-    handout = subject.lab.scene.forbidden.starter.handout
-    return Problem(prim.path, message, actual=prim.type, handout=handout, severity=severity)
-
-
-@rule("C09", "early-camera", scope="stage", severity="warning")
-def early_camera(subject: StageSubject) -> Iterator[Problem]:
-    """The robot has a camera before the handout asks for one.
-
-    Why: the file may have been saved late, after work on a later part had begun. A starter scene
-    must not have the robot's camera.
-
-    Fix: save each checkpoint before you start the next part.
-
-    Example: `{camera}` in a checkpoint before the one that adds it.
-    """
-    yield from _early_on_robot(subject, CAMERA)
-
-
-@rule("D07", "early-sensor", scope="stage", severity="warning")
-def early_sensor(subject: StageSubject) -> Iterator[Problem]:
-    """The robot has a sensor before the handout asks for one of its type.
-
-    Why: the file may have been saved late, after work on a later part had begun. The supplied file
-    must not contain the sensor.
-
-    Fix: save each checkpoint before you start the next part.
-
-    Example: an IMU on the robot in the checkpoint before the part that adds it.
-    """
-    yield from _early_on_robot(subject, OTHER)
-
-
-def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
-    """Yield each prim of the robot that looks like a sensor of a later checkpoint."""
-    lab, stage = subject.lab, subject.stage
-    asked = [find_sensor(lab, stage, name) for name in subject.checkpoint.sensors]
-    # What stands in the place of a sensor, or is one, is judged as that.
-    others = {place.path for place in asked}
-    others |= {place.prim.path for place in asked if place.prim is not None}
-    found = {
-        prim.path: prim
-        for name in later_sensors(subject, kind)
-        for prim in sensor_candidates(lab, stage, name)
-    }
-    for prim in found.values():
-        # One of the world may have any name.
-        if prim.path not in others and is_at_or_below(prim.path, lab.scene.robot.path):
-            yield _early(subject, prim)

@@ -1,34 +1,111 @@
 """Rules about sensors of other kinds, and what all sensors have in common.
 
-Missing, misplaced, of another type.
+Missing, misplaced, of another type, or there before the handout asks for them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.poses import ORDER, RESET, PoseError, pose_errors, sensor_tolerance
+from lab3_usd.check.registry import Demand, Demands, rule
+from lab3_usd.check.robot.poses import (
+    OPERATIONS,
+    ORDER,
+    RESET,
+    Kind,
+    PoseError,
+    pose_errors,
+    sensor_tolerance,
+)
 from lab3_usd.check.robot.sensors import (
+    CAMERA,
+    LIDAR,
     OTHER,
     SensorLocation,
     candidate_transforms,
     find_sensor,
+    kind_of,
+    later_sensors,
+    lidars,
+    sensor_candidates,
     sensors_of,
 )
+from lab3_usd.model.changes import ApplySchema, MovePrim, RemovePrim, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
-from lab3_usd.model.prims import Prim
+from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import absence_reason, is_unresolved, missing_graphs_text, same_value
-from lab3_usd.spec.scene import SensorAttribute, SensorSpec
+from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.scene import PoseSpec, SensorAttribute, SensorSpec
+
+EMPTY = "Scene/empty"  # the requirement that the first checkpoint holds nothing of later ones
+POSITION, ROTATION = "position", "rotation"
+_PARTS: Mapping[Kind, str] = {"translate": POSITION, "rotate": ROTATION, "scale": "scale"}
+
+
+def part_of_pose(group: str, kind: Kind) -> str:
+    """Return the id of the requirement about one part of a pose."""
+    return f"{group}/{_PARTS[kind]}"
+
+
+def pose_demands(group: str, path: str, pose: PoseSpec) -> Iterator[Demand]:
+    """Yield position, rotation and scale of a prim."""
+    for kind in OPERATIONS:
+        title = f"{path.rpartition('/')[2]}: {_PARTS[kind]} {getattr(pose, kind)}"
+        yield Demand(part_of_pose(group, kind), title, path, pose.handout, group)
+
+
+def sensor_group(lab: Lab, sensor: str) -> str:
+    """Return the name of a sensor's prim; the sensor's own where several prims have that name."""
+    names = [spec.name for spec in lab.sensors.values()]
+    name = lab.sensors[sensor].name
+    return name if names.count(name) == 1 else sensor
+
+
+def attribute_demand(group: str, name: str) -> str:
+    """Return the id of the requirement about an attribute of a sensor."""
+    return f"{group}/{name.rpartition(':')[2]}"
+
+
+def sensor_demands(kind: str, of_sensor: Callable[[SensorSpec, str], Iterator[Demand]]) -> Demands:
+    """Return the demands of all sensors of a kind, each by its description and its group."""
+
+    def demands(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+        for sensor in checkpoint.sensors:
+            if kind_of(lab.sensors[sensor]) == kind:
+                yield from of_sensor(lab.sensors[sensor], sensor_group(lab, sensor))
+
+    return demands
+
+
+def sensor_prim(spec: SensorSpec, group: str) -> Iterator[Demand]:
+    """Yield that the sensor is at its path."""
+    yield Demand(f"{group}/prim", f"{spec.path} exists", spec.path, spec.handout, group)
+
+
+def sensor_place(spec: SensorSpec, group: str) -> Iterator[Demand]:
+    """Yield the parts of the sensor's pose."""
+    yield from pose_demands(group, spec.path, spec.pose)
+
+
+def sensor_values(spec: SensorSpec, group: str) -> Iterator[Demand]:
+    """Yield the attributes that the handout gives a value."""
+    for name, entry in spec.required.items():
+        value = list(entry.value) if isinstance(entry.value, tuple) else entry.value
+        title = f"{group}: {name} {value}"
+        yield Demand(attribute_demand(group, name), title, spec.path, entry.handout, group)
 
 
 class PresentSensor(NamedTuple):
-    """A sensor that the checkpoint asks for, and that the stage holds, with its place and prim."""
+    """A sensor that the checkpoint asks for, and that the stage holds, with its place and prim.
+
+    `group` is that of its requirements.
+    """
 
     name: str
+    group: str
     spec: SensorSpec
     place: SensorLocation
     prim: Prim
@@ -39,7 +116,8 @@ def present_sensors(subject: StageSubject, kind: str) -> Iterator[PresentSensor]
     for name in sensors_of(subject, kind):
         place = find_sensor(subject.lab, subject.stage, name)
         if place.prim is not None:
-            yield PresentSensor(name, subject.lab.sensors[name], place, place.prim)
+            group = sensor_group(subject.lab, name)
+            yield PresentSensor(name, group, subject.lab.sensors[name], place, place.prim)
 
 
 def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
@@ -53,20 +131,29 @@ def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
         if stage.prim(link) is not None and not is_unresolved(stage, path):
             why, handout = absence_reason(stage, path), subject.lab.sensors[sensor].handout
             message = f"{path} {why}{missing_graphs_text(subject.missing_graphs, path)}"
-            yield Problem(path, message, None, path, why, handout)
+            fix = (Restore(path),)
+            yield Problem(path, message, None, path, why, handout, fix=fix, absent=True)
 
 
 def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each sensor that has another name or parent."""
-    for _, spec, place, prim in present_sensors(subject, kind):
-        parent, _, name = place.path.rpartition("/")
+    for sensor in present_sensors(subject, kind):
+        prim, path = sensor.prim, sensor.place.path
+        parent, _, name = path.rpartition("/")
         what = [f"is named {prim.name}"] if prim.name != name else []
         if prim.parent != parent:
             what.append(f"hangs below {prim.parent or 'the root'}")
         if what:
-            message = f"{name} {' and '.join(what)}, expected at {place.path}"
-            expected, is_, related = place.path, prim.path, place.related
-            yield Problem(prim.path, message, None, expected, is_, spec.handout, related)
+            yield Problem(
+                prim.path,
+                f"{name} {' and '.join(what)}, expected at {path}",
+                expected=path,
+                actual=prim.path,
+                handout=sensor.spec.handout,
+                related=sensor.place.related,
+                fix=(MovePrim(prim.path, path),),
+                unmet=(f"{sensor.group}/prim",),
+            )
 
 
 def wrong_type_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
@@ -77,7 +164,10 @@ def wrong_type_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
         if found.prim is None and found.wrong_type_prim is not None:
             actual = found.wrong_type_prim.type or "a prim without a type"
             message = f"{found.path} is {actual}, expected {spec.type}"
-            yield Problem(found.path, message, None, spec.type, actual, spec.handout)
+            fix, path = (Restore(found.path),), found.path
+            yield Problem(
+                path, message, None, spec.type, actual, spec.handout, fix=fix, absent=True
+            )
 
 
 def resets_xform_stack(prim: Prim) -> bool:
@@ -88,21 +178,33 @@ def resets_xform_stack(prim: Prim) -> bool:
 
 def left_behind_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each sensor that does not move with its link."""
-    for found in present_sensors(subject, kind):
-        yield from _left_behind(subject, found)
-
-
-def _left_behind(subject: StageSubject, found: PresentSensor) -> Iterator[Problem]:
-    prim, handout, related = found.prim, found.spec.pose.handout, found.place.related
-    if resets_xform_stack(prim):
-        message = f"{prim.name} has {RESET} in {ORDER}: "
-        message += "it ignores its link and does not move with the robot"
-        hint = f"take {RESET} out of {ORDER}, then set the place relative to the link"
-        yield Problem(prim.path, message, ORDER, None, RESET, handout, related, hint=hint)
-    elif _is_own_body(prim, subject):
-        message = f"{prim.name} is a rigid body of its own: it does not move with its link"
-        hint = "select the sensor and remove Rigid Body in the Property panel under Physics"
-        yield Problem(prim.path, message, BODY_ENABLED, None, BODY_API, handout, related, hint=hint)
+    for sensor in present_sensors(subject, kind):
+        prim = sensor.prim
+        if resets_xform_stack(prim):
+            yield Problem(
+                prim.path,
+                f"{prim.name} has {RESET} in {ORDER}: "
+                "it ignores its link and does not move with the robot",
+                ORDER,
+                actual=RESET,
+                handout=sensor.spec.pose.handout,
+                related=sensor.place.related,
+                hint=f"take {RESET} out of {ORDER}, then set the place relative to the link",
+                fix=(Restore(prim.path, ORDER),),
+                unmet=(f"{sensor.group}/{POSITION}",),
+            )
+        elif _is_own_body(prim, subject):
+            yield Problem(
+                prim.path,
+                f"{prim.name} is a rigid body of its own: it does not move with its link",
+                BODY_ENABLED,
+                actual=BODY_API,
+                handout=sensor.spec.pose.handout,
+                related=sensor.place.related,
+                hint="select the sensor and remove Rigid Body in the Property panel under Physics",
+                fix=(RemoveSchema(prim.path, BODY_API),),
+                unmet=(f"{sensor.group}/{POSITION}",),
+            )
 
 
 def _is_own_body(prim: Prim, subject: StageSubject) -> bool:
@@ -141,6 +243,8 @@ def pose_problem(found: PresentSensor, error: PoseError) -> Problem:
         found.spec.pose.handout,
         found.place.related,
         hint=f"select {the}{name} and {error.hint}",
+        fix=(Restore(found.prim.path, error.property),),
+        unmet=(part_of_pose(found.group, error.kind),),
     )
 
 
@@ -160,10 +264,20 @@ def wrong_attributes(
         expected, is_ = display(wanted), display(actual)
         why = "" if actual is not None else ", which leaves USD's own default"
         message = f"{name} is {is_}{why}, expected {expected}"
-        yield Problem(prim.path, message, name, expected, is_, entry.handout, related)
+        yield Problem(
+            prim.path,
+            message,
+            name,
+            expected,
+            is_,
+            entry.handout,
+            related,
+            fix=(Restore(prim.path, name),),
+            unmet=(attribute_demand(found.group, name),),
+        )
 
 
-@rule("D01", "missing-sensor", scope="stage")
+@rule("D01", "missing-sensor", scope="stage", demands=sensor_demands(OTHER, sensor_prim))
 def missing_sensor(subject: StageSubject) -> Iterator[Problem]:
     """A sensor of the robot is missing, deactivated, or only an over.
 
@@ -205,7 +319,7 @@ def sensor_type(subject: StageSubject) -> Iterator[Problem]:
     yield from wrong_type_sensors(subject, OTHER)
 
 
-@rule("D04", "sensor-pose", scope="stage")
+@rule("D04", "sensor-pose", scope="stage", demands=sensor_demands(OTHER, sensor_place))
 def sensor_pose(subject: StageSubject) -> Iterator[Problem]:
     """A sensor is not at the handout's pose on its link, or does not move with it.
 
@@ -222,7 +336,7 @@ def sensor_pose(subject: StageSubject) -> Iterator[Problem]:
     yield from misposed_sensors(subject, OTHER)
 
 
-@rule("D05", "sensor-attribute", scope="stage")
+@rule("D05", "sensor-attribute", scope="stage", demands=sensor_demands(OTHER, sensor_values))
 def sensor_attribute(subject: StageSubject) -> Iterator[Problem]:
     """An attribute of a sensor does not have the handout's value.
 
@@ -236,7 +350,12 @@ def sensor_attribute(subject: StageSubject) -> Iterator[Problem]:
         yield from wrong_attributes(subject, found, found.spec.required)
 
 
-@rule("D06", "sensor-schema", scope="stage")
+def _schemas(spec: SensorSpec, group: str) -> Iterator[Demand]:
+    for api in spec.required_apis:
+        yield Demand(f"{group}/{api}", f"{group} has {api}", spec.path, spec.handout, group)
+
+
+@rule("D06", "sensor-schema", scope="stage", demands=sensor_demands(OTHER, _schemas))
 def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
     """A sensor lacks an API schema that the handout asks for.
 
@@ -248,8 +367,95 @@ def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
 
     Example: a prim typed by hand instead of created by the menu.
     """
-    for _, spec, place, prim in present_sensors(subject, OTHER):
-        for wanted in spec.required_apis:
+    for sensor in present_sensors(subject, OTHER):
+        prim = sensor.prim
+        for wanted in sensor.spec.required_apis:
             if wanted not in prim.apis and not is_unresolved(subject.stage, prim.path):
-                message = f"{prim.name} lacks {wanted}"
-                yield Problem(prim.path, message, None, wanted, None, spec.handout, place.related)
+                yield Problem(
+                    prim.path,
+                    f"{prim.name} lacks {wanted}",
+                    expected=wanted,
+                    handout=sensor.spec.handout,
+                    related=sensor.place.related,
+                    fix=(ApplySchema(prim.path, wanted),),
+                    unmet=(f"{sensor.group}/{wanted}",),
+                )
+
+
+@rule("L08", "early-lidar", scope="stage", severity="warning")
+def early_lidar(subject: StageSubject) -> Iterator[Problem]:
+    """The stage holds a lidar before the handout asks for one.
+
+    Why: the file may have been saved late, after work on a later part had begun. A starter scene
+    must not contain a lidar.
+
+    Fix: save each checkpoint before you start the next part.
+
+    Example: `{lidar}` in a checkpoint before the one that adds it.
+    """
+    later = later_sensors(subject, LIDAR)
+    paths = [subject.lab.sensors[name].path for name in later]
+    is_first = not sensors_of(subject, LIDAR)
+    for prim in lidars(subject) if later else ():
+        # Beside a lidar that is asked for, any other place is that of a second lidar.
+        if is_first or prim.path in paths:
+            yield _early(subject, prim)
+
+
+def _early(subject: StageSubject, prim: Prim) -> Problem:
+    """Return that a sensor is there too early: an error in the starter."""
+    return Problem(
+        prim.path,
+        f"{prim.path} belongs to a later checkpoint; was this saved late?",
+        actual=prim.type,
+        handout=subject.lab.scene.forbidden.starter.handout,
+        severity=None if subject.checkpoint.graphs else "error",
+        fix=(RemovePrim(prim.path),),
+        unmet=(EMPTY,),
+    )
+
+
+@rule("C09", "early-camera", scope="stage", severity="warning")
+def early_camera(subject: StageSubject) -> Iterator[Problem]:
+    """The robot has a camera before the handout asks for one.
+
+    Why: the file may have been saved late, after work on a later part had begun. A starter scene
+    must not have the robot's camera.
+
+    Fix: save each checkpoint before you start the next part.
+
+    Example: `{camera}` in a checkpoint before the one that adds it.
+    """
+    yield from _early_on_robot(subject, CAMERA)
+
+
+@rule("D07", "early-sensor", scope="stage", severity="warning")
+def early_sensor(subject: StageSubject) -> Iterator[Problem]:
+    """The robot has a sensor before the handout asks for one of its type.
+
+    Why: the file may have been saved late, after work on a later part had begun. The supplied file
+    must not contain the sensor.
+
+    Fix: save each checkpoint before you start the next part.
+
+    Example: an IMU on the robot in the checkpoint before the part that adds it.
+    """
+    yield from _early_on_robot(subject, OTHER)
+
+
+def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
+    """Yield each prim of the robot that looks like a sensor of a later checkpoint."""
+    lab, stage = subject.lab, subject.stage
+    asked = [find_sensor(lab, stage, name) for name in subject.checkpoint.sensors]
+    # What stands in the place of a sensor, or is one, is judged as that.
+    others = {place.path for place in asked}
+    others |= {place.prim.path for place in asked if place.prim is not None}
+    candidates = {
+        prim.path: prim
+        for name in later_sensors(subject, kind)
+        for prim in sensor_candidates(lab, stage, name)
+    }
+    for prim in candidates.values():
+        # One of the world may have any name.
+        if prim.path not in others and is_at_or_below(prim.path, lab.scene.robot.path):
+            yield _early(subject, prim)

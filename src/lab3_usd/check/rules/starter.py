@@ -5,7 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.model.changes import KINDS, Change, Difference, Kind, Site, StarterSubject
+from lab3_usd.model.changes import (
+    KINDS,
+    Activate,
+    ApplySchema,
+    Change,
+    Difference,
+    Edit,
+    Kind,
+    Restore,
+    Site,
+    StarterSubject,
+)
 from lab3_usd.model.finding import Problem, Severity
 
 _MISSING = "missing"  # and not deactivated, or an over
@@ -28,7 +39,8 @@ def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
         if not change.absent or _is_told(change, subject):
             continue
         also = f", with {change.count - 1} prims below it" if change.count > 1 else ""
-        is_ = "is missing" if change.absent == _MISSING else f"is {change.absent}"
+        is_ = f"is {change.absent}"
+        repair = Restore(change.prim) if change.absent == _MISSING else Activate(change.prim)
         yield Problem(
             change.prim,
             f"{change.type or 'prim'} of the starter {is_}{also}",
@@ -36,6 +48,7 @@ def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
             actual=change.absent,
             handout=subject.rules.handout,
             severity=_severity(physics=change.physics),
+            fix=(repair,) if change.prim in subject.supplied else (),
         )
 
 
@@ -143,7 +156,19 @@ def _told(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
             first.now,
             subject.rules.handout,
             severity=_severity(physics=any(difference.physics for difference in left)),
+            fix=_repair(change.prim, first, subject),
         )
+
+
+def _repair(prim: str, difference: Difference, subject: StarterSubject) -> tuple[Edit, ...]:
+    """Return what undoes the gravest difference of a prim; the next one is found after that."""
+    if difference.kind != "added" and prim not in subject.supplied:
+        return ()
+    if difference.kind == "schema":
+        return (ApplySchema(prim, difference.was),)
+    if difference.property or difference.kind == "place":
+        return (Restore(prim, difference.property or "xformOpOrder"),)
+    return () if difference.kind == "added" else (Restore(prim),)
 
 
 def _says(difference: Difference) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import Demand, Demands, rule
 from lab3_usd.check.robot.axles import AXIS, anchor, axle
 from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.check.robot.wheels import (
@@ -19,6 +19,8 @@ from lab3_usd.check.robot.wheels import (
     wheel_joints,
     wrong_ends,
 )
+from lab3_usd.check.rules.robot import joined_links
+from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import (
     DAMPING,
@@ -40,12 +42,36 @@ from lab3_usd.model.physics import (
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import absence_reason, is_unresolved
 from lab3_usd.model.transforms import Vector, angle_between, distance, dot, scaled
+from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import WheelSpec
 
 _PAIR = 2  # wheels that are a distance apart
 
 
-@rule("S07", "wheel-joint", scope="stage")
+def _of_each_joint(**titles: str) -> Demands:
+    """Return the demands that each wheel joint has to meet: their ids, and what they say of it."""
+
+    def demands(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+        del checkpoint
+        robot = lab.scene.robot
+        for name in robot.wheels.joints:
+            path, handout = robot.joint_path(name), robot.wheels.handout
+            for part, title in titles.items():
+                yield Demand(f"Scene/{part}/{name}", f"{name} {title}", path, handout)
+
+    return demands
+
+
+def _wheel_fix(joint: WheelJoint, name: str) -> tuple[Edit, ...]:
+    """Return what restores a property of a joint; the frames of one turned round are not known."""
+    is_turned_round = name.startswith("physics:local") and base_side(joint) == 1
+    return () if is_turned_round else (Restore(joint.site, name),)
+
+
+_TURNS_A_WHEEL = _of_each_joint(joint="turns a wheel")
+
+
+@rule("S07", "wheel-joint", scope="stage", demands=_TURNS_A_WHEEL)
 def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint is missing, disabled, has another name, cannot turn, or is no robot's joint.
 
@@ -70,11 +96,32 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
         message = _why_useless(joint, subject)
         wrong = None if message or joint.live is None else _wrong_value(joint.live)
         if message is not None:
-            expected = f"{REVOLUTE} {joint.name}"
-            yield Problem(joint.site, message, None, expected, None, handout, joint.related)
+            fix: tuple[Edit, ...] = tuple(map(Restore, (joint.site, *joint.related)))
+            if joint.live is not None:  # but it has another name
+                fix = (MovePrim(joint.site, f"{joint.live.parent}/{joint.name}"),)
+            yield Problem(
+                joint.site,
+                message,
+                expected=f"{REVOLUTE} {joint.name}",
+                handout=handout,
+                related=joint.related,
+                fix=fix,
+                unmet=(f"Scene/joint/{joint.name}",),
+                absent=joint.live is None,
+            )
         elif wrong is not None:
-            message = f"{joint.name} {wrong[0]}"
-            yield Problem(joint.site, message, *wrong[1:], handout, joint.related)
+            says, name, expected, actual = wrong
+            yield Problem(
+                joint.site,
+                f"{joint.name} {says}",
+                name,
+                expected,
+                actual,
+                handout,
+                joint.related,
+                fix=(Restore(joint.site, name),),
+                unmet=(f"Scene/joint/{joint.name}",),
+            )
 
 
 def _wrong_value(joint: Prim) -> tuple[str, str, str, str] | None:
@@ -105,7 +152,16 @@ def _no_joints(subject: StageSubject, handout: str) -> Problem:
     message = f"the robot has no joints: {site} {absence_reason(subject.stage, site)}"
     if subject.stage.prim(site) is not None:
         message = "the robot has no joints"
-    return Problem(site, message, None, "joints", None, handout, robot.link_paths)
+    return Problem(
+        site,
+        message,
+        expected="joints",
+        handout=handout,
+        related=robot.link_paths,
+        fix=tuple(map(Restore, (site, *robot.link_paths))),
+        unmet=tuple(demand.id for demand in joined_links(subject.lab, subject.checkpoint)),
+        absent=True,
+    )
 
 
 def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
@@ -122,7 +178,7 @@ def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
     return None
 
 
-@rule("S08", "joint-bodies", scope="stage")
+@rule("S08", "joint-bodies", scope="stage", demands=_of_each_joint(bodies="connects its wheel"))
 def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint does not connect its own wheel to a body of the robot.
 
@@ -142,11 +198,20 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
             is_wheel = base_side(joint) is None
             expected = joint.link if is_wheel else "a link of the robot that is no wheel"
             message = f"{name} is {actual or 'the world'}, expected {expected}"
-            is_ = actual or "no prim"
-            yield Problem(joint.site, message, name, expected, is_, section, joint.related)
+            yield Problem(
+                joint.site,
+                message,
+                name,
+                expected,
+                actual or "no prim",
+                section,
+                joint.related,
+                fix=(Restore(joint.site, name),),
+                unmet=(f"Scene/bodies/{joint.name}",),
+            )
 
 
-@rule("S23", "second-wheel-joint", scope="stage")
+@rule("S23", "second-wheel-joint", scope="stage", demands=_TURNS_A_WHEEL)
 def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     """A second joint ties a wheel, beside its own joint.
 
@@ -162,8 +227,8 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     lab = subject.lab
     section = lab.handout.behind("S23", lab.scene.robot.wheels.handout)
     for joint in joints(subject.stage):
-        tied = [] if joint in own else [each for each in wheels if _ties(joint, each)]
-        for wheel in [each for each in tied if _may_turn(each, subject)][:1]:
+        tied = [] if joint in own else [wheel for wheel in wheels if _ties(joint, wheel)]
+        for wheel in [wheel for wheel in tied if _may_turn(wheel, subject)][:1]:
             other = next((end for end in bodies(joint) if not is_at_or_below(end, wheel.link)), "")
             is_ = f"{joint.name} ties {wheel.link} to {other or 'the world'}"
             yield Problem(
@@ -174,6 +239,8 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
                 joint.type,
                 section,
                 (wheel.link, wheel.path),
+                fix=(RemovePrim(joint.path),),
+                unmet=(f"Scene/joint/{wheel.name}",),
             )
 
 
@@ -189,7 +256,7 @@ def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
     return wheel.live is not None and not is_switched_off(wheel.live, JOINT_ENABLED)
 
 
-@rule("S20", "wheel-distance", scope="stage")
+@rule("S20", "wheel-distance", scope="stage", demands=_of_each_joint(place="sits at its place"))
 def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     """The distance between the wheel joints is not the handout's, or the wheels are exchanged.
 
@@ -225,7 +292,17 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     expected, actual = f"{wheels.distance:g} m", f"{apart:g} m"
     message = f"the wheel joints are {actual} apart, expected {expected}"
     name = f"physics:localPos{base_side(joint)}"
-    yield Problem(joint.site, message, name, expected, actual, wheels.handout, joint.related)
+    yield Problem(
+        joint.site,
+        message,
+        name,
+        expected,
+        actual,
+        wheels.handout,
+        joint.related,
+        fix=_wheel_fix(joint, name),
+        unmet=(f"Scene/place/{joint.name}",),
+    )
 
 
 def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterator[Problem]:
@@ -236,17 +313,25 @@ def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterat
     (right,) = places.keys() - {left}
     if dot(wheels.axle, places[left]) >= dot(wheels.axle, places[right]):
         return
-    name = f"physics:localPos{base_side(left)}"
-    message = f"{left.name} is on the right of {right.name}: the wheels are exchanged"
-    related = (*left.related, f"{right.site}.physics:localPos{base_side(right)}")
-    sides = ("on the left", "on the right")
-    yield Problem(left.site, message, name, *sides, wheels.handout, related)
+    name, on_right = (f"physics:localPos{base_side(joint)}" for joint in (left, right))
+    fix = _wheel_fix(left, name)
+    yield Problem(
+        left.site,
+        f"{left.name} is on the right of {right.name}: the wheels are exchanged",
+        name,
+        "on the left",
+        "on the right",
+        wheels.handout,
+        related=(*left.related, f"{right.site}.{on_right}"),
+        fix=(*fix, Restore(right.site, on_right)) if fix else (),
+        unmet=(f"Scene/place/{left.name}", f"Scene/place/{right.name}"),
+    )
 
 
 _WORDS = {DAMPING: "damping", MAX_FORCE: "the drive's largest force"}
 
 
-@rule("S09", "joint-axis", scope="stage")
+@rule("S09", "joint-axis", scope="stage", demands=_of_each_joint(axis="turns forward"))
 def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint has a wrong axis: not the lateral axis of the robot, or inverted.
 
@@ -273,16 +358,18 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     for joint, found in wrong.items():
         if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
             continue
-        message = f"{joint.name} {_says(found, wanted, limit)}"
+        name = _cause(joint, list(axles))
         yield Problem(
             joint.site,
-            message,
-            _cause(joint, list(axles)),
+            f"{joint.name} {_says(found, wanted, limit)}",
+            name,
             vector_text(wanted),
             vector_text(found),
             section,
             joint.related,
             severity,
+            fix=_wheel_fix(joint, name),
+            unmet=(f"Scene/axis/{joint.name}",),
         )
 
 
@@ -304,7 +391,10 @@ def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:
     return f"physics:localRot{side}" if is_rotation else AXIS
 
 
-@rule("S10", "joint-drive", scope="stage")
+_DRIVE = _of_each_joint(stiffness="has stiffness 0", damping="has damping and force")
+
+
+@rule("S10", "joint-drive", scope="stage", demands=_DRIVE)
 def joint_drive(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint has no velocity drive (stiffness 0, damping and force above 0).
 
@@ -323,21 +413,43 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
             continue
         may_be_hidden = is_unresolved(subject.stage, prim.path)
         if DRIVE_API not in prim.apis and not may_be_hidden:
-            message = f"{joint.name} has no angular drive"
-            yield Problem(prim.path, message, DAMPING, DRIVE_API, None, handout, joint.related)
+            yield Problem(
+                prim.path,
+                f"{joint.name} has no angular drive",
+                DAMPING,
+                DRIVE_API,
+                handout=handout,
+                related=joint.related,
+                fix=(ApplySchema(prim.path, DRIVE_API),),
+                unmet=(f"Scene/damping/{joint.name}",),
+            )
             continue
         stiffness = number(prim.attributes.get(STIFFNESS, 0.0))
         if stiffness != 0:
-            message = f"stiffness is {stiffness:g}, expected 0" if stiffness is not None else ""
-            message = message or "stiffness is no number, expected 0"
+            is_ = "no number" if stiffness is None else f"{stiffness:g}"
             yield Problem(
-                prim.path, message, STIFFNESS, "0", f"{stiffness}", handout, joint.related
+                prim.path,
+                f"stiffness is {is_}, expected 0",
+                STIFFNESS,
+                "0",
+                f"{stiffness}",
+                handout,
+                joint.related,
+                fix=(Restore(prim.path, STIFFNESS),),
+                unmet=(f"Scene/stiffness/{joint.name}",),
             )
         hidden = None if may_be_hidden else 0.0
         for name, unset in ((DAMPING, hidden), (MAX_FORCE, None)):
             value = number(prim.attributes.get(name, unset))
             if value is not None and not value > 0:
-                message = f"{_WORDS[name]} is {value:g}, expected more than 0"
                 yield Problem(
-                    prim.path, message, name, "above 0", f"{value:g}", handout, joint.related
+                    prim.path,
+                    f"{_WORDS[name]} is {value:g}, expected more than 0",
+                    name,
+                    "above 0",
+                    f"{value:g}",
+                    handout,
+                    joint.related,
+                    fix=(Restore(prim.path, name),),
+                    unmet=(f"Scene/damping/{joint.name}",),
                 )

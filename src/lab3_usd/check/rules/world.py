@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from msgspec.structs import replace
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import Demand, Demands, rule
 from lab3_usd.check.robot.ground import (
     AXIS,
     UP,
@@ -22,12 +22,15 @@ from lab3_usd.check.robot.ground import (
     steep_planes,
 )
 from lab3_usd.check.robot.poses import (
+    OPERATIONS,
+    ORDER,
     is_scaled,
     pose_errors,
     pose_property,
     root_tolerance,
     vector_text,
 )
+from lab3_usd.model.changes import ApplySchema, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import (
     BODY_API,
@@ -55,10 +58,30 @@ from lab3_usd.model.transforms import (
     scaled,
     transform_point,
 )
-from lab3_usd.spec.scene import WorldPart
+from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.scene import WorldPart, WorldSpec
+
+_GROUND, _LIGHT, _SCENE = "Scene/ground", "Scene/light", "Scene/physics_scene"
 
 
-@rule("S13", "ground", scope="stage")
+def _part_demand(name: str, title: str, part: Callable[[WorldSpec], WorldPart | None]) -> Demands:
+    """Return the demand that the world has a part, where the lab has one."""
+
+    def demands(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+        del checkpoint
+        asked = part(lab.scene.world)
+        if asked is not None:
+            yield Demand(name, title, asked.usual, asked.handout, part="world")
+
+    return demands
+
+
+_HAS_GROUND = _part_demand(_GROUND, "a ground with collision", lambda world: world.ground)
+_HAS_LIGHT = _part_demand(_LIGHT, "a light", lambda world: world.light)
+_HAS_SCENE = _part_demand(_SCENE, "a physics scene", lambda world: world.physics_scene)
+
+
+@rule("S13", "ground", scope="stage", demands=_HAS_GROUND)
 def ground(subject: StageSubject) -> Iterator[Problem]:
     """No fixed ground with a collision lies below the robot.
 
@@ -86,13 +109,20 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
         has_api = COLLISION_API in off.apis
         what = "is switched off" if has_api else "was removed"
         message = f"the ground does not carry the robot: the collision of {off.name} {what}"
-        expected, related = "True" if has_api else COLLISION_API, (asked.usual,)
+        restored = Restore(off.path, COLLISION_ENABLED)
         yield Problem(
-            off.path, message, COLLISION_ENABLED, expected, None, asked.handout, related=related
+            off.path,
+            message,
+            COLLISION_ENABLED,
+            expected="True" if has_api else COLLISION_API,
+            handout=asked.handout,
+            related=(asked.usual,),
+            fix=(restored if has_api else ApplySchema(off.path, COLLISION_API),),
+            unmet=(_GROUND,),
         )
         return
     planes = subject.stage.of_type(PLANE)
-    yield _missing(subject, asked, "a ground with collision", planes)
+    yield _missing(subject, asked, "a ground with collision", planes, _GROUND)
 
 
 def _falls(asked: WorldPart, ground: Prim, body: Prim) -> Problem:
@@ -106,21 +136,25 @@ def _falls(asked: WorldPart, ground: Prim, body: Prim) -> Problem:
         asked.handout,
         related=tuple(sorted({asked.usual, ground.path} - {body.path})),
         hint=f"remove Rigid Body from {body.name} in the Property panel",
+        fix=(RemoveSchema(body.path, BODY_API),),
     )
 
 
 def _faces_elsewhere(asked: WorldPart, plane: Prim) -> Problem:
     faces, up = vector_text(facing(plane) or UP), vector_text(UP)
     is_turned = plane.attributes.get(AXIS, "Z") == "Z"
+    name = pose_property(plane, "rotate") if is_turned else AXIS
     return Problem(
         plane.path,
         f"the ground does not carry the robot: {plane.name} faces {faces}, expected {up}",
-        pose_property(plane, "rotate") if is_turned else AXIS,
+        name,
         up,
         faces,
         asked.handout,
         related=(asked.usual,),
         hint=f"turn {plane.name}, or the prim that holds it, so that its front faces up",
+        fix=(Restore(plane.path, name),),
+        unmet=(_GROUND,),
     )
 
 
@@ -133,7 +167,7 @@ def _silent_ground(subject: StageSubject) -> Prim | None:
     return next((subject.stage.prims[box.path] for box in boxes(subject)), None)
 
 
-@rule("S14", "light", scope="stage")
+@rule("S14", "light", scope="stage", demands=_HAS_LIGHT)
 def light(subject: StageSubject) -> Iterator[Problem]:
     """The scene has no light.
 
@@ -148,10 +182,10 @@ def light(subject: StageSubject) -> Iterator[Problem]:
     if asked is None or any(prim.present for prim in found):
         return
     if not _is_elsewhere(subject) and not _is_told_by_ground(subject, asked):
-        yield _missing(subject, asked, "a light", found)
+        yield _missing(subject, asked, "a light", found, _LIGHT)
 
 
-@rule("S15", "physics-scene", scope="stage")
+@rule("S15", "physics-scene", scope="stage", demands=_HAS_SCENE)
 def physics_scene(subject: StageSubject) -> Iterator[Problem]:
     """The stage has no physics scene, or one whose gravity does not pull down.
 
@@ -169,9 +203,16 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
         return
     for wrong in gravity_faults(subject):
         usual = (asked.usual,) if wrong.prim != asked.usual else ()
-        yield replace(wrong, handout=asked.handout, related=(*usual, *wrong.related))
+        sites = (f"{wrong.prim}.{wrong.property}", *wrong.related)
+        yield replace(
+            wrong,
+            handout=asked.handout,
+            related=(*usual, *wrong.related),
+            fix=tuple(Restore(*site.split(".")) for site in sites),
+            unmet=(_SCENE,),
+        )
     if not any(prim.present for prim in found) and not _is_elsewhere(subject):
-        yield _missing(subject, asked, "a physics scene", found)
+        yield _missing(subject, asked, "a physics scene", found, _SCENE)
 
 
 @rule("S16", "observation-camera", scope="stage", severity="warning")
@@ -217,7 +258,9 @@ def _is_told_by_ground(subject: StageSubject, light: WorldPart) -> bool:
     return usual is not None and not usual.present and not has_ground(subject)
 
 
-def _missing(subject: StageSubject, asked: WorldPart, title: str, parts: Iterable[Prim]) -> Problem:
+def _missing(
+    subject: StageSubject, asked: WorldPart, title: str, parts: Iterable[Prim], *unmet: str
+) -> Problem:
     """Say that a part is missing: at the prim that is switched off, else where it usually is."""
     usual = asked.usual
     off = [prim.path for prim in parts if not prim.present]
@@ -228,13 +271,27 @@ def _missing(subject: StageSubject, asked: WorldPart, title: str, parts: Iterabl
     why = f": {site} {absence_reason(subject.stage, site)}" if off else ""
     related = (usual,) if site != usual else ()
     message = f"the scene has no {title.split(' ', 1)[1]}{why}"
-    return Problem(site, message, None, title, None, asked.handout, related)
+    fix = tuple(map(Restore, (site, *related)))
+    return Problem(site, message, None, title, None, asked.handout, related, fix=fix, unmet=unmet)
 
 
 _UP = (0.0, 0.0, 1.0)
 
 
-@rule("S19", "not-at-rest", scope="stage")
+AT_REST = "Scene/rest"
+# What shapes a link, and so how low it reaches: the beginnings of properties.
+_SHAPE = ("radius", "height", "size", "axis", "points", "xformOp:")
+
+
+def _rest(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    del checkpoint
+    robot = lab.scene.robot
+    if lab.scene.world.ground is not None:
+        handout = lab.handout.behind("S19", robot.handout)
+        yield Demand(AT_REST, "robot rests on the ground", robot.path, handout, part="assembly")
+
+
+@rule("S19", "not-at-rest", scope="stage", demands=_rest)
 def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
     """A wheel is above the ground, or a part of the robot is below it.
 
@@ -268,10 +325,33 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
     for body, low in off.items():
         where = "above" if low > 0 else "below"
         part = body.rpartition("/")[2]
-        message = f"{part} is {abs(low):.3g} m {where} the ground"
-        related = (ground if body == spec.path else spec.path,)
-        expected, actual = "on the ground", f"{low:.3g} m"
-        yield Problem(body, message, None, expected, actual, section, related, severity)
+        basis = ground if body == spec.path else spec.path
+        yield Problem(
+            body,
+            f"{part} is {abs(low):.3g} m {where} the ground",
+            expected="on the ground",
+            actual=f"{low:.3g} m",
+            handout=section,
+            related=(basis,),
+            severity=severity,
+            fix=() if _is_lowered(subject, body, basis) else (Restore(body), Restore(basis)),
+            unmet=(AT_REST,),
+            causes=tuple((path, OPERATIONS["translate"][0]) for path in _upward(basis)),
+            follows=_SHAPE,
+        )
+
+
+def _is_lowered(subject: StageSubject, body: str, ground: str) -> bool:
+    """Whether the ground below the whole robot is displaced by a prim above it."""
+    found = subject.stage.prim(ground)
+    is_whole = body == subject.lab.scene.robot.path
+    return is_whole and (found is None or ORDER not in found.attributes)
+
+
+def _upward(path: str) -> Iterator[str]:
+    while path:
+        yield path
+        path = path.rpartition("/")[0]
 
 
 def _root_stands_right(subject: StageSubject) -> bool:
