@@ -31,11 +31,11 @@ def lint(subject: LintSubject) -> RuleResults:
         files = merge_results(run_rule(rule, subject, None) for rule in rules_of("model", "F"))
         stage = merge_results(run_rule(rule, subject, None) for rule in rules_of("lint", "K"))
         # What cannot be found leaves the verdict open; whether it should be there is not known.
-        notes = RuleResults(
-            tuple(replace(finding, severity="note") for finding in files.findings), files.crashes
+        notes = replace(
+            files, findings=tuple(replace(finding, severity="note") for finding in files.findings)
         )
         repairs = tuple(with_lint_repairs(stage.findings, subject))
-        return merge_results((notes, RuleResults(repairs, stage.crashes)))
+        return merge_results((notes, replace(stage, findings=repairs)))
     finally:
         # What rules derive holds what they were given, and so the stage.
         subject.stage.judged.clear()

@@ -13,7 +13,7 @@ from msgspec import Struct, field
 
 from lab3_usd.model.changes import Edit, Repair
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import Node, UnresolvedAsset
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import NodeSpec
 
@@ -33,6 +33,8 @@ class Problem(Struct, frozen=True):
     handout that asks for it (`C9`, `8.11`). `fix` are the edits that repair it, `requirements` the
     ids of the demands that it leaves unmet, `causes` the sites (prim and property) whose change
     may have brought it about.
+
+    `rests_on` is the missing asset that could say otherwise: what rests on one is not judged.
     """
 
     prim: str
@@ -47,6 +49,7 @@ class Problem(Struct, frozen=True):
     fix: tuple[Edit, ...] = ()
     requirements: tuple[str, ...] = ()
     causes: tuple[tuple[str, str | None], ...] = ()
+    rests_on: UnresolvedAsset | None = None
 
 
 class Finding(Struct, frozen=True):
@@ -138,6 +141,15 @@ class Requirement(Struct, frozen=True):
     handout: str | None = None
 
 
+class NotJudged(Struct, frozen=True):
+    """What a rule leaves open at a site, because only a missing asset could tell."""
+
+    rule: str
+    prim: str
+    property: str | None
+    asset: str
+
+
 class Crash(Struct, frozen=True):
     """A rule that failed itself: neither a pass nor a student's mistake."""
 
@@ -155,6 +167,7 @@ class StageResult(Struct, frozen=True):
     findings: tuple[Finding, ...] = ()
     requirements: tuple[Requirement, ...] = ()
     crashes: tuple[Crash, ...] = ()
+    not_judged: tuple[NotJudged, ...] = ()
 
 
 class Report(Struct, frozen=True):
