@@ -134,7 +134,7 @@ def _counts(findings: Sequence[Finding]) -> str:
 
 
 def _not_judged_line(results: Sequence[StageResult], page: Page) -> Iterator[str]:
-    """Yield how many things were not judged, for all stages together; nothing where there is none."""
+    """Yield how many things were not judged in any of the stages, nothing for none."""
     count = len({entry for result in results for entry in result.not_judged})
     if count and page.verbose:
         verb, pronoun = ("was", "it") if count == 1 else ("were", "they")
