@@ -154,7 +154,7 @@ def test_a_missing_sublayer_of_an_asset_leaves_the_rest_of_the_lab_judged(tmp_pa
     stage = over_an_asset(tmp_path, LACKING)
     assert judged(stage).not_judged == ()
     relationships = (prim.GetRelationship("inputs:targetPrims") for prim in stage.Traverse())
-    (targets,) = filter(None, relationships)
+    (targets,) = [found for found in relationships if found and found.GetTargets()]
     targets.SetTargets([Sdf.Path(f"{ROBOT}/base_link")])
     judgement = judged(stage)
     assert "T01" in {finding.rule for finding in judgement.findings}
