@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 from breaking import judged
+from missing_assets import LACKING, behind_a_missing_robot, over_an_asset
 from pxr import Sdf, Usd, UsdGeom
 from scene_changes import (
     CAMERA,
     FLOOR,
     LIDAR,
-    LINKS,
     ROBOT,
     TICK,
     deactivate,
@@ -25,27 +25,6 @@ from scene_stages import built, findings_of, model_of, told
 from lab3_usd.check.registry import rules_of
 
 DRIVE = f"{ROBOT}/ROS_Drive"
-
-
-def behind_a_missing_robot(checkpoint: str) -> Usd.Stage:
-    """A stage as its author saves it over a robot file that did not come along."""
-    stage = built(checkpoint)
-    for prim in list(stage.GetPrimAtPath(ROBOT).GetChildren()):
-        if prim.GetName() not in LINKS and prim.GetTypeName() != "OmniGraph":
-            stage.RemovePrim(prim.GetPath())
-    layer = stage.GetRootLayer()
-    for link in LINKS:
-        spec = layer.GetPrimAtPath(f"{ROBOT}/{link}")
-        for child in [each.name for each in spec.nameChildren]:
-            if f"{spec.path}/{child}" not in {LIDAR, CAMERA}:
-                del spec.nameChildren[child]
-        for name in [each.name for each in spec.properties]:
-            spec.RemoveProperty(spec.properties[name])
-        spec.ClearInfo("apiSchemas")
-        spec.specifier = Sdf.SpecifierOver
-        spec.typeName = ""
-    stage.GetPrimAtPath(ROBOT).GetPayloads().AddPayload("./turtlebot3_burger.usd")
-    return stage
 
 
 @pytest.mark.parametrize("checkpoint", ["00", "02", "05"])
@@ -185,22 +164,6 @@ def test_an_unreadable_file_is_told_with_its_reason() -> None:
     found = rules_of("file", "F")
     problems = [list(each.check("is empty")) for each in found if each.id == "F01"]
     assert [(problem.prim, problem.message) for problem in problems[0]] == [("/", "is empty")]
-
-
-def over_an_asset(folder: Path, text: str, *, payload: bool = False, top: str = "") -> Usd.Stage:
-    """A stage whose walls come from an asset that holds this text."""
-    (folder / "walls.usda").write_text(f"#usda 1.0\n{text}")
-    stage = built("05")
-    walls = stage.DefinePrim("/Environment/More", "Xform")
-    arcs = walls.GetPayloads() if payload else walls.GetReferences()
-    add = arcs.AddPayload if payload else arcs.AddReference
-    add(str(folder / "walls.usda"), Sdf.Path(top or "/Walls"))
-    return stage
-
-
-LACKING = (
-    '(subLayers = [@./edits.usda@])\ndef Xform "Walls"\n{\n    def Xform "inner"\n    {\n    }\n}\n'
-)
 
 
 @pytest.mark.parametrize("payload", [False, True])

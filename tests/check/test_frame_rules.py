@@ -35,7 +35,10 @@ def problems(
 ) -> dict[str, list[Problem]]:
     """What each frame rule says, by its id."""
     view = tf_view(m.subject(stage, checkpoint, **given))  # type: ignore[arg-type]
-    found = {rule.id: list(rule.check(view)) for rule in rules_of("frames", "T")}
+    found = {
+        rule.id: [problem for problem in rule.check(view) if problem.rests_on is None]
+        for rule in rules_of("frames", "T")
+    }
     return {rule_id: said for rule_id, said in found.items() if said}
 
 

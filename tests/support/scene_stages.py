@@ -58,6 +58,7 @@ def findings_of(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
         finding_of(rule, problem, lab)
         for rule in stage_rules().values()
         for problem in rule.check(subject)
+        if problem.rests_on is None
     )
     return [*with_unmet(findings, subject, lab)]
 

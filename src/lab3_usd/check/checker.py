@@ -32,6 +32,7 @@ from lab3_usd.check.tf.lab_frames import tf_view
 from lab3_usd.model.finding import (
     Crash,
     Finding,
+    NotJudged,
     Requirement,
 )
 from lab3_usd.model.stage import Node, StageModel
@@ -50,6 +51,7 @@ class Judgement(Struct, frozen=True):
     findings: tuple[Finding, ...]
     requirements: tuple[Requirement, ...]
     crashes: tuple[Crash, ...]
+    not_judged: tuple[NotJudged, ...] = ()
 
 
 def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
@@ -72,7 +74,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         placed = articulated_at_root(placed)
     robot = relocations.get(lab.scene.robot.path, "")
     subjects = tuple(_graph_subjects(placed, checkpoint, stage, live, robot))
-    run = _Run(lab, [], [])
+    run = _Run(lab, [], [], {})
     for found in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
             run.rule(found, subject)
@@ -106,7 +108,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     findings = tuple(with_named_nodes(run.findings, live))
     graphs = {graph_subject.spec.name: graph_subject.roles.graph for graph_subject in subjects}
     asked = with_other_faults(outcome.requirements, findings, graphs)
-    return Judgement(findings, asked, tuple(run.crashes))
+    return Judgement(findings, asked, tuple(run.crashes), tuple(run.not_judged))
 
 
 def _without_repeats(findings: list[Finding]) -> list[Finding]:
@@ -128,16 +130,18 @@ def _without_repeats(findings: list[Finding]) -> list[Finding]:
 
 
 class _Run(Struct, frozen=True):
-    """The findings and crashes of one run by a lab, in the order in which the rules speak."""
+    """What one run by a lab comes to, in the order in which the rules speak."""
 
     lab: Lab
     findings: list[Finding]
     crashes: list[Crash]
+    not_judged: dict[NotJudged, None]
 
     def rule(self, found: Rule, subject: Any) -> None:
         """Run one rule and keep what no other graph's subject had it find before."""
         results = run_rule(found, subject, self.lab)
         self.crashes.extend(results.crashes)
+        self.not_judged.update(dict.fromkeys(results.not_judged))
         for finding in results.findings:
             if not any(_is_same(finding, known) for known in self.findings):
                 self.findings.append(finding)

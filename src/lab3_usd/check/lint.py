@@ -21,8 +21,8 @@ def lint(subject: LintSubject) -> RuleResults:
         files = merge_results(run_rule(rule, subject, None) for rule in rules_of("model", "F"))
         stage = merge_results(run_rule(rule, subject, None) for rule in rules_of("lint", "K"))
         # What cannot be found leaves the verdict open; whether it should be there is not known.
-        notes = RuleResults(
-            tuple(replace(finding, severity="note") for finding in files.findings), files.crashes
+        notes = replace(
+            files, findings=tuple(replace(finding, severity="note") for finding in files.findings)
         )
         return merge_results((notes, stage))
     finally:

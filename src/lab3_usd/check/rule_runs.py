@@ -1,4 +1,4 @@
-"""Runs rules over one subject, and keeps what they found and which of them failed."""
+"""Runs rules over one subject, and keeps what they found, left open, and which of them failed."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from lab3_usd.check.manual import in_words_of
 from lab3_usd.check.registry import Rule, Scope, rules_of
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import repair_by
-from lab3_usd.model.finding import Crash, Finding, Problem
+from lab3_usd.model.finding import Crash, Finding, NotJudged, Problem
 from lab3_usd.spec.lab import Lab
 
 
 class RuleResults(Struct, frozen=True):
-    """What rules found, and which of them failed themselves."""
+    """What rules found, which of them failed themselves, and what they could not judge."""
 
     findings: tuple[Finding, ...] = ()
     crashes: tuple[Crash, ...] = ()
+    not_judged: tuple[NotJudged, ...] = ()
 
 
 _NOTHING = RuleResults()
@@ -38,22 +39,31 @@ def run_family(
 def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
     """Run one rule over its subject; a rule that fails itself is a crash, never a pass.
 
+    A problem that rests on what a missing asset would say is no finding: it is not judged.
     `lab` gives sections and names for what the rule says; None for a stage of no lab.
 
     Raises:
         StageError: a file turns out to be damaged, which is no fault of the rule.
     """
     findings: list[Finding] = []
+    # A site that a rule comes to by several ways is left open once.
+    not_judged: dict[NotJudged, None] = {}
     crashes: tuple[Crash, ...] = ()
     try:
         for problem in rule.check(subject):
-            findings.append(finding_of(rule, problem, lab))  # noqa: PERF401 - kept if it fails later
+            if problem.rests_on is None:
+                findings.append(finding_of(rule, problem, lab))
+            else:
+                asset = problem.rests_on.asset
+                not_judged[NotJudged(rule.id, problem.prim, problem.property, asset)] = None
     except StageError:
         raise
     except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
         crashes = (Crash(rule.id, f"{type(error).__name__}: {error}"),)
     # Most rules find nothing in most stages.
-    return RuleResults(tuple(findings), crashes) if findings or crashes else _NOTHING
+    if not (findings or crashes or not_judged):
+        return _NOTHING
+    return RuleResults(tuple(findings), crashes, tuple(not_judged))
 
 
 def merge_results(results: Iterable[RuleResults]) -> RuleResults:
@@ -62,6 +72,7 @@ def merge_results(results: Iterable[RuleResults]) -> RuleResults:
     return RuleResults(
         tuple(finding for run in runs for finding in run.findings),
         tuple(crash for rule_results in runs for crash in rule_results.crashes),
+        tuple(entry for rule_results in runs for entry in rule_results.not_judged),
     )
 
 

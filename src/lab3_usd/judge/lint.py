@@ -102,7 +102,15 @@ def _linted(path: str | Path, release: str) -> StageResult:
         return unreadable(str(path), None, str(error))
     findings = ordered(located(found.findings, path, stage))
     verdict = verdict_of(findings, found.crashes)
-    return StageResult(str(path), None, verdict, Score(0.0, 0.0), findings, crashes=found.crashes)
+    return StageResult(
+        str(path),
+        None,
+        verdict,
+        Score(0.0, 0.0),
+        findings,
+        crashes=found.crashes,
+        not_judged=found.not_judged,
+    )
 
 
 def lint_open_stage(stage: Any) -> RuleResults:
@@ -118,7 +126,7 @@ def lint_open_stage(stage: Any) -> RuleResults:
     lab = lint_lab(NEWEST)
     model = read_model(reopened(stage), lab, stage.GetRootLayer().identifier)
     found = lint(LintSubject(lab, load_isaac_types(), model, NEWEST))
-    return RuleResults(ordered(found.findings), found.crashes)
+    return replace(found, findings=ordered(found.findings))
 
 
 def find_stages(path: str) -> Iterator[Entry]:

@@ -83,7 +83,7 @@ def check_open_stage(stage: Any, lab: Lab) -> RuleResults:
     from lab3_usd.stage.read.reader import read_model
 
     judged = judge(lab, lab.checkpoints[found], read_model(reopened(stage), lab, str(file)))
-    return RuleResults(ordered(judged.findings), judged.crashes)
+    return RuleResults(ordered(judged.findings), judged.crashes, judged.not_judged)
 
 
 def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageResult:
@@ -100,4 +100,5 @@ def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageR
         findings=findings,
         requirements=judged.requirements,
         crashes=judged.crashes,
+        not_judged=judged.not_judged,
     )

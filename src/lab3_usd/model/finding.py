@@ -13,7 +13,7 @@ from msgspec import Struct, field
 
 from lab3_usd.model.changes import Edit, Repair
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import Node, UnresolvedAsset
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import NodeSpec
 
@@ -34,7 +34,8 @@ class Problem(Struct, frozen=True):
     handout that asks for it (`C9`, `8.11`). `fix` are the edits that repair it, `unmet` the ids of
     the requirements that it fails; where the prim is `absent`, so does all that is asked of it and
     of what lies below it. `unopened` is what could not be opened: the stage itself, a file of it or
-    beside it, an asset at the prim.
+    beside it, an asset at the prim. `rests_on` is the missing asset that could say otherwise: what
+    rests on one is not judged.
 
     One that is `weaker` is left out beside an error at its prim, one that names `unknown_targets`
     beside an error at its site that names them as well. `causes` are the sites whose change brings
@@ -62,6 +63,7 @@ class Problem(Struct, frozen=True):
     unopened: Unopened = ""
     follows: tuple[str, ...] = ()
     if_supplied: str = ""
+    rests_on: UnresolvedAsset | None = None
 
 
 class Finding(Struct, frozen=True):
@@ -166,6 +168,15 @@ class Requirement(Struct, frozen=True):
     handout: str | None = None
 
 
+class NotJudged(Struct, frozen=True):
+    """What a rule leaves open at a site, because only a missing asset could tell."""
+
+    rule: str
+    prim: str
+    property: str | None
+    asset: str
+
+
 class Crash(Struct, frozen=True):
     """A rule that failed itself: neither a pass nor a student's mistake."""
 
@@ -183,6 +194,7 @@ class StageResult(Struct, frozen=True):
     findings: tuple[Finding, ...] = ()
     requirements: tuple[Requirement, ...] = ()
     crashes: tuple[Crash, ...] = ()
+    not_judged: tuple[NotJudged, ...] = ()
 
 
 class Report(Struct, frozen=True):

@@ -258,10 +258,46 @@ class StageModel(Struct, frozen=True, eq=False):
 
     def unresolved_above(self, path: str) -> UnresolvedAsset | None:
         """Return the missing asset that could hold the prim at `path`, None where none could."""
-        for missing in self.unresolved:
-            if path == missing.prim or path.startswith(missing.prim.rstrip("/") + "/"):
-                return missing
+        return next((asset for asset in self.unresolved if is_at_or_below(path, asset.prim)), None)
+
+    def unknown(self, *paths: str) -> UnresolvedAsset | None:
+        """Return the missing asset that could say what the stage does not of one of these prims.
+
+        A prim that was deactivated on purpose is absent whatever the asset holds.
+        """
+        for path in paths if self.unresolved else ():
+            above = _nearest_prim(self, path)
+            asset = self.unresolved_above(path)
+            if asset is not None and (not above or self.prims[above].active):
+                return asset
         return None
+
+    def unknown_below(self, path: str, beside: Iterable[str] = ()) -> UnresolvedAsset | None:
+        """Return the missing asset that could hold something at or below `path`.
+
+        Assets at and below one of the prims `beside` do not count.
+        """
+        inside = (
+            asset
+            for asset in self.unresolved
+            if is_at_or_below(asset.prim, path)
+            and not any(is_at_or_below(asset.prim, top) for top in beside)
+        )
+        return self.unknown(path) or next(inside, None)
+
+    def unknown_outside(self, path: str) -> UnresolvedAsset | None:
+        """Return an asset that is missing elsewhere than at or below `path`."""
+        outside = (asset for asset in self.unresolved if not is_at_or_below(asset.prim, path))
+        return next(outside, None)
+
+    def unknown_value(self, prim: Prim, *properties: str) -> UnresolvedAsset | None:
+        """Return the missing asset that could give a value to one of these attributes."""
+        asset = self.unknown(prim.path)
+        return None if asset is None or prim.attributes.keys() >= {*properties} else asset
+
+    def unknown_pose(self, *prims: Prim) -> UnresolvedAsset | None:
+        """Return the missing asset that could say where one of the prims stands."""
+        return self.unknown(*(prim.path for prim in prims if prim.local is None))
 
 
 _P = ParamSpec("_P")
@@ -315,17 +351,6 @@ def missing_graphs_text(missing_graphs: Mapping[str, str], path: str) -> str:
     return f"; missing with it: {', '.join(names)}" if names else ""
 
 
-def is_unresolved(stage: StageModel, path: str) -> bool:
-    """Whether a missing asset could hold the prim at `path`, or what it lacks.
-
-    A prim that was deactivated on purpose is absent whatever the asset holds.
-    """
-    above = _nearest_prim(stage, path)
-    if above and not stage.prims[above].active:
-        return False
-    return stage.unresolved_above(path) is not None
-
-
 def nodes_outside_graphs(stage: StageModel) -> Iterator[Node]:
     """Yield the nodes outside every graph.
 
@@ -334,22 +359,25 @@ def nodes_outside_graphs(stage: StageModel) -> Iterator[Node]:
     for node in stage.orphans:
         above = _nearest_prim(stage, node.path.rpartition("/")[0])
         over = stage.prims.get(above)
-        if over is None or not over.active or over.defined or not is_unresolved(stage, above):
+        if over is None or not over.active or over.defined or not stage.unknown(above):
             yield node
+
+
+def is_unresolved(stage: StageModel, path: str) -> bool:
+    """Whether a missing asset could hold the prim at `path`, or what it lacks."""
+    return stage.unknown(path) is not None
 
 
 def is_pose_unresolved(stage: StageModel, prim: Prim) -> bool:
     """Whether a missing asset could say where the prim stands, and nothing else does."""
-    return prim.local is None and is_unresolved(stage, prim.path)
+    return stage.unknown_pose(prim) is not None
 
 
 def is_subtree_unresolved(stage: StageModel, path: str) -> bool:
     """Whether a missing asset could hold something at or below `path`."""
-    return is_unresolved(stage, path) or any(
-        is_at_or_below(missing.prim, path) for missing in stage.unresolved
-    )
+    return stage.unknown_below(path) is not None
 
 
 def has_unresolved_outside(stage: StageModel, path: str) -> bool:
     """Whether an asset is missing elsewhere than at or below `path`."""
-    return any(not is_at_or_below(missing.prim, path) for missing in stage.unresolved)
+    return stage.unknown_outside(path) is not None

@@ -20,7 +20,7 @@ from lab3_usd.model.physics import (
     is_switched_off,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import Node, StageModel, is_subtree_unresolved, is_unresolved
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
 from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts, can_connect
 from lab3_usd.spec.isaac import BodyOf, UnitOf
 
@@ -63,7 +63,7 @@ _MIMIC = "Mimic"
 class Command(Struct, frozen=True, eq=False):
     """A node that moves joints: its robot, and the joints that it names, None where unknown.
 
-    `robot` is '' where the stage does not tell; `is_open` where an asset could hold the robot.
+    `robot` is '' where the stage does not tell; `unknown` is a missing asset that could hold it.
     """
 
     node: Node
@@ -72,7 +72,7 @@ class Command(Struct, frozen=True, eq=False):
     robot: str
     roots: tuple[str, ...]
     names: tuple[str, ...] | None
-    is_open: bool
+    unknown: UnresolvedAsset | None
 
 
 def commands(subject: LintSubject) -> Iterator[Command]:
@@ -91,7 +91,7 @@ def commands(subject: LintSubject) -> Iterator[Command]:
             robot=aim,
             roots=tuple(articulations(aim, subject.stage)) if aim else (),
             names=_names(node, ports, subject),
-            is_open=not aim or is_subtree_unresolved(subject.stage, aim),
+            unknown=subject.stage.unknown_below(aim) if aim else None,
         )
 
 
@@ -211,13 +211,14 @@ def controller_of(command: Command, subject: LintSubject) -> Node | None:
 class Followed(Struct, frozen=True, eq=False):
     """A node that follows a body: the prim that it names, and the one that stands for it.
 
-    `body` is None where a robot lists no link.
+    `body` is None where a robot lists no link; `unknown` is a missing asset that could tell more.
     """
 
     node: Node
     asked: BodyOf
     prim: Prim
     body: Prim | None
+    unknown: UnresolvedAsset | None
 
     @property
     def port(self) -> str:
@@ -231,7 +232,7 @@ class Followed(Struct, frozen=True, eq=False):
 
 
 def followed_bodies(subject: LintSubject) -> Iterator[Followed]:
-    """Yield the nodes that follow a prim of which the stage tells everything."""
+    """Yield the nodes that follow a prim."""
     stage = subject.stage
     for node in subject.live.values():
         asked = _asked(node, subject)
@@ -241,8 +242,7 @@ def followed_bodies(subject: LintSubject) -> Iterator[Followed]:
         path = prim.path
         if asked.robot in prim.apis and not _is_body(prim, asked):
             path = _first(_links(prim, asked, subject))
-        if not any(is_unresolved(stage, each) for each in (prim.path, path)):
-            yield Followed(node, asked, prim, stage.prim(path))
+        yield Followed(node, asked, prim, stage.prim(path), stage.unknown(prim.path, path))
 
 
 def _first(paths: Iterable[str]) -> str:
@@ -266,7 +266,7 @@ def _links(robot: Prim, asked: BodyOf, subject: LintSubject, depth: int = 8) -> 
             listed = subject.stage.prim(path)
             if listed is not None:
                 yield from _links(listed, asked, subject, depth - 1)
-            elif is_unresolved(subject.stage, path):
+            elif subject.stage.unknown(path):
                 yield path
 
 

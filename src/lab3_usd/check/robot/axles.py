@@ -12,7 +12,7 @@ from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of
 from lab3_usd.model.physics import FIXED, bodies, joints, numbers, vector
 from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
-from lab3_usd.model.stage import is_pose_unresolved, is_unresolved, once_per_stage
+from lab3_usd.model.stage import once_per_stage
 from lab3_usd.model.transforms import (
     AXES,
     IDENTITY,
@@ -82,7 +82,7 @@ def _between(path: str, other: str, subject: StageSubject) -> Matrix | None:
     one, base = subject.stage.prim(path), subject.stage.prim(other)
     if one is None or base is None or one.world is None or base.world is None:
         return None
-    if is_pose_unresolved(subject.stage, one) or is_pose_unresolved(subject.stage, base):
+    if subject.stage.unknown_pose(one, base):
         return None
     return relative_transform(one.world, base.world)
 
@@ -122,10 +122,7 @@ def welds(subject: StageSubject) -> list[Prim]:
 
 def _is_weld(joint: Prim, subject: StageSubject) -> bool:
     """Whether a joint holds its bodies where it says, and no missing asset may say otherwise."""
-    if joint.type != FIXED:
-        return False
-    is_known = not is_unresolved(subject.stage, joint.path)
-    return is_known or joint.attributes.keys() >= {*_FRAMES}
+    return joint.type == FIXED and not subject.stage.unknown_value(joint, *_FRAMES)
 
 
 def _joint_frame(joint: Prim, side: int) -> Matrix:

@@ -13,7 +13,7 @@ from lab3_usd.check.match.subject import Roles
 from lab3_usd.check.robot.sensors import is_named
 from lab3_usd.model.physics import bodies_below, is_articulated
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import StageModel, is_subtree_unresolved, is_unresolved
+from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.graph import GraphSpec, Target
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.scene import SceneSpec
@@ -32,7 +32,7 @@ def robot_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
     expected = lab.scene.robot.path
     root = expected
     relocations: dict[str, str] = {}
-    is_nowhere = expected not in stage.prims or not is_unresolved(stage, expected)
+    is_nowhere = expected not in stage.prims or not stage.unknown(expected)
     if stage.prim(expected) is None and is_nowhere:
         root = _robot(lab, stage) or _namesake(lab, stage) or expected
         if root != expected:
@@ -61,13 +61,14 @@ def _namesake(lab: Lab, stage: StageModel) -> str | None:
     """Return the first prim of the robot's name whose links an asset may hold that is missing."""
     name = lab.scene.robot.path.rpartition("/")[2]
     named = (prim for prim in stage.named(lambda each: is_named(each, [name])) if prim.active)
-    return min(
-        (prim.path for prim in named if is_subtree_unresolved(stage, prim.path)), default=None
-    )
+    return min((prim.path for prim in named if stage.unknown_below(prim.path)), default=None)
 
 
 def _link_relocations(links: tuple[str, ...], root: str, stage: StageModel) -> dict[str, str]:
-    missing = [name for name in links if not _is_there(stage, f"{root}/{name}")]
+    paths = {name: f"{root}/{name}" for name in links}
+    missing = [
+        name for name, path in paths.items() if path not in stage.prims and not stage.unknown(path)
+    ]
     relocations: dict[str, str] = {}
     for name in missing:
         others = same_named_prims(stage, root, name)
@@ -78,10 +79,6 @@ def _link_relocations(links: tuple[str, ...], root: str, stage: StageModel) -> d
         if len(bodies) == 1:
             relocations[f"{root}/{missing[0]}"] = bodies[0]
     return relocations
-
-
-def _is_there(stage: StageModel, path: str) -> bool:
-    return path in stage.prims or is_unresolved(stage, path)
 
 
 def same_named_prims(stage: StageModel, root: str, name: str) -> tuple[str, ...]:
@@ -113,7 +110,7 @@ def lost_graphs(
         above = _topmost_missing(stage, specs[name].path.rpartition("/")[0])
         if name in on_robot and stayed_behind:
             lost[name] = robot
-        elif above and stage.unresolved_above(above) is None:
+        elif above and not stage.unresolved_above(above):
             lost[name] = above
     return lost
 

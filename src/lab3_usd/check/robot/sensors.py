@@ -16,7 +16,7 @@ from lab3_usd.check.robot.poses import (
     vector_text,
 )
 from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
-from lab3_usd.model.stage import StageModel, is_pose_unresolved, is_unresolved, once_per_stage
+from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import IDENTITY, angle_between, camera_axes, relative_transform
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.scene import ANYWHERE, SensorSpec, ViewSpec
@@ -81,7 +81,7 @@ def find_sensor(lab: Lab, stage: StageModel, name: str) -> SensorLocation:
     is_there = at is not None and at.type == spec.type
     if is_there and spec.recognised != ANYWHERE:
         return SensorLocation(path, at)
-    if at is not None and not at.type and is_unresolved(stage, path):
+    if at is not None and not at.type and stage.unknown(path):
         return SensorLocation(path)  # the missing asset may say what it is
     others = _others(lab, stage, name)
     found = [prim for prim in sensor_candidates(lab, stage, name) if prim.path not in others]
@@ -147,7 +147,7 @@ def candidate_transforms(stage: StageModel, place: SensorLocation) -> list[Matri
     where a missing asset may say how the sensor stands.
     """
     prim = place.prim
-    if prim is None or is_pose_unresolved(stage, prim):
+    if prim is None or stage.unknown_pose(prim):
         return []
     frames = [prim.local or IDENTITY]
     parent = place.path.rpartition("/")[0]

@@ -25,7 +25,7 @@ from lab3_usd.model.physics import (
     joints,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import GraphModel, Node, StageModel, is_unresolved, once_per_stage
+from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.catalog import INPUT, DrivePorts, Value
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
@@ -82,14 +82,15 @@ def _find(stage: StageModel, root: str, name: str, link: str) -> Prim | None:
     return None
 
 
+def unknown_joints(subject: StageSubject) -> UnresolvedAsset | None:
+    """Return the missing asset of the robot, beside those of its links, that could hold joints."""
+    robot = subject.lab.scene.robot
+    return subject.stage.unknown_below(robot.path, beside=robot.link_paths)
+
+
 def could_hide_joints(subject: StageSubject) -> bool:
     """Whether a missing asset of the robot, other than those of its links, could hold joints."""
-    robot = subject.lab.scene.robot
-    return is_unresolved(subject.stage, robot.path) or any(
-        is_at_or_below(missing.prim, robot.path)
-        and not any(is_at_or_below(missing.prim, link) for link in robot.link_paths)
-        for missing in subject.stage.unresolved
-    )
+    return unknown_joints(subject) is not None
 
 
 def has_no_joints(subject: StageSubject) -> bool:
@@ -98,7 +99,7 @@ def has_no_joints(subject: StageSubject) -> bool:
     A robot of one link has none.
     """
     robot, stage = subject.lab.scene.robot, subject.stage
-    if len(robot.links) <= 1 or stage.prim(robot.path) is None or could_hide_joints(subject):
+    if len(robot.links) <= 1 or stage.prim(robot.path) is None or unknown_joints(subject):
         return False
     return not any(
         is_at_or_below(body, robot.path) for joint in joints(stage) for body in bodies(joint)
@@ -125,9 +126,7 @@ def base_side(joint: WheelJoint) -> int | None:
 def is_stated(joint: WheelJoint, subject: StageSubject, *names: str) -> bool:
     """Whether these properties are as the file says, and none may be in a missing asset."""
     prim = joint.prim
-    if prim is None or not is_unresolved(subject.stage, prim.path):
-        return prim is not None
-    return prim.attributes.keys() >= {*names}
+    return prim is not None and subject.stage.unknown_value(prim, *names) is None
 
 
 def wrong_ends(joint: WheelJoint, subject: StageSubject) -> Iterator[tuple[str, str]]:
@@ -277,7 +276,7 @@ def _aims_at_robot(node: Node, ports: DrivePorts, stage: StageModel, lab: Lab, l
         return True  # see `is_doubtful`
     aim = str(written) or next(iter(node.targets(ports.target)), "")
     robot = lab.scene.robot.path
-    if is_unresolved(stage, robot) or any(is_at_or_below(m.prim, robot) for m in stage.unresolved):
+    if stage.unknown_below(robot):
         return bool(aim) and (is_at_or_below(aim, robot) or is_at_or_below(robot, aim))
     roots = [
         prim.path

@@ -332,7 +332,3 @@ class LintSubject(Struct, frozen=True, eq=False):
     def title(self, node: Node) -> str:
         """Return what a node is called in the graph editor."""
         return node.type.ui_name if node.type is not None else node.type_name or "a node"
-
-    def is_open(self, path: str) -> bool:
-        """Whether an asset that cannot be found could say otherwise of the prim at a path."""
-        return self.stage.unresolved_above(path) is not None

@@ -8,7 +8,7 @@ from typing import Literal
 from msgspec import Struct
 
 from lab3_usd.check.ros.running import LintSubject
-from lab3_usd.model.stage import Node, absence_reason, is_acyclic, is_unresolved
+from lab3_usd.model.stage import Node, absence_reason, is_acyclic
 from lab3_usd.spec.catalog import Port
 
 
@@ -60,7 +60,7 @@ def connections(subject: LintSubject) -> Iterator[Connection]:
 def why_dead(wire: Connection, subject: LintSubject) -> str | None:
     """Say why there is no node at the source of a wire, None where nobody can know."""
     stage, path = subject.stage, wire.source_prim
-    if is_unresolved(stage, path) or subject.catalog.graph.ignores(path):
+    if stage.unknown(path) or subject.catalog.graph.ignores(path):
         return None
     if any(node.path == path for node in stage.orphans):
         return "stands outside every graph"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.conformance import setting_matches
 from lab3_usd.check.match.subject import Outcome
 from lab3_usd.check.registry import rule
@@ -16,6 +18,7 @@ from lab3_usd.check.tf.lab_frames import (
     TfView,
     frame_list_text,
     frame_sources,
+    frames_of_missing_assets,
     is_reported_elsewhere,
     lacks_only_the_camera,
     lists_its_parent,
@@ -33,7 +36,7 @@ from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Finding, Problem, Severity
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import Node, is_unresolved
+from lab3_usd.model.stage import Node
 from lab3_usd.spec.graph import frame_ports
 
 _FAMILY = "T"
@@ -57,6 +60,9 @@ def missing_frame(view: TfView) -> Iterator[Problem]:
     for maker in frame_sources(view):
         if not lists_its_parent(maker.node, view) and not lacks_only_the_camera(maker, view):
             yield from _missing_of(maker, missing_frames(maker, view), view)
+        for frame, asset in frames_of_missing_assets(maker, view).items():
+            message = f"nothing publishes the frame '{frame}'"
+            yield Problem(maker.prims[frame], message, handout=maker.handout, rests_on=asset)
 
 
 def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterator[Problem]:
@@ -76,9 +82,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
     rest = [frame for frame in missing if frame not in renamed]
     why = _why_not_all(maker, rest, view)
     together = len(rest) == len(maker.prims) or (bool(why) and bool(rest))
-    strangers = [
-        path for path in targets if stage.prim(path) is None and not is_unresolved(stage, path)
-    ]
+    strangers = [path for path in targets if stage.prim(path) is None and not stage.unknown(path)]
     nowhere = f"; {', '.join(strangers)} is not in the scene" if strangers else ""
     for frames in [rest] if together else [[frame] for frame in rest]:
         yield Problem(
@@ -238,15 +242,17 @@ def frame_id_outside_the_tree(view: TfView) -> Iterator[Problem]:
     Example: an IMU publisher keeps its default frame id, and no transform places that frame.
     """
     subject = view.subject
-    if view.hidden or unknown_publishers(subject.stage, subject.lab):
+    if unknown_publishers(subject.stage, subject.lab):
         return
+    asset = subject.stage.unknown(*(frames.prim for frames in view.hidden))
     required = {frame for edge in subject.lab.frames.edges for frame in edge}
     frames = {frame for edge in view.edges for frame in (edge.parent, edge.child)} | required
     extra = [node for roles in subject.roles.values() for node in roles.extra]  # told as such
     for endpoint in endpoints(subject.stage, subject.lab):
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.node not in extra:
             found = _foreign_frames(endpoint.node, endpoint.port, view)
-            yield from (problem for problem in found if problem.actual not in frames)
+            strange = (problem for problem in found if problem.actual not in frames)
+            yield from (replace(problem, rests_on=asset) for problem in strange)
 
 
 def _foreign_frames(node: Node, topic: str, view: TfView) -> Iterator[Problem]:

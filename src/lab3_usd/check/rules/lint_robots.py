@@ -49,7 +49,7 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
     for command in commands(subject):
         is_there = subject.stage.prim(command.robot) is not None
         is_by_path = command.port == command.ports.path
-        if command.is_open or command.roots or not (is_there or is_by_path):
+        if not command.robot or command.roots or not (is_there or is_by_path):
             continue  # of a target that is not there another rule speaks
         what = "no articulation root is there or below" if is_there else "there is no such prim"
         yield Problem(
@@ -58,6 +58,7 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
             property=command.port,
             expected="a prim with an articulation root",
             actual=command.robot,
+            rests_on=command.unknown,
         )
 
 
@@ -73,9 +74,7 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
     """
     for command in commands(subject):
         known = joints_of(command, subject.stage) if command.roots else {}
-        if command.is_open or not known:
-            continue
-        for name in command.names or ():
+        for name in command.names or () if known else ():
             if name and name not in known and not _is_renamed(name, known):
                 yield Problem(
                     command.node.path,
@@ -84,6 +83,7 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
                     expected=likely_name(name, known) or ", ".join(sorted(known)),
                     actual=name,
                     related=(command.robot,),
+                    rests_on=command.unknown,
                 )
 
 
@@ -106,11 +106,11 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
     told: set[str] = set()
     for command in commands(subject):
         given = wired_commands(command)
-        if command.is_open or given != [_VELOCITY] or not command.roots:
+        if given != [_VELOCITY] or not command.roots:
             continue
         for joint in told_joints(command, _VELOCITY, subject):
             if joint.path not in told:
-                told.add(joint.path)
+                told |= set() if command.unknown else {joint.path}
                 yield from _drive_problems(command, joint)
 
 
@@ -120,7 +120,9 @@ def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
     wrong = _wrong_value(joint, f"drive:{kind.partition(':')[2]}:physics:", is_driven=bool(kind))
     if wrong is not None:
         message = f"{wrong[0]}, and {command.node.path} tells it a velocity"
-        yield Problem(joint.path, message, *wrong[1:], related=(command.node.path,))
+        yield Problem(
+            joint.path, message, *wrong[1:], related=(command.node.path,), rests_on=command.unknown
+        )
 
 
 def _wrong_value(
@@ -160,6 +162,7 @@ def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
                 property=found.port,
                 expected="a rigid body or an articulation root",
                 actual=found.prim.path,
+                rests_on=found.unknown,
             )
 
 
@@ -184,10 +187,8 @@ def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
     """
     may_spread = subject.release != NEWEST  # before, a single command counts for all joints
     for command in commands(subject):
-        if not command.names or subject.is_open(command.node.path):
-            continue
-        for port in command.ports.commands:
-            given, named = number_of_commands(command, port, subject), len(command.names)
+        for port in command.ports.commands if command.names else ():
+            given, named = number_of_commands(command, port, subject), len(command.names or ())
             is_right = not given or given == named or (may_spread and given == 1)
             if not is_right and not _has_gaps(command, subject):
                 yield Problem(
@@ -196,6 +197,7 @@ def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
                     property=port,
                     expected=str(named),
                     actual=str(given),
+                    rests_on=subject.stage.unknown(command.node.path),
                 )
 
 
@@ -253,7 +255,7 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
-    for _, controller, pair in _driven_pairs(subject):
+    for command, controller, pair in _driven_pairs(subject):
         unit = unit_of(controller, _SPEED, subject)
         units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
         radii = [_wheel_radius(joint, subject.stage) for joint in pair]
@@ -269,6 +271,7 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
                     expected=f"{measured / units[0]:.4g}",
                     actual=f"{value:g}",
                     related=tuple(joint.path for joint in pair),
+                    rests_on=command.unknown,
                 )
 
 
@@ -286,7 +289,7 @@ def _driven_pairs(subject: LintSubject) -> Iterator[tuple[Command, Node, tuple[P
     """Yield the commands of two wheels, with what computes them and the joints in its order."""
     for command in commands(subject):
         controller = controller_of(command, subject)
-        if controller is None or command.is_open or len(command.names or ()) != _PAIR:
+        if controller is None or len(command.names or ()) != _PAIR:
             continue
         known = joints_of(command, subject.stage) if command.roots else {}
         pair = [known[name] for name in command.names or () if name in known]
@@ -355,6 +358,7 @@ def left_and_right(subject: LintSubject) -> Iterator[Problem]:
                 expected=f"{second.name}, {first.name}",
                 actual=f"{first.name}, {second.name}",
                 related=(controller.path,),
+                rests_on=command.unknown,
             )
 
 

@@ -25,7 +25,7 @@ from lab3_usd.check.ros.running import (
     shut_gate,
 )
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.stage import DEACTIVATED, OVER, is_unresolved, nodes_outside_graphs
+from lab3_usd.model.stage import DEACTIVATED, OVER, nodes_outside_graphs
 
 _REASONS = {
     "unwired": "nothing is wired into {port}",
@@ -56,8 +56,6 @@ def never_computes(subject: LintSubject) -> Iterator[Problem]:
 
 def _matters(stop: Stop, subject: LintSubject) -> bool:
     """Whether a node with a job waits, or a node that runs takes data from one that does."""
-    if subject.is_open(stop.node.path):
-        return False
     nodes = (stop.node, *stop.waiting)
     if any(has_job(node) for node in nodes):
         return True
@@ -77,6 +75,7 @@ def _stopped(stop: Stop, subject: LintSubject) -> Problem:
         related=tuple(node.path for node in stop.waiting),
         hint=f"switch {stop.cause} on again" if switch else None,
         severity="note" if switch else None,
+        rests_on=subject.stage.unknown(stop.node.path),
     )
 
 
@@ -98,31 +97,30 @@ def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
             continue
         prim = subject.stage.prims.get(graph.path)
         is_over = prim is None or (prim.active and not prim.defined)
-        if is_over and is_unresolved(subject.stage, graph.path):
-            continue
         what = "is only an over without a def" if is_over else "is deactivated"
         nodes = len(graph.nodes) + len(graph.absent)
         yield Problem(
             graph.path,
             f"graph {what}: none of its {nodes} nodes computes",
             severity="error" if is_over else None,
+            rests_on=subject.stage.unknown(graph.path) if is_over else None,
         )
     for path, nodes in _nodes_in_overs(subject).items():
         yield Problem(
             path,
             f"holds {nodes} nodes and is only an over without a def: none of them computes",
             severity="error",
+            rests_on=subject.stage.unknown(path),
         )
 
 
 def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
     """Return how many nodes each over holds that nothing makes a graph, as behind a payload."""
-    above = Counter(
+    return Counter(
         prim.path.rpartition("/")[0]
         for prim in subject.stage.absent
         if prim.reason == OVER and prim.type_name and not subject.catalog.graph.ignores(prim.path)
     )
-    return {path: n for path, n in above.items() if not is_unresolved(subject.stage, path)}
 
 
 @rule("K03", "graph-not-evaluated", scope="lint")
@@ -140,7 +138,7 @@ def graph_not_evaluated(subject: LintSubject) -> Iterator[Problem]:
     """
     form = subject.catalog.graph.evaluation
     for graph in subject.graphs():
-        if not graph.active or not graph.nodes or subject.is_open(graph.path):
+        if not graph.active or not graph.nodes:
             continue
         if not is_graph_evaluated(graph, subject.stage, subject.lab):
             mode = graph.attributes.get(form.mode)
@@ -271,7 +269,7 @@ def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
     Example: `ros2_publish_odometry.inputs:timeStamp` without a wire.
     """
     for node in subject.live.values():
-        if subject.is_open(node.path) or not (subject.runs(node.path) or is_wired(node, subject)):
+        if not (subject.runs(node.path) or is_wired(node, subject)):
             continue
         for need in unmet_needs(node, subject):
             known = [name for name in need.inputs if node.has_port(f"inputs:{name}")]
@@ -283,6 +281,7 @@ def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
                 property=f"inputs:{known[0]}",
                 expected="a wire or a value",
                 severity=need.severity if need.severity != "error" else None,
+                rests_on=subject.stage.unknown(node.path),
             )
 
 
@@ -298,8 +297,6 @@ def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
     Example: `joint_name_array.inputs:input0` lost its wire, while `input1` has one.
     """
     for node in subject.live.values():
-        if subject.is_open(node.path):
-            continue
         items = array_items(node)
         if items is None:
             continue
@@ -310,6 +307,7 @@ def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
                     f"{port} is neither wired nor set, so that an element of the array is empty",
                     property=port,
                     expected="a wire or a value",
+                    rests_on=subject.stage.unknown(node.path),
                 )
         for port in items.beyond:
             yield Problem(
@@ -318,6 +316,7 @@ def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
                 property=items.count_port,
                 actual=str(items.count),
                 severity="warning",
+                rests_on=subject.stage.unknown(node.path),
             )
 
 

@@ -10,7 +10,7 @@ from lab3_usd.model.changes import ApplySchema
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import Node, absence_reason, is_unresolved
+from lab3_usd.model.stage import Node, absence_reason
 from lab3_usd.spec.isaac import SensorOf
 
 _TICK = "omni:sensor:tickRate"
@@ -43,9 +43,7 @@ def target_not_there(subject: LintSubject) -> Iterator[Problem]:
     for node in subject.live.values():
         for name, state in node.ports.items():
             for target in state.targets:
-                if subject.stage.prim(target) is not None or is_unresolved(subject.stage, target):
-                    continue
-                if _is_made_later(target, subject):
+                if subject.stage.prim(target) is not None or _is_made_later(target, subject):
                     continue
                 yield Problem(
                     node.path,
@@ -53,6 +51,7 @@ def target_not_there(subject: LintSubject) -> Iterator[Problem]:
                     property=name,
                     actual=target,
                     severity=None if len(state.targets) == 1 else "warning",
+                    rests_on=subject.stage.unknown(target),
                 )
 
 
@@ -75,7 +74,7 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
     """
     for node, asked, path in _read_sensors(subject):
         prim = subject.stage.prim(path)
-        if prim is None or (is_unresolved(subject.stage, path) and not prim.type):
+        if prim is None:
             continue
         if prim.type not in asked.types and not set(prim.apis) & set(asked.schemas):
             yield Problem(
@@ -85,6 +84,7 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
                 expected=" or ".join(asked.types),
                 actual=prim.type,
                 related=(path,),
+                rests_on=None if prim.type else subject.stage.unknown(path),
             )
 
 
@@ -100,7 +100,7 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
     """
     for node, asked, path in _read_sensors(subject):
         prim = subject.stage.prim(path)
-        if prim is None or not asked.needs or is_unresolved(subject.stage, path):
+        if prim is None or not asked.needs:
             continue
         if prim.type in asked.types and asked.needs not in prim.apis:
             yield Problem(
@@ -109,6 +109,7 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
                 expected=asked.needs,
                 related=(node.path,),
                 fix=(ApplySchema(path, asked.needs),),
+                rests_on=subject.stage.unknown(path),
             )
 
 

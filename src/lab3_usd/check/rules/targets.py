@@ -125,7 +125,9 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
         asked = {path for target in spec.targets for path in target.prims}
         for port in spec.frames_from:
             for path in node.targets(port):
-                if path not in asked and not _exists(subject, path):
+                is_there = subject.stage.prim(path) is not None or path in subject.live_nodes
+                if path not in asked and not is_there:
+                    asset = subject.stage.unresolved_above(path)
                     message = f"{port} names {path}, which does not exist"
                     yield Problem(
                         node.path,
@@ -135,13 +137,8 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
                         handout=spec.handout,
                         fix=edits_at(subject, f"{node.path}.{port}"),
                         unknown_targets=(path,),
+                        rests_on=asset,
                     )
-
-
-def _exists(subject: GraphSubject, path: str) -> bool:
-    if subject.stage.prim(path) is not None or path in subject.live_nodes:
-        return True
-    return subject.stage.unresolved_above(path) is not None
 
 
 @rule("T09", "frame-is-its-own-parent", scope="frames")

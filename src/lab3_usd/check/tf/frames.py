@@ -25,10 +25,10 @@ from lab3_usd.check.tf.targets import (
     Pair,
     UnresolvedFrames,
     computed_pairs,
-    is_target_unresolved,
     listed_targets,
     parent_frame,
     tf_ports,
+    unknown_target,
     unresolved_frames_of,
 )
 from lab3_usd.model.stage import Node, StageModel, is_acyclic, once_per_stage
@@ -229,7 +229,7 @@ def _own_targets(node: Node, scene: _Scene) -> _Arrays:
     """Return what a publisher finds at prims of its own: nothing at all if one is not there."""
     stage = scene.stage
     targets = listed_targets(node)
-    if any(not stage.prim(path) and not is_target_unresolved(path, stage) for path in targets):
+    if any(not stage.prim(path) and not unknown_target(path, stage) for path in targets):
         return _Arrays(node, is_filled=False)
     return _Arrays(node, computed_pairs(node, stage, scene.lab))
 

@@ -21,13 +21,13 @@ from lab3_usd.check.tf.targets import (
     computed_pairs,
     computes,
     expands,
-    is_target_unresolved,
     listed_targets,
     parent_prim,
     tf_ports,
+    unknown_target,
 )
 from lab3_usd.model.physics import BODY_API
-from lab3_usd.model.stage import Node, is_unresolved, once_per_stage
+from lab3_usd.model.stage import Node, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import NodeSpec
 
 
@@ -220,27 +220,36 @@ def missing_frames(maker: FrameSource, view: TfView) -> list[str]:
     A prim that is not in the scene is the business of the scene's rules. One that an asset may
     hold which cannot be found counts as there: what names no target is not published.
     """
-    children = view.children
-    stage = view.subject.stage
-    required = [child for _, child in view.subject.lab.frames.edges]
+    stage, homes = view.subject.stage, maker.prims
     return [
         frame
-        for frame in required
-        if frame in maker.prims
-        and frame not in children
-        and not may_be_unresolved(frame, maker, view)
-        and (stage.prim(maker.prims[frame]) or is_unresolved(stage, maker.prims[frame]))
+        for frame in _unpublished_frames(maker, view)
+        if not unknown_frame(frame, maker, view)
+        and (stage.prim(homes[frame]) or stage.unknown(homes[frame]))
     ]
 
 
-def may_be_unresolved(frame: str, maker: FrameSource, view: TfView) -> bool:
-    """Whether a required frame may be one of those that only a missing asset could tell."""
+def frames_of_missing_assets(maker: FrameSource, view: TfView) -> dict[str, UnresolvedAsset]:
+    """Return the required frames that a missing asset may have published, and the asset."""
+    frames = _unpublished_frames(maker, view)
+    assets = {frame: unknown_frame(frame, maker, view) for frame in frames}
+    return {frame: asset for frame, asset in assets.items() if asset is not None}
+
+
+def _unpublished_frames(maker: FrameSource, view: TfView) -> list[str]:
+    required = (child for _, child in view.subject.lab.frames.edges)
+    return [frame for frame in required if frame in maker.prims and frame not in view.children]
+
+
+def unknown_frame(frame: str, maker: FrameSource, view: TfView) -> UnresolvedAsset | None:
+    """Return the missing asset that could say whether a node gives a required frame."""
     home, stage = maker.prims[frame], view.subject.stage
     prim = stage.prim(home)
-    is_told = prim is not None and not is_target_unresolved(home, stage)
-    if is_told and prim is not None and not {BODY_API, *FRAME_APIS} & set(prim.apis):
-        return False  # no target stands for a prim that is neither a body nor a link
-    return any(frames.cause == maker.node.path and frames.may_give(home) for frames in view.hidden)
+    is_link = prim is None or {BODY_API, *FRAME_APIS} & set(prim.apis)
+    if not is_link and not unknown_target(home, stage):
+        return None  # no target stands for a prim that is neither a body nor a link
+    hidden = (frames for frames in view.hidden if frames.cause == maker.node.path)
+    return stage.unknown(*(frames.prim for frames in hidden if frames.may_give(home)))
 
 
 def self_parent_pairs(node: Node, view: TfView) -> list[Pair]:
@@ -259,7 +268,7 @@ def lists_its_parent(node: Node, view: TfView) -> bool:
     if not computes(node) or parent not in listed_targets(node):
         return False
     if view.subject.stage.prim(parent) is None:
-        return is_target_unresolved(parent, view.subject.stage)
+        return unknown_target(parent, view.subject.stage) is not None
     return any(pair.target == parent == pair.prim for pair in self_parent_pairs(node, view))
 
 
@@ -272,10 +281,8 @@ def lacks_only_the_camera(maker: FrameSource, view: TfView) -> bool:
     stage = view.subject.stage
     if maker.node.targets(maker.port) != (robot.path,):
         return False
-    stands_for_links = expands(robot.path, maker.node, stage) or is_target_unresolved(
-        robot.path, stage
-    )
-    return stands_for_links and not set(robot.links) & set(missing_frames(maker, view))
+    is_root = expands(robot.path, maker.node, stage) or unknown_target(robot.path, stage)
+    return bool(is_root) and not set(robot.links) & set(missing_frames(maker, view))
 
 
 def waived_frames(view: TfView) -> set[str]:
@@ -286,7 +293,7 @@ def waived_frames(view: TfView) -> set[str]:
     waived: set[str] = set()
     for maker in frame_sources(view):
         if not differs_from_spec(maker.node.path, view):
-            given = (frame for frame in maker.prims if may_be_unresolved(frame, maker, view))
+            given = (frame for frame in maker.prims if unknown_frame(frame, maker, view))
             waived.update(given)
             if lacks_only_the_camera(maker, view):
                 waived.update(missing_frames(maker, view))

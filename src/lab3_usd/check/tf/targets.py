@@ -22,7 +22,7 @@ from lab3_usd.model.physics import (
     is_joint_type,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import Node, StageModel, is_unresolved
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
 from lab3_usd.spec.catalog import TfPorts
 from lab3_usd.spec.lab import Lab
 
@@ -258,7 +258,7 @@ def _frames_of(target: str, node: Node, stage: StageModel) -> Links:
     links = _expansion(target, node, stage)
     if links is not None:
         return links
-    return {} if is_target_unresolved(target, stage) else {target: ""}
+    return {} if unknown_target(target, stage) else {target: ""}
 
 
 def _expansion(target: str, node: Node, stage: StageModel) -> Links | None:
@@ -342,19 +342,16 @@ def _name(path: str) -> str:
     return path.rpartition("/")[2]
 
 
-def is_target_unresolved(target: str, stage: StageModel) -> bool:
-    """Whether a missing asset holds the target, or what the target stands for.
+def unknown_target(target: str, stage: StageModel) -> UnresolvedAsset | None:
+    """Return the missing asset that holds the target, or what the target stands for.
 
     What the stage defines itself it also names: a link or a sensor stays what it is.
     """
-    if not is_unresolved(stage, target):
-        return False
-    prim = stage.prim(target)
-    return prim is None or (_carries_asset(prim, stage) and not _says_what_it_is(prim))
-
-
-def _carries_asset(prim: Prim, stage: StageModel) -> bool:
-    return any(missing.prim == prim.path for missing in stage.unresolved)
+    prim, asset = stage.prim(target), stage.unknown(target)
+    if asset is None or prim is None:
+        return asset
+    carries_asset = any(missing.prim == target for missing in stage.unresolved)
+    return asset if carries_asset and not _says_what_it_is(prim) else None
 
 
 def _says_what_it_is(prim: Prim) -> bool:
@@ -365,10 +362,10 @@ def unresolved_frames_at(
     target: str, stage: StageModel, *, expands: bool
 ) -> Iterator[UnresolvedFrames]:
     """Yield what is unknown of a target; below one that stands for its links there may be more."""
-    missing = stage.unresolved_above(target)
-    if missing is not None and is_target_unresolved(target, stage):
+    missing = unknown_target(target, stage)
+    if missing is not None:
         yield UnresolvedFrames(target, links=stage.prim(target) is not None, asset=missing.asset)
     elif expands:
         for below in stage.unresolved:
-            if is_at_or_below(below.prim, target) and is_unresolved(stage, below.prim):
+            if is_at_or_below(below.prim, target) and stage.unknown(below.prim):
                 yield UnresolvedFrames(below.prim, links=True, asset=below.asset)

@@ -87,6 +87,7 @@ def _together(block: Block, page: Page) -> list[str]:
     from lab3_usd.report.text import fault_lines
 
     lines += fault_lines(block, page)
+    lines += _not_judged_line([stage.result for stage in block.stages], page)
     if block.submission is not None:
         lines += checklist_lines(block.submission.checklist, page.options, page.width)
     return lines
@@ -96,7 +97,7 @@ def _stage_section(result: StageResult, page: Page) -> list[str]:
     lines = [_stage_heading(result, page), *_crash_lines(result.crashes, page)]
     if page.options.verbosity != "quiet":
         lines += finding_blocks(((finding, "") for finding in result.findings), page)
-    return lines
+    return [*lines, *_not_judged_line([result], page)]
 
 
 def _submission_section(submission: Submission, page: Page) -> list[str]:
@@ -130,6 +131,18 @@ def _counts(findings: Sequence[Finding]) -> str:
         for severity in SEVERITIES
         if severity in severities
     )
+
+
+def _not_judged_line(results: Sequence[StageResult], page: Page) -> Iterator[str]:
+    """Yield how many things were not judged in any of the stages, nothing for none."""
+    count = len({entry for result in results for entry in result.not_judged})
+    if count and page.verbose:
+        verb, pronoun = ("was", "it") if count == 1 else ("were", "they")
+        yield ""
+        yield (
+            f"{plural(count, 'thing')} {verb} not judged: "
+            f"{pronoun} may be in assets that were not found"
+        )
 
 
 def _crash_lines(crashes: tuple[Crash, ...], page: Page) -> Iterator[str]:

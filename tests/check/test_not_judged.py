@@ -1,0 +1,196 @@
+"""What only a missing asset could tell is no finding: it is not judged, and counted."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from foreign_robots import TICK, rover, write_graph
+from linting import linted
+from missing_assets import (
+    LACKING,
+    ROVER,
+    behind_a_missing_robot,
+    over_an_asset,
+    rover_of_a_missing_asset,
+)
+from pxr import Sdf, Usd
+from scene_changes import ROBOT
+from scene_stages import model_of
+
+from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.registry import Rule
+from lab3_usd.check.rule_runs import run_rule
+from lab3_usd.judge.lint import lint_stage
+from lab3_usd.model.finding import NotJudged, Problem, Report, Score, StageResult
+from lab3_usd.model.stage import StageModel, UnresolvedAsset
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.options import Options
+from lab3_usd.spec.load.loader import load_lab
+
+WALLS = "/Environment/More"
+MISSING = UnresolvedAsset("/World/robot", "robot.usd", "reference")
+OPEN = NotJudged("T01", "/World/robot/base_link", None, "robot.usd")
+
+
+def judged(stage: Usd.Stage) -> Judgement:
+    lab = load_lab()
+    judgement = judge(lab, lab.checkpoints["05"], model_of(stage))
+    assert not judgement.crashes
+    return judgement
+
+
+def rules_in(entries: tuple[NotJudged, ...]) -> dict[str, int]:
+    return dict(Counter(entry.rule for entry in entries))
+
+
+def only_rule(*problems: Problem) -> Rule:
+    def check(_subject: object) -> Iterator[Problem]:
+        yield from problems
+
+    return Rule("T01", "missing-frame", "error", "frames", check)
+
+
+def test_a_problem_that_rests_on_a_missing_asset_is_left_open_once() -> None:
+    problem = Problem(OPEN.prim, "nothing publishes it", rests_on=MISSING)
+    results = run_rule(only_rule(problem, problem), None, None)
+    assert (results.findings, results.not_judged) == ((), (OPEN,))
+
+
+def test_a_problem_that_rests_on_nothing_is_a_finding() -> None:
+    results = run_rule(only_rule(Problem(OPEN.prim, "nothing publishes it")), None, None)
+    assert [finding.prim for finding in results.findings] == [OPEN.prim]
+    assert results.not_judged == ()
+
+
+@pytest.mark.parametrize(
+    ("path", "asset"),
+    [("/World/robot/base_link", MISSING), ("/World", None), ("/World/robot2", None)],
+)
+def test_unknown_is_what_the_missing_asset_could_hold(
+    path: str, asset: UnresolvedAsset | None
+) -> None:
+    stage = StageModel("Z", 1.0, 1.0, (), {}, unresolved=(MISSING,))
+    assert stage.unknown(path) == asset
+
+
+def test_something_below_a_prim_may_be_in_an_asset_further_down() -> None:
+    stage = StageModel("Z", 1.0, 1.0, (), {}, unresolved=(MISSING,))
+    assert stage.unknown_below("/World") == MISSING
+    assert stage.unknown_below("/World", beside=["/World/robot"]) is None
+    assert stage.unknown_below("/Environment") is None
+
+
+def test_frames_of_the_links_in_a_missing_robot_are_not_judged() -> None:
+    judgement = judged(behind_a_missing_robot("05"))
+    frames = [entry for entry in judgement.not_judged if entry.rule == "T01"]
+    assert {entry.prim for entry in frames} == {
+        f"{ROBOT}/{link}"
+        for link in (
+            "base_link",
+            "base_scan",
+            "wheel_left_link",
+            "wheel_right_link",
+            "caster_back_link",
+        )
+    }
+    assert {entry.asset for entry in frames} == {"./turtlebot3_burger.usd"}
+    assert "T01" not in {finding.rule for finding in judgement.findings}
+
+
+def test_nothing_is_left_open_where_every_asset_is_there() -> None:
+    assert linted(rover()).not_judged == ()
+
+
+def test_targets_and_articulation_in_a_missing_robot_are_not_judged() -> None:
+    results = linted(rover_of_a_missing_asset())
+    assert rules_in(results.not_judged) == {"K14": 5, "K60": 1}
+    assert [finding.rule for finding in results.findings] == ["F02"]
+
+
+def test_a_link_that_the_stage_itself_switches_off_is_judged_over_a_missing_robot() -> None:
+    stage = rover_of_a_missing_asset()
+    stage.OverridePrim(f"{ROVER}/chassis").SetActive(False)  # noqa: FBT003 - pxr takes it so
+    results = linted(stage)
+    targets = [finding.prim for finding in results.findings if finding.rule == "K14"]
+    assert "/World/Odometry/compute" in targets
+    left_open = {entry.prim for entry in results.not_judged if entry.rule == "K14"}
+    assert "/World/Odometry/compute" not in left_open
+
+
+def test_a_node_that_a_missing_asset_may_set_is_not_judged_and_the_others_are() -> None:
+    stage = rover_of_a_missing_asset()
+    for graph in ("/World/Own", f"{ROVER}/Graph"):
+        nodes = {"tick": TICK, "clock": ("ros.ROS2PublishClock", {})}
+        write_graph(stage, graph, nodes, ["tick.tick -> clock.execIn"])
+    results = linted(stage)
+    unset = [finding.prim for finding in results.findings if finding.rule == "K10"]
+    left_open = [entry.prim for entry in results.not_judged if entry.rule == "K10"]
+    assert unset == ["/World/Own/clock"]
+    assert left_open == [f"{ROVER}/Graph/clock"]
+
+
+def test_a_missing_sublayer_of_an_asset_leaves_open_what_is_below_the_asset(
+    tmp_path: Path,
+) -> None:
+    stage = over_an_asset(tmp_path, LACKING)
+    nodes = {"tick": TICK, "clock": ("ros.ROS2PublishClock", {})}
+    write_graph(stage, f"{WALLS}/Graph", nodes, ["tick.tick -> clock.execIn"])
+    write_graph(stage, "/World/Own", nodes, ["tick.tick -> clock.execIn"])
+    path = tmp_path / "stage.usda"
+    stage.GetRootLayer().Export(str(path))
+    result = lint_stage(path)
+    assert {(entry.rule, entry.prim) for entry in result.not_judged} == {
+        ("K10", f"{WALLS}/Graph/clock")
+    }
+    assert {entry.asset for entry in result.not_judged} == {"./edits.usda"}
+    unset = [finding.prim for finding in result.findings if finding.rule == "K10"]
+    assert unset == ["/World/Own/clock"]
+
+
+def test_a_missing_sublayer_of_an_asset_leaves_the_rest_of_the_lab_judged(tmp_path: Path) -> None:
+    stage = over_an_asset(tmp_path, LACKING)
+    assert judged(stage).not_judged == ()
+    relationships = (prim.GetRelationship("inputs:targetPrims") for prim in stage.Traverse())
+    (targets,) = [found for found in relationships if found and found.GetTargets()]
+    targets.SetTargets([Sdf.Path(f"{ROBOT}/base_link")])
+    judgement = judged(stage)
+    assert "T01" in {finding.rule for finding in judgement.findings}
+    assert judgement.not_judged == ()
+
+
+@pytest.mark.parametrize(
+    ("entries", "line"),
+    [
+        ((OPEN,), "1 thing was not judged: it may be in assets that were not found"),
+        (
+            (OPEN, NotJudged("K14", "/World/move", "inputs:targetPrim", "robot.usd")),
+            "2 things were not judged: they may be in assets that were not found",
+        ),
+    ],
+)
+def test_the_verbose_text_counts_what_was_not_judged(
+    entries: tuple[NotJudged, ...], line: str
+) -> None:
+    result = StageResult("stage.usda", "05", "pass", Score(1, 1), not_judged=entries)
+    assert line in render("text", Report((result,)), {}, Options(verbosity="verbose")).splitlines()
+
+
+@pytest.mark.parametrize(
+    ("form", "verbosity"), [("text", "normal"), ("text", "quiet"), ("json", "verbose")]
+)
+def test_other_reports_are_the_same_with_and_without_what_was_not_judged(
+    form: str, verbosity: str
+) -> None:
+    texts = {
+        render(
+            form,
+            Report((StageResult("a.usda", "05", "pass", Score(1, 1), not_judged=entries),)),
+            {},
+            Options(verbosity=verbosity),  # type: ignore[arg-type]
+        )
+        for entries in ((), (OPEN,))
+    }
+    assert len(texts) == 1
