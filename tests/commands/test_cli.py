@@ -8,23 +8,15 @@ import subprocess
 import sys
 from errno import ENOSPC
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-from click.testing import CliRunner
+from invoking import invoke as lab3
 
 from lab3_usd import cli
 from lab3_usd.check.registry import FAMILIES, all_rules
 from lab3_usd.report.options import UNKNOWN, tool_version
 
-if TYPE_CHECKING:
-    from click.testing import Result
-
 HEAVY = ("pxr", "networkx", "yaml", "jinja2")
-
-
-def lab3(*arguments: str) -> Result:
-    return CliRunner().invoke(cli.lab3, arguments, prog_name="lab3")
 
 
 def modules_after(*arguments: str) -> set[str]:
