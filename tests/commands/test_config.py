@@ -256,6 +256,7 @@ def test_a_check_without_a_file_imports_no_toml(wrong: Path) -> None:
         "finally: print(*sys.modules, file=sys.stderr)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "1 file: 0 passed, 1 failed" in done.stdout
     assert {"tomllib", "tomli"}.isdisjoint(done.stderr.split())
 
 

@@ -86,7 +86,9 @@ def test_a_folder_means_the_stages_below_it_as_well(broken: Path) -> None:
 
 def test_several_processes_find_the_same(broken: Path) -> None:
     saved(rover(), broken.with_name("whole.usda"))
-    assert lint(broken.parent, "-j", "2").stdout == lint(broken.parent).stdout
+    alone, several = lint(broken.parent), lint(broken.parent, "-j", "2")
+    assert (several.returncode, several.stdout) == (alone.returncode, alone.stdout)
+    assert alone.returncode == 1
 
 
 @pytest.mark.parametrize(
