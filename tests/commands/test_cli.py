@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from errno import ENOSPC
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from lab3_usd.report.options import UNKNOWN, tool_version
 HEAVY = ("pxr", "networkx", "yaml", "jinja2")
 
 
+@cache
 def modules_after(*arguments: str) -> set[str]:
     code = (
         "import sys\n"
