@@ -28,7 +28,8 @@ demo: $(VENV)/run
 	$(BIN)/lab3 build --out $(OUT) --force
 	$(BIN)/lab3 check --quiet $(OUT)
 
-test: lint pytest
+test: $(VENV)/dev
+	@sh .ci/test $(MAKE)
 
 lint: $(VENV)/dev
 	$(BIN)/ruff check

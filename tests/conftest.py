@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +12,12 @@ from browser import Browser, started
 from parsed_once import yaml_parsed_once
 from places import REPOSITORY, SHARED
 from starter_once import starter_made_once
+
+
+def pytest_configure() -> None:
+    """Let Ctrl-C end what tests start: a job in the background ignores it, and so would they."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_finish() -> None:

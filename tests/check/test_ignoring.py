@@ -9,11 +9,10 @@ from typing import Any
 
 import pytest
 from breaking import Step, broken, correct_stage, place
-from click.testing import CliRunner, Result
+from invoking import invoke as lab3
 from pxr import Sdf, Usd
 from report_schema import assert_valid
 
-from lab3_usd import cli
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.judge.stage import check_stage
@@ -27,10 +26,6 @@ STEPS: list[Step] = [
 NAME = "Lab3_02_ros_drive"
 UNUSED = "F06"
 Told = list[tuple[str, str, str]]
-
-
-def lab3(*arguments: Path | str) -> Result:
-    return CliRunner().invoke(cli.lab3, [*map(str, arguments)])
 
 
 def told(*arguments: Path | str, command: str = "check") -> Told:
@@ -314,8 +309,7 @@ def test_a_baseline_of_other_files_says_nothing(
 def test_what_is_no_baseline_is_wrong_use(wrong: Path, tmp_path: Path, content: str) -> None:
     path = tmp_path / "known.json"
     path.write_text(content)
-    result = lab3("check", "--baseline", path, wrong)
-    assert isinstance(result.exception, UsageError)
-    assert str(result.exception).startswith(str(path))
-    missing = lab3("check", "--baseline", tmp_path / "nowhere", wrong)
-    assert "cannot be read" in str(missing.exception)
+    with pytest.raises(UsageError, match=f"^{re.escape(str(path))}"):
+        lab3("check", "--baseline", path, wrong)
+    with pytest.raises(UsageError, match="cannot be read"):
+        lab3("check", "--baseline", tmp_path / "nowhere", wrong)

@@ -10,10 +10,8 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from click.testing import CliRunner
+from invoking import invoke
 from pxr import Usd
-
-from lab3_usd.cli import lab3
 
 Edit = Callable[[dict[str, dict[str, Any]]], None]
 FILES = ("checkpoints", "scene", "ros", "submission", "starter")
@@ -138,8 +136,8 @@ def _drop_target(folder: Path) -> None:
 
 
 def run(lab: Path, *arguments: object) -> str:
-    result = CliRunner().invoke(lab3, ["--lab", str(lab), *map(str, arguments)])
-    assert result.exit_code == 0, (result.output, result.exception)
+    result = invoke("--lab", lab, *arguments)
+    assert result.exit_code == 0, result.output
     return result.stdout
 
 
@@ -165,7 +163,7 @@ def test_a_robot_without_wheels_still_needs_its_joints(repository: Path, tmp_pat
         (folder / f"{name}.yaml").write_text(quick_yaml.dump(data))
     built = run(folder, "build", "--out", tmp_path / "out", "--only", "1").split()
     arguments = ["--lab", str(folder), "check", "--format", "json", *built]
-    result = CliRunner().invoke(lab3, arguments)
+    result = invoke(*arguments)
     (stage,) = json.loads(result.stdout)["results"]
     assert [(f["rule"], f["prim"]) for f in stage["findings"]] == [("S12", "/World/Jetbot/mast")]
 
@@ -197,7 +195,7 @@ def test_a_stage_in_centimetres_shows_what_its_panel_should_show(
     assert tuple(place.Get()) == (0.0, 0.0, 5.0)
     place.Set((0.0, 0.0, 0.05))  # what the file says, in metres
     stage.GetRootLayer().Save()
-    result = CliRunner().invoke(lab3, ["--lab", str(folder), "check", "--format", "json", path])
+    result = invoke("--lab", folder, "check", "--format", "json", path)
     errors = [
         (load["rule"], load["actual"], load["expected"])
         for load in json.loads(result.stdout)["results"][0]["findings"]

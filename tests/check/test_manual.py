@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 
-from click.testing import CliRunner
+from invoking import invoke
 from places import REPOSITORY
 
 from lab3_usd.check.manual import PLAIN, in_words_of, rules_in
 from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import finding_of
-from lab3_usd.cli import lab3
 from lab3_usd.model.finding import Problem
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -90,7 +89,7 @@ def test_a_section_comes_from_the_lab_alone() -> None:
 
 
 def test_the_manual_names_the_section_behind_a_rule() -> None:
-    said = CliRunner().invoke(lab3, ["rule", "S19"]).output
+    said = invoke("rule", "S19").output
     assert said.endswith("\n\nHandout: A5\n")
-    other = CliRunner().invoke(lab3, ["--lab", str(JETBOT_FOLDER), "rule", "S19"]).output
+    other = invoke("--lab", JETBOT_FOLDER, "rule", "S19").output
     assert "Handout" not in other

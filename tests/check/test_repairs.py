@@ -8,11 +8,10 @@ from typing import Any
 
 import pytest
 from breaking import Step, broken, correct_stage, judged
-from click.testing import CliRunner
+from invoking import invoke
 from msgspec.structs import replace
 from pxr import Usd, UsdGeom
 
-from lab3_usd.commands.check import command
 from lab3_usd.grade.workers.submission_grading import _without_repairs
 from lab3_usd.judge.folder import FolderResult
 from lab3_usd.judge.stage import check_stage
@@ -186,7 +185,7 @@ def wrong(tmp_path: Path) -> Path:
 
 
 def report(path: Path, form: str) -> str:
-    return CliRunner().invoke(command, [str(path), "--format", form]).stdout
+    return invoke("check", path, "--format", form).stdout
 
 
 def test_json_holds_the_edits(wrong: Path) -> None:

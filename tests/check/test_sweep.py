@@ -58,7 +58,9 @@ def test_single_faults_are_found_at_their_place(benchmark: ModuleType, checkpoin
 
 def test_later_checkpoints_find_what_the_fifth_finds(benchmark: ModuleType) -> None:
     outcomes = list(benchmark.sweep("08", 41, 7))
-    assert all(outcome.found and outcome.at_place for outcome in outcomes)
+    assert len(outcomes) >= 10
+    missed = [outcome.fault.name for outcome in outcomes if not outcome.at_place]
+    assert missed == []
 
 
 # The same on graphs whose prims have names that say nothing, as plain data and therefore many.

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import models as m
 import pytest
-from click.testing import CliRunner
+from invoking import invoke
 from msgspec.structs import replace
 from pxr import Usd
 
 from lab3_usd.check.ros.topics import Endpoint, Qos, decode, endpoints, resolve
-from lab3_usd.cli import lab3
 from lab3_usd.model.stage import Node, PortState, StageModel
 from lab3_usd.spec.catalog import Value
 from lab3_usd.stage.write.builder import build_checkpoint
@@ -358,7 +357,7 @@ def test_a_profile_that_something_else_brings_is_none() -> None:
 
 
 def text_of(*arguments: str) -> str:
-    result = CliRunner().invoke(lab3, list(arguments))
+    result = invoke(*arguments)
     assert result.exit_code == 0, result.output
     return result.output
 

@@ -226,4 +226,6 @@ def test_a_rule_that_crashes_is_never_a_pass(clock: Path, monkeypatch: pytest.Mo
 
 def test_two_runs_give_the_same_bytes(wrong: Path) -> None:
     asked = (wrong, "--format", "json")
-    assert check_alone(*asked).stdout == check(*asked).stdout
+    alone, here = check_alone(*asked), check(*asked)
+    assert (alone.returncode, alone.stdout) == (here.returncode, here.stdout)
+    assert here.returncode == 1

@@ -7,26 +7,20 @@ import re
 import subprocess
 import sys
 from errno import ENOSPC
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-from click.testing import CliRunner
+from invoking import invoke as lab3
 
 from lab3_usd import cli
 from lab3_usd.check.registry import FAMILIES, all_rules
 from lab3_usd.report.options import UNKNOWN, tool_version
 
-if TYPE_CHECKING:
-    from click.testing import Result
-
 HEAVY = ("pxr", "networkx", "yaml", "jinja2")
 
 
-def lab3(*arguments: str) -> Result:
-    return CliRunner().invoke(cli.lab3, arguments, prog_name="lab3")
-
-
+@cache
 def modules_after(*arguments: str) -> set[str]:
     code = (
         "import sys\n"

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 from breaking import Step, broken, built, correct_stage, place, the_lab
-from click.testing import CliRunner, Result
+from click.testing import Result
+from invoking import invoke
 from jsonschema import Draft202012Validator
 from pxr import Sdf, Usd, UsdGeom
 from scene_changes import author, deactivate, move_prim, put, with_api, without_api
 
-from lab3_usd.commands.diff import command
 from lab3_usd.data import data_folder
 from lab3_usd.diff import compare_stages
 from lab3_usd.errors import StageError, UsageError
@@ -46,7 +46,7 @@ def told(before: Path, after: Path) -> list[Told]:
 
 
 def diff(*arguments: Path | str) -> Result:
-    return CliRunner().invoke(command, [*map(str, arguments)], catch_exceptions=False)
+    return invoke("diff", *arguments)
 
 
 # ---- what makes no difference

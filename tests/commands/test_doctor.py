@@ -6,7 +6,7 @@ import shutil
 from importlib import metadata
 
 import pytest
-from click.testing import CliRunner
+from invoking import invoke
 
 from lab3_usd.commands import doctor
 from lab3_usd.commands.doctor import Check
@@ -23,7 +23,7 @@ def all_right(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_here_everything_that_is_needed_works() -> None:
-    result = CliRunner().invoke(doctor.command)
+    result = invoke("doctor")
     states = {line.split()[1]: line.split()[0] for line in result.stdout.splitlines()[1:]}
     assert result.exit_code == 0
     assert states["packages"] == states["checking"] == "ok"
@@ -61,7 +61,7 @@ def test_stages_that_cannot_be_built_are_bad(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.usefixtures("all_right")
 def test_a_missing_extra_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "EXTRAS", {"png": ("no-such-package", "pictures")})
-    result = CliRunner().invoke(doctor.command)
+    result = invoke("doctor")
     assert result.exit_code == 0
     assert "missing  png        pictures: pip install 'lab3-usd[png]'" in result.stdout
 
@@ -74,7 +74,7 @@ def test_every_extra_of_users_is_looked_for() -> None:
 @pytest.mark.usefixtures("all_right")
 def test_something_bad_is_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "checking", lambda: Check("checking", "bad", "no room"))
-    assert CliRunner().invoke(doctor.command).exit_code == doctor.EXIT_FOUND
+    assert invoke("doctor").exit_code == doctor.EXIT_FOUND
 
 
 @pytest.mark.parametrize("platform", ["linux", "darwin"])

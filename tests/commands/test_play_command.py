@@ -20,11 +20,9 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
+from invoking import invoke
 from other_lab import write_other_lab
 
-from lab3_usd.cli import lab3
-from lab3_usd.commands.play import command
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.execution.record import RATE, command_frames, fixed_drive
@@ -148,7 +146,7 @@ class IsaacSim:
 
 def written(folder: Path, *options: str) -> Path:
     script = folder / "play.py"
-    done = CliRunner().invoke(command, ["-o", str(script), *options], catch_exceptions=False)
+    done = invoke("play", "-o", script, *options)
     assert (done.exit_code, done.stdout.strip()) == (0, str(script))
     return script
 
@@ -263,8 +261,8 @@ def test_the_script_is_short_and_says_that_it_was_not_run(tmp_path: Path) -> Non
 def test_a_script_that_exists_is_kept(tmp_path: Path) -> None:
     script = written(tmp_path)
     script.write_text("mine")
-    done = CliRunner().invoke(lab3, ["play", "-o", str(script)])
-    assert isinstance(done.exception, UsageError)
+    with pytest.raises(UsageError):
+        invoke("play", "-o", script)
     assert script.read_text() == "mine"
     written(tmp_path, "--force")
     assert script.read_text() != "mine"

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from breaking import Step, broken, correct_stage
-from click.testing import CliRunner, Result
+from click.testing import Result
+from invoking import invoke
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
-from lab3_usd.commands.fix import command
 from lab3_usd.errors import Lab3Error
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
@@ -34,7 +34,7 @@ def saved(folder: Path, *steps: Step, ending: str = ".usda") -> Path:
 
 
 def fix(path: Path, *arguments: str) -> Result:
-    return CliRunner().invoke(command, [str(path), *arguments], catch_exceptions=False)
+    return invoke("fix", path, *arguments)
 
 
 def changed_lines(old: str, new: str) -> tuple[list[str], list[str]]:

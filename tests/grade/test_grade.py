@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 from grade_files import cut_wire, files_below, stage, starter, submission
+from invoking import invoke
 from workers_here import graded_here, workers_here
 
 from lab3_usd.commands import grade as grade_command
-from lab3_usd.commands.grade import Rate, command, line
+from lab3_usd.commands.grade import Rate, line
 from lab3_usd.data import data_folder
 from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
@@ -296,9 +296,7 @@ def test_a_crash_of_a_rule_is_the_tools_fault_and_no_grade(
         "lab3_usd.grade.workers.pool.run_tasks",
         answered({"failed": "tool failed: KeyError at rules.py:1"}),
     )
-    done = CliRunner().invoke(
-        command, [str(place), "--starter", str(starter()), "-o", str(tmp_path / "book")]
-    )
+    done = invoke("grade", place, "--starter", starter(), "-o", tmp_path / "book")
     assert done.exit_code == 3
     assert "4 tool failed" in done.output
 
@@ -316,7 +314,7 @@ def test_the_command_says_where_the_gradebook_is(tmp_path: Path) -> None:
         "--jobs",
         "1",
     ]
-    done = CliRunner().invoke(command, arguments, catch_exceptions=False)
+    done = invoke("grade", *arguments)
     assert done.exit_code == 0
     assert done.output == f"2 submissions (2 graded): {out / 'index.html'}\n"
     assert set(rows(out)) == {"ana", "ben"}
@@ -411,7 +409,7 @@ def test_a_gradebook_among_the_submissions_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("seconds", ["nan", "inf", "-inf", "0", "x"])
 def test_seconds_are_a_number_within_bounds(place: Path, tmp_path: Path, seconds: str) -> None:
     options = ["--starter", str(starter()), "-o", str(tmp_path / "book"), "--timeout", seconds]
-    done = CliRunner().invoke(command, [str(place), *options])
+    done = invoke("grade", place, *options)
     assert done.exit_code == 2
     assert not (tmp_path / "book").exists()
 
@@ -419,7 +417,7 @@ def test_seconds_are_a_number_within_bounds(place: Path, tmp_path: Path, seconds
 @pytest.mark.parametrize("name", ["", " "])
 def test_no_name_is_not_the_current_folder(tmp_path: Path, name: str) -> None:
     options = ["--starter", str(starter()), "-o", str(tmp_path / "book")]
-    done = CliRunner().invoke(command, [name, *options])
+    done = invoke("grade", name, *options)
     assert done.exit_code == 2
     assert "current folder" in done.output
 
@@ -429,7 +427,7 @@ def test_what_is_passed_over_is_said_on_stderr(tmp_path: Path) -> None:
     (tmp_path / "class" / "bob.pdf").touch()
     arguments = [str(tmp_path / "class"), "--starter", str(starter())]
     with workers_here():
-        done = CliRunner().invoke(command, [*arguments, "-o", str(tmp_path / "book")])
+        done = invoke("grade", *arguments, "-o", tmp_path / "book")
     assert done.exit_code == 0
     assert done.stderr.startswith("lab3: ")
     assert done.stderr.endswith(": bob.pdf\n")
@@ -530,8 +528,8 @@ def test_there_are_as_many_workers_as_processors(monkeypatch: pytest.MonkeyPatch
 
 def test_a_cluster_is_asked_where_one_is_named(place: Path, tmp_path: Path) -> None:
     options = ["--cluster", "nonsense", "--starter", str(starter()), "-o", str(tmp_path / "book")]
-    done = CliRunner().invoke(command, [str(place), *options])
-    assert isinstance(done.exception, UsageError)
+    with pytest.raises(UsageError):
+        invoke("grade", place, *options)
     assert not (tmp_path / "book").exists()
 
 

@@ -571,4 +571,9 @@ def test_how_it_ended_is_known_where_nothing_more_is(
 def test_a_worker_that_cannot_even_be_killed_is_left_behind(tmp_path: Path) -> None:
     hanging: Any = Ended()
     hanging.status = None
-    worker_process.end_worker(Worker(hanging, tmp_path / "scratch", Limits()))
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    worker = Worker(hanging, scratch, Limits())
+    worker_process.end_worker(worker)
+    assert worker.tasks.get_nowait() is None
+    assert not scratch.exists()

@@ -17,6 +17,7 @@ from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.stage.write.builder import build_checkpoint
 
+pytestmark = pytest.mark.timeout(300)  # the first test waits for the whole class
 GOOD = "a_good_one"
 # Few files are copied before their number is too large, also where the machine is busy.
 LIMITS = Limits(seconds=20, files=900)

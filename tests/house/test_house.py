@@ -250,6 +250,6 @@ def test_shell_scripts_are_clean() -> None:
     shellcheck = shutil.which("shellcheck")
     if not shellcheck:
         pytest.skip("ShellCheck is not installed")
-    scripts = [str(ROOT / ".ci" / name) for name in ("run", "find-python")]
+    scripts = [str(ROOT / ".ci" / name) for name in ("run", "find-python", "suite", "test")]
     done = subprocess.run([shellcheck, *scripts], capture_output=True, text=True, check=False)
     assert done.stdout == ""

@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 import yaml
-from click.testing import CliRunner
+from invoking import invoke
 from places import SHARED
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
-from lab3_usd.commands.map import command
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
 from lab3_usd.lab.maps import (
@@ -269,7 +268,7 @@ def starter(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_bundled_map_is_made_from_the_bundled_starter(
     starter: Path, tmp_path: Path, name: str
 ) -> None:
-    result = CliRunner().invoke(command, [str(starter), "-o", str(tmp_path)])
+    result = invoke("map", starter, "-o", tmp_path)
     assert result.exit_code == 0, result.output
     assert (tmp_path / name).read_bytes() == (data_folder("maps") / name).read_bytes()
     assert "warning" not in result.output
@@ -310,7 +309,7 @@ def test_nav2_gets_everywhere_through_passages_of_60_cm() -> None:
 def test_options_change_the_frame(starter: Path, tmp_path: Path) -> None:
     arguments = [str(starter), "-o", str(tmp_path), "--resolution", "0.1", "--origin", "-7", "-4"]
     arguments += ["--size", "100", "90", "--height", "0.45", "--start", "-3", "0"]
-    assert CliRunner().invoke(command, arguments).exit_code == 0
+    assert invoke("map", *arguments).exit_code == 0
     grid = read_pgm(tmp_path / "turtlebot3_map.pgm")
     assert (grid.width, grid.height) == (100, 90)
     described = yaml.safe_load((tmp_path / "turtlebot3_map.yaml").read_text())
@@ -322,13 +321,11 @@ def test_options_change_the_frame(starter: Path, tmp_path: Path) -> None:
 def test_an_existing_map_is_kept_unless_forced(starter: Path, tmp_path: Path) -> None:
     image = tmp_path / "turtlebot3_map.pgm"
     image.write_text("mine")
-    kept = CliRunner().invoke(command, [str(starter), "-o", str(tmp_path)])
-    assert isinstance(kept.exception, UsageError)
+    with pytest.raises(UsageError):
+        invoke("map", starter, "-o", tmp_path)
     assert image.read_text() == "mine"
     assert [file.name for file in tmp_path.iterdir()] == ["turtlebot3_map.pgm"]
-    assert (
-        CliRunner().invoke(command, [str(starter), "-o", str(tmp_path), "--force"]).exit_code == 0
-    )
+    assert invoke("map", starter, "-o", tmp_path, "--force").exit_code == 0
     assert read_pgm(image).width == 177
 
 
@@ -340,8 +337,9 @@ def test_a_stage_without_a_robot_needs_start_and_height(tmp_path: Path) -> None:
     stage.Save()
     arguments = [str(tmp_path / "room.usda"), "-o", str(tmp_path / "map")]
     for more in ([], ["--height", "0.2"]):
-        assert isinstance(CliRunner().invoke(command, arguments + more).exception, UsageError)
-    result = CliRunner().invoke(command, [*arguments, "--height", "0.2", "--start", "0", "2"])
+        with pytest.raises(UsageError):
+            invoke("map", *arguments, *more)
+    result = invoke("map", *arguments, "--height", "0.2", "--start", "0", "2")
     assert result.exit_code == 0
     assert "edge of the map" in result.output
 
@@ -352,7 +350,7 @@ def test_what_is_not_on_the_map_is_said(starter: Path, tmp_path: Path) -> None:
     stage.DefinePrim("/Environment/Shelf").GetReferences().AddReference("not_here.usd")
     stage.GetRootLayer().Export(str(tmp_path / "room.usda"))
     arguments = [str(tmp_path / "room.usda"), "-o", str(tmp_path / "map")]
-    result = CliRunner().invoke(command, arguments)
+    result = invoke("map", *arguments)
     assert result.exit_code == 0
     told = [line for line in result.stderr.splitlines() if line.startswith("warning: ")]
     assert len(told) == 2
@@ -361,8 +359,8 @@ def test_what_is_not_on_the_map_is_said(starter: Path, tmp_path: Path) -> None:
 
 
 def test_a_cut_above_everything_is_refused(starter: Path, tmp_path: Path) -> None:
-    result = CliRunner().invoke(command, [str(starter), "-o", str(tmp_path), "--height", "3"])
-    assert isinstance(result.exception, UsageError)
+    with pytest.raises(UsageError):
+        invoke("map", starter, "-o", tmp_path, "--height", "3")
     assert not list(tmp_path.iterdir())
 
 
@@ -380,7 +378,7 @@ def test_a_cut_above_everything_is_refused(starter: Path, tmp_path: Path) -> Non
     ],
 )
 def test_what_is_no_length_is_wrong_use(starter: Path, tmp_path: Path, option: str) -> None:
-    result = CliRunner().invoke(command, [str(starter), "-o", str(tmp_path), *option.split()])
+    result = invoke("map", starter, "-o", tmp_path, *option.split())
     assert result.exit_code == 2, result.output
     assert option.split(maxsplit=1)[0] in result.stderr
     assert not list(tmp_path.iterdir())

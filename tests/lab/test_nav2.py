@@ -8,9 +8,8 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from click.testing import CliRunner
+from invoking import invoke
 
-from lab3_usd.cli import lab3
 from lab3_usd.lab.scripts import (
     LAUNCH_FILE,
     LIDAR_RVIZ_FILE,
@@ -173,14 +172,14 @@ def test_force_replaces_them(tmp_path: Path) -> None:
 
 
 def test_the_command_writes_the_files(tmp_path: Path) -> None:
-    done = CliRunner().invoke(lab3, ["nav2", "-o", str(tmp_path / "nav2")])
+    done = invoke("nav2", "-o", tmp_path / "nav2")
     assert done.exit_code == 0
     assert {p.name: p.read_text() for p in (tmp_path / "nav2").iterdir()} == FILES
 
 
 def test_the_command_says_what_it_kept(tmp_path: Path) -> None:
     for _ in range(2):
-        done = CliRunner().invoke(lab3, ["nav2", "-o", str(tmp_path)])
+        done = invoke("nav2", "-o", tmp_path)
     assert done.exit_code == 0
     assert done.stdout == ""
     assert all(name in done.stderr for name in FILES)

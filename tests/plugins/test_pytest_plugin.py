@@ -14,8 +14,8 @@ pytest_plugins = ["pytester"]
 # Where the package is installed, pytest loads the plugin by itself, and refuses to do so twice.
 INSTALLED = "lab3" in {point.name for point in entry_points(group="pytest11")}
 PLUGIN = () if INSTALLED else ("-p", "lab3_usd.pytest_plugin")
-# Its summary imports all of Hypothesis, anew in each of these runs.
-OTHERS = ("-p", "no:hypothesispytest")
+# They import all of Hypothesis and of trio, anew in each of these runs.
+OTHERS = ("-p", "no:hypothesispytest", "-p", "no:anyio")
 
 
 @pytest.fixture

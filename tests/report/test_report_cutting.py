@@ -7,14 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from grade_files import LAB, stage, submission
+from invoking import invoke
 from msgspec.structs import replace
 from pxr import Sdf
 from report_examples import MISSING_WIRE
 
 from lab3_usd.check.registry import all_rules
-from lab3_usd.cli import lab3
 from lab3_usd.judge.folder import FolderSettings, check_folder
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import ChecklistItem, Crash, Report, Score, StageResult, Submission
@@ -149,7 +148,7 @@ def test_no_format_is_large(huge: Path) -> None:
     ],
 )
 def test_no_command_prints_a_huge_text(huge: Path, command: list[str]) -> None:
-    done = CliRunner().invoke(lab3, [command[0], str(huge), *command[1:]])
+    done = invoke(command[0], huge, *command[1:])
     assert done.exit_code in {0, 1}
     assert len(done.output) < MOST
 

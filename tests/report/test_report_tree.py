@@ -6,12 +6,11 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from invoking import invoke
 from msgspec.structs import replace
 
 from lab3_usd.check.tf.frames import Edge
 from lab3_usd.check.tf.targets import UnresolvedFrames
-from lab3_usd.cli import lab3
 from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text, roots, tree_faults
 from lab3_usd.stage.write.builder import build_checkpoint
 
@@ -174,7 +173,7 @@ def test_json_has_transforms_roots_and_problems() -> None:
 
 def test_the_command_prints_the_tree_of_the_handout(tmp_path: Path) -> None:
     stage = build_checkpoint(None, "05", tmp_path / "stage.usda")
-    result = CliRunner().invoke(lab3, ["tf", str(stage)])
+    result = invoke("tf", stage)
     assert result.exit_code == 0
     assert result.output.splitlines()[:3] == ["odom", "└── base_footprint", "    ├── base_link"]
     assert len(result.output.splitlines()) == 8
@@ -183,6 +182,6 @@ def test_the_command_prints_the_tree_of_the_handout(tmp_path: Path) -> None:
 @pytest.mark.parametrize("form", ["dot", "json"])
 def test_the_command_prints_other_forms(tmp_path: Path, form: str) -> None:
     stage = build_checkpoint(None, "05", tmp_path / "stage.usda")
-    result = CliRunner().invoke(lab3, ["tf", str(stage), "--format", form])
+    result = invoke("tf", stage, "--format", form)
     assert result.exit_code == 0
     assert result.output.startswith({"dot": "digraph", "json": "{"}[form])

@@ -9,12 +9,11 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from click.testing import CliRunner
+from invoking import invoke
 from places import REPOSITORY
 
-from lab3_usd.cli import lab3
 from lab3_usd.data import data_folder
-from lab3_usd.errors import SpecError
+from lab3_usd.errors import Lab3Error, SpecError
 from lab3_usd.spec.load.loader import load_lab
 
 ROOT = REPOSITORY
@@ -37,8 +36,7 @@ def edited(folder: Path, file: str, edit: Callable[[Any], object]) -> None:
 
 def checked(folder: Path | None) -> tuple[int, list[str]]:
     """Run the command, and return its exit code and the findings."""
-    result = CliRunner().invoke(lab3, ["lab", "check", *([] if folder is None else [str(folder)])])
-    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    result = invoke("lab", "check", *([] if folder is None else [folder]))
     return result.exit_code, result.output.splitlines()[:-1]
 
 
@@ -416,16 +414,16 @@ def test_a_frame_of_a_switched_off_output_is_none(folder: Path) -> None:
 
 def test_a_file_that_is_no_lab_is_said_at_once(folder: Path) -> None:
     (folder / "scene.yaml").write_text("[]")
-    result = CliRunner().invoke(lab3, ["lab", "check", str(folder)])
-    assert str(result.exception) == "scene.yaml: is not a mapping of names to values"
+    with pytest.raises(SpecError, match=r"^scene\.yaml: is not a mapping of names to values$"):
+        invoke("lab", "check", folder)
 
 
 def test_a_folder_that_is_not_there_is_said(tmp_path: Path) -> None:
-    result = CliRunner().invoke(lab3, ["lab", "check", str(tmp_path / "gone")])
-    assert "there is no such folder" in str(result.exception)
+    with pytest.raises(Lab3Error, match="there is no such folder"):
+        invoke("lab", "check", tmp_path / "gone")
 
 
 def test_the_lab_of_the_option_is_checked(folder: Path) -> None:
     edited(folder, "checkpoints.yaml", lambda said: said.update(title="Week 5"))
-    result = CliRunner().invoke(lab3, ["--lab", str(folder), "lab", "check"])
+    result = invoke("--lab", folder, "lab", "check")
     assert result.output == "Week 5: 0 errors, 0 warnings\n"

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 import yaml
 from another_robot import own_node, write_stage
-from click.testing import CliRunner
+from invoking import invoke
 from msgspec.structs import replace
 from places import REPOSITORY, SHARED, TESTS
 from pxr import Usd
 
-from lab3_usd.cli import lab3
 from lab3_usd.describe.checkpoints import file_names
 from lab3_usd.describe.yaml_text import document
+from lab3_usd.errors import Lab3Error
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -32,10 +32,7 @@ PASSING = [
 
 
 def ran(*arguments: object) -> tuple[int, str]:
-    result = CliRunner().invoke(lab3, [*map(str, arguments)])
-    problem = result.exception
-    if problem is not None and not isinstance(problem, SystemExit):
-        raise problem
+    result = invoke(*arguments)
     return result.exit_code, result.output
 
 
@@ -304,8 +301,9 @@ def test_a_stage_that_does_not_pass_is_said_with_its_errors(built: Path, tmp_pat
 
 
 def refusal(folder: Path, stage: Path) -> str:
-    result = CliRunner().invoke(lab3, ["lab", "new", str(folder), "--from", str(stage)])
-    return str(result.exception)
+    with pytest.raises(Lab3Error) as refused:
+        invoke("lab", "new", folder, "--from", stage)
+    return str(refused.value)
 
 
 def test_a_folder_that_exists_is_kept(built: Path, tmp_path: Path) -> None:

@@ -6,11 +6,11 @@ import shutil
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from invoking import invoke
 from other_lab import write_other_lab
 
-from lab3_usd.cli import lab3
 from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.errors import UsageError
 from lab3_usd.grade.intake.platforms import parts_of
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint, nearly_named
@@ -25,7 +25,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def lab3_run(*arguments: object) -> str:
-    result = CliRunner().invoke(lab3, [*map(str, arguments)])
+    result = invoke(*arguments)
     assert result.exit_code == 0, result.output
     return result.output
 
@@ -81,8 +81,8 @@ def test_the_option_is_for_one_command(folder: Path) -> None:
 
 
 def test_a_folder_that_is_not_there_is_said(tmp_path: Path) -> None:
-    result = CliRunner().invoke(lab3, ["--lab", str(tmp_path / "gone"), "rules"])
-    assert "there is no such folder" in str(result.exception)
+    with pytest.raises(UsageError, match="there is no such folder"):
+        invoke("--lab", tmp_path / "gone", "rules")
 
 
 def test_a_students_name_stands_before_the_lab_s_own(

@@ -7,10 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from invoking import invoke
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
-from lab3_usd import cli
 from lab3_usd.check.checker import judge
 from lab3_usd.check.rules import world
 from lab3_usd.judge.stage import check_stage
@@ -281,7 +280,7 @@ def test_a_command_reads_each_stage_once(
     monkeypatch.setattr(reader, "_read_model", noted_read)
     token = opening.opener.set(noted_open)
     arguments = [str(starter) if each == "STARTER" else each for each in more]
-    CliRunner().invoke(cli.lab3, ["check", str(built), str(built), *arguments])
+    assert invoke("check", built, built, *arguments).exit_code == 0
     opening.opener.reset(token)
     names = [built.name, starter.name] if "--starter" in more else [built.name]
     assert (sorted(opened), sorted(read)) == (sorted(names), sorted(names))

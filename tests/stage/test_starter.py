@@ -12,11 +12,10 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from click.testing import CliRunner
+from invoking import invoke
 from places import SHARED
 from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdValidation
 
-from lab3_usd.commands.starter import command
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.stage.write.starter import build_starter, starter_layer
@@ -456,7 +455,7 @@ def test_a_target_that_is_a_folder_leaves_nothing_behind(tmp_path: Path) -> None
 
 def test_the_command_names_the_file_it_wrote(tmp_path: Path) -> None:
     target = tmp_path / "new" / "starter.usda"
-    result = CliRunner().invoke(command, ["-o", str(target)])
+    result = invoke("starter", "-o", target)
     assert result.output == f"{target}\n"
     assert target.is_file()
 

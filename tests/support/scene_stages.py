@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
-from functools import lru_cache
-from pathlib import Path
-
-from pxr import Sdf, Usd
+from breaking import correct_stage
+from pxr import Usd
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Rule, rules_of
@@ -17,25 +14,9 @@ from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.read.reader import read_model
-from lab3_usd.stage.write.builder import build_checkpoint
 
+built = correct_stage
 FAMILIES = ("F", "S", "L", "C")
-
-
-@lru_cache
-def built_text(checkpoint: str) -> str:
-    """The text of a checkpoint as the builder makes it."""
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "stage.usda"
-        build_checkpoint(None, checkpoint, target)
-        return target.read_text()
-
-
-def built(checkpoint: str) -> Usd.Stage:
-    """A fresh copy of a checkpoint in memory."""
-    layer = Sdf.Layer.CreateAnonymous(".usda")
-    assert layer.ImportFromString(built_text(checkpoint))
-    return Usd.Stage.Open(layer)
 
 
 def model_of(stage: Usd.Stage) -> StageModel:
