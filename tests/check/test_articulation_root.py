@@ -53,13 +53,6 @@ def test_on_the_root_any_other_target_is_an_error(target: str) -> None:
     assert told(ON_ROOT, target) == [("R02", "error", NODE)]
 
 
-def test_a_second_root_beside_the_one_on_the_robot_costs_the_requirement() -> None:
-    stage = correct_stage("05")
-    several(ON_ROOT, with_api(f"{ROBOT}/wheel_left_link", API))(stage)
-    unmet = {item.id for item in judged(stage, "05").requirements if not item.met}
-    assert "Scene/articulation" in unmet
-
-
 def test_on_the_root_no_target_is_an_error() -> None:
     assert told(ON_ROOT) == [("R01", "error", NODE)]
 
