@@ -146,7 +146,7 @@ def test_what_comes_once_in_a_short_recording_is_no_fault(plain: Path, handed_in
 
 
 def test_a_goal_that_a_saved_output_shows_reached_is_no_fault() -> None:
-    aborted = Check(GOAL, "bad", "the last of 1 goals is aborted", rule="E16")
+    aborted = Check(GOAL, "bad", "the last of 1 goals is aborted", kind="goal-not-reached")
     recording = RecordingShown("results/run.mcap", checks=(aborted,))
     evidence = Evidence("results", recordings=(recording,))
     facts, reached = LAB.scene.map, tuple(LAB.checkpoints)

@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 from msgspec import Struct
 
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector, length
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
@@ -220,7 +221,7 @@ class Frame(Struct, frozen=True):
 
 
 class Check(Struct, frozen=True):
-    """A verdict: what was looked at, what is wrong, the prim at fault, and the rule of such faults.
+    """A verdict: what was looked at, what is wrong, the prim at fault, and the kind of the fault.
 
     `cause` is what the prim at fault does or does not do, where that is known.
     """
@@ -229,7 +230,7 @@ class Check(Struct, frozen=True):
     verdict: Verdict
     message: str = ""
     prim: str = ""
-    rule: str = ""
+    kind: FaultKind | None = None
     cause: str = ""
 
     @property

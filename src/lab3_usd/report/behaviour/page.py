@@ -13,6 +13,7 @@ from pathlib import Path, PurePath
 from markupsafe import Markup
 from msgspec import Struct
 
+from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.errors import Lab3Error
 from lab3_usd.model.dry_run import Behaviour, Check, Frame, Moment, Place, Replay, Segment
 from lab3_usd.report.behaviour.text import LOOKS, WHAT_IT_IS, leg_text, rate, sum_text
@@ -312,6 +313,7 @@ def render(found: Behaviour, seen: Replay | None, lab: Lab) -> str:
             name=PurePath(found.stage).name,
             looks=LOOKS,
             marks=MARKS,
+            rule_of=explaining_rule,
             rate=rate,
             leg_text=leg_text,
             summary=sum_text(found),

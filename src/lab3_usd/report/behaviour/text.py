@@ -10,6 +10,7 @@ from typing import Any
 
 from msgspec.structs import asdict
 
+from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
 from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.safe_text import paint, printable, truncated_values
@@ -126,8 +127,9 @@ def _check(check: Check, looks: Mapping[str, str], width: int, *, color: bool) -
     yield f"{mark}{check.name.ljust(_NAME)}{first}"
     lead = " " * (_NAME + 4)
     yield from (lead + each for each in more)
-    if check.verdict != "ok" and (check.prim or check.rule):
-        see = f" (lab3 rule {check.rule})" if check.rule else ""
+    rule = explaining_rule(check)
+    if check.verdict != "ok" and (check.prim or rule):
+        see = f" (lab3 rule {rule})" if rule else ""
         named = ": ".join(printable(each) for each in (check.prim, check.cause) if each)
         yield f"{lead}{named}{see}".rstrip()
 
@@ -193,5 +195,5 @@ def _check_json(check: Check) -> dict[str, str]:
         "verdict": check.verdict,
         "prim": check.prim,
         "message": check.text,
-        "rule": check.rule,
+        "rule": explaining_rule(check),
     }

@@ -61,7 +61,7 @@ def unreadable(recorded: Recorded) -> Iterator[Fault]:
     for (topic, kind), tally in recorded.found.tallies.items():
         if tally.unreadable:
             said = f"{tally.unreadable} of {tally.count} messages on {topic} are no {kind}"
-            yield Fault(said, "E05")
+            yield Fault(said, "unreadable-message")
 
 
 def qos(recorded: Recorded) -> Iterator[Fault]:
@@ -71,9 +71,11 @@ def qos(recorded: Recorded) -> Iterator[Fault]:
             offered = [one.durability for one in tally.offered]
             odd = next((one for one in offered if topic.durability not in {None, one}), None)
             if odd is not None:
-                yield Fault(f"{topic.name} is offered {odd}, not {topic.durability}", "E07")
+                yield Fault(
+                    f"{topic.name} is offered {odd}, not {topic.durability}", "wrong-durability"
+                )
             if topic.publishers is not None and len(offered) > topic.publishers:
-                yield Fault(f"{len(offered)} publishers of {topic.name}", "E14")
+                yield Fault(f"{len(offered)} publishers of {topic.name}", "extra-publisher")
 
 
 def rates(recorded: Recorded) -> Iterator[Fault]:
@@ -82,10 +84,10 @@ def rates(recorded: Recorded) -> Iterator[Fault]:
     for topic in recorded.asked:
         for tally in recorded.found.of_topic(topic.name):
             if topic.rate is not None and tally.count and not (any(tally.rates()) or is_short):
-                yield Fault(f"{topic.name} comes only once", "E04")
+                yield Fault(f"{topic.name} comes only once", "single-message")
             elif topic.rate is not None and tally.stuck > STUCK * tally.count:
                 said = f"{tally.stuck} of {tally.count} stamps of {topic.name} are not later"
-                yield Fault(f"{said} than the one before", "W01")
+                yield Fault(f"{said} than the one before", "stamp-not-advancing")
 
 
 def headers(recorded: Recorded) -> Iterator[Fault]:
@@ -96,7 +98,7 @@ def headers(recorded: Recorded) -> Iterator[Fault]:
             odd = [frame for frame in tally.frames if frame not in wanted]
             if wanted and odd:
                 said = f"{topic.name} is in {', '.join(odd)}, not {' and '.join(wanted)}"
-                yield Fault(said, "E05")
+                yield Fault(said, "wrong-header-frame")
 
 
 def running(recorded: Recorded) -> Iterator[Fault]:
@@ -104,7 +106,7 @@ def running(recorded: Recorded) -> Iterator[Fault]:
     timeline = recorded.found.timeline
     if timeline.ticks > 1 and timeline.speed < BARELY and timeline.arrived > 1.0:
         passed = f"{timeline.now:.1f} s in {timeline.arrived:.1f} s"
-        yield Fault(f"{recorded.topics.wanted.clock} runs {passed}", "W01")
+        yield Fault(f"{recorded.topics.wanted.clock} runs {passed}", "stopped-clock")
 
 
 def frames(recorded: Recorded) -> Iterator[Fault]:
@@ -114,11 +116,11 @@ def frames(recorded: Recorded) -> Iterator[Fault]:
         parents.setdefault(child, []).append(parent)
     for child, several in parents.items():
         if len(several) > 1:
-            yield Fault(f"{child} has the parents {', '.join(several)}", "E12")
+            yield Fault(f"{child} has the parents {', '.join(several)}", "changing-parent")
     static = {(frame.parent, frame.child) for frame in recorded.found.frames if frame.static}
     for (parent, child), link in recorded.found.links.items():
         if link.gap > GAP and (parent, child) not in static and child != _root(recorded):
-            yield Fault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "E11")
+            yield Fault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "transform-gap")
             return
 
 
@@ -151,7 +153,10 @@ def odometry(recorded: Recorded) -> Iterator[Fault]:
         if abs(leg.turn * leg.seconds) < math.pi / 2:
             pairs.append((angular, turned / leg.seconds))
         if any(abs(a - b) > TWIST[0] + TWIST[1] * abs(b) for a, b in pairs):
-            yield Fault(f"the speeds of odometry are not those of its way {leg.name}", "W02")
+            yield Fault(
+                f"the speeds of odometry are not those of its way {leg.name}",
+                "wrong-odometry-velocity",
+            )
             return
 
 
@@ -163,7 +168,7 @@ def way(recorded: Recorded) -> Iterator[Fault]:
     poses = evidence.recording.path
     done = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(poses))
     if told > LEAST and not is_about(done, told):
-        yield Fault(f"told to go {told:.1f} m in all, went {done:.1f} m", "P01")
+        yield Fault(f"told to go {told:.1f} m in all, went {done:.1f} m", "wrong-distance")
 
 
 def localization(recorded: Recorded) -> Iterator[Fault]:
@@ -172,11 +177,11 @@ def localization(recorded: Recorded) -> Iterator[Fault]:
     above = {parent: link for (parent, child), link in found.links.items() if child == root}
     link = above.get(recorded.map_frame)
     if link is None:
-        yield Fault(f"no {recorded.map_frame} -> {root}", "E11")
+        yield Fault(f"no {recorded.map_frame} -> {root}", "no-localization")
     elif link.last < found.timeline.now - QUIET:
-        yield Fault(f"{recorded.map_frame} -> {root} ends", "E11")
+        yield Fault(f"{recorded.map_frame} -> {root} ends", "localization-ends")
     if len(above) > 1:
-        yield Fault(f"{root} has the parents {', '.join(above)}", "E12")
+        yield Fault(f"{root} has the parents {', '.join(above)}", "changing-parent")
 
 
 def goal(recorded: Recorded) -> Iterator[Fault]:
@@ -185,10 +190,10 @@ def goal(recorded: Recorded) -> Iterator[Fault]:
     if asked is None:
         return
     if not goals:
-        yield Fault("no goal was sent", "E16")
+        yield Fault("no goal was sent", "no-goal-sent")
     elif [*goals.values()][-1] != asked.succeeded:
         name = asked.name([*goals.values()][-1])
-        yield Fault(f"the last of {len(goals)} goals is {name}", "E16")
+        yield Fault(f"the last of {len(goals)} goals is {name}", "goal-not-reached")
 
 
 Look = Callable[[Recorded], Iterator[Fault]]

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Protocol
 from msgspec import Struct
 
 from lab3_usd.model.dry_run import HERE, Affine, Segment, rotation
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import length, minus
 from lab3_usd.sim.execution.record import (
     RATE,
@@ -68,11 +69,11 @@ class Interface(Struct, frozen=True):
 
 
 class Cause(NamedTuple):
-    """The node behind a fault, what it does or does not do, and the rule of such faults."""
+    """The node behind a fault, what it does or does not do, and of what kind that is."""
 
     prim: str
     reason: str
-    rule: str
+    kind: FaultKind | None  # None where only the node is known
 
 
 class Causes(Protocol):
@@ -86,13 +87,13 @@ class Causes(Protocol):
 
 
 class Fault(NamedTuple):
-    """What is wrong, the rule that it falls under, and the prim at fault if one is known.
+    """What is wrong, its kind, and the prim at fault if one is known.
 
     What the run does not know for sure is no fault: `sure` is false then.
     """
 
     message: str
-    rule: str
+    kind: FaultKind
     prim: str = ""
     cause: str = ""
     sure: bool = True
@@ -134,12 +135,12 @@ class Evidence(Struct):
         poses = [pose for pose in self.recording.path if pose.session == message.session]
         return poses[min(len(poses), max(1, round(message.at * RATE))) - 1]
 
-    def motion_fault(self, message: str, rule: str) -> Fault:
+    def motion_fault(self, message: str, kind: FaultKind) -> Fault:
         """Return a fault of how the robot moves, with its cause."""
         cause = self.causes.of_motion() if self.causes is not None else None
         if cause is None:
-            return Fault(message, rule)
-        return Fault(message, cause.rule or rule, cause.prim, cause.reason)
+            return Fault(message, kind)
+        return Fault(message, cause.kind or kind, cause.prim, cause.reason)
 
     def when(self, sessions: Sequence[int]) -> str:
         """Say in which sessions, if not in all from the first on."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from lab3_usd.model.dry_run import Affine, rotation
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.record import RATE, Message, Odometry, Pose
 from lab3_usd.sim.judge.evidence import (
     SIZE,
@@ -26,14 +27,14 @@ def rest(evidence: Evidence) -> Iterator[Fault]:
     """It stands still without a command, after one, and when told to go sideways."""
     for leg, before, poses in evidence.stretches("idle", "sideways"):
         if _moves(evidence, displacement(before, poses[-1])):
-            rule = "S10" if leg.name == "idle" else "W02"
-            yield evidence.motion_fault(f"moves while told {leg.name}", rule)
+            kind: FaultKind = "moves-uncommanded" if leg.name == "idle" else "moves-sideways"
+            yield evidence.motion_fault(f"moves while told {leg.name}", kind)
     poses = [pose for pose in evidence.recording.path if not pose.session]
     for at, (one, other) in enumerate(pairwise(poses), start=1):
         if one.leg != "stop" and other.leg == "stop":
             later = poses[at + SOON : at + 2 * SOON + 1]
             if later and _moves(evidence, displacement(later[0], later[-1])):
-                yield evidence.motion_fault(f"does not stop after {one.leg}", "S10")
+                yield evidence.motion_fault(f"does not stop after {one.leg}", "does-not-stop")
                 return
 
 
@@ -48,7 +49,7 @@ def follows(evidence: Evidence) -> Iterator[Fault]:
     if not any(leg.command and any(leg.command[::2]) for leg in evidence.drive[0].legs):
         return
     if evidence.stands():
-        yield evidence.motion_fault("does not move", "S10")
+        yield evidence.motion_fault("does not move", "does-not-move")
         return
     for names, look in ((("ahead", "back"), _straight), (("left", "right"), _turn)):
         for stretch in evidence.stretches(*names):
@@ -65,11 +66,13 @@ def _straight(evidence: Evidence, stretch: Stretch) -> Fault | None:
     told = leg.forward * leg.seconds
     if any(pose.blocked for pose in poses) and 0 <= ahead / told < SIZE[0]:
         said = f"told to go {told:.2f} m, a wall stops it after {ahead:.2f} m"
-        return Fault(said, "S03", sure=False)
+        return Fault(said, "wall-ahead", sure=False)
     if not is_about(ahead, told):
-        return evidence.motion_fault(f"told to go {told:.2f} m, went {ahead:.2f} m", "P01")
+        return evidence.motion_fault(
+            f"told to go {told:.2f} m, went {ahead:.2f} m", "wrong-distance"
+        )
     if abs(left) > evidence.tolerance.slip[0] or abs(turned) > evidence.tolerance.slip[1]:
-        return evidence.motion_fault(f"told to go {leg.name}, went aside", "S09")
+        return evidence.motion_fault(f"told to go {leg.name}, went aside", "sideways-drift")
     return None
 
 
@@ -80,9 +83,9 @@ def _turn(evidence: Evidence, stretch: Stretch) -> Fault | None:
     if not is_about(turned, told):
         said = f"told {math.degrees(abs(told)):.0f} degrees {leg.name}, turned"
         sense = -1.0 if leg.name == "right" else 1.0
-        return evidence.motion_fault(f"{said} {math.degrees(sense * turned):.1f}", "P07")
+        return evidence.motion_fault(f"{said} {math.degrees(sense * turned):.1f}", "wrong-turn")
     if math.hypot(ahead, left) > evidence.tolerance.slip[0]:
-        return evidence.motion_fault("told to turn, went away", "S09")
+        return evidence.motion_fault("told to turn, went away", "turn-off-centre")
     return None
 
 
@@ -103,7 +106,7 @@ def _arcs(evidence: Evidence) -> Iterator[Fault]:
         if not is_about(way, told[0]) or not is_about(_turned(stretch), told[1]):
             said = f"told to go {told[0]:.2f} m and turn {math.degrees(told[1]):.0f} degrees,"
             turned = math.degrees(_turned(stretch))
-            yield evidence.motion_fault(f"{said} did {way:.2f} m and {turned:.0f}", "P01")
+            yield evidence.motion_fault(f"{said} did {way:.2f} m and {turned:.0f}", "wrong-arc")
             return
 
 
@@ -120,7 +123,7 @@ def limits(evidence: Evidence) -> Iterator[Fault]:
             if not is_about(done, told) and not stopped:
                 unit = "m" if name == "fast" else "rad"
                 said = f"told to go {name}, does {done / leg.seconds:.2f} of {limit} {unit}/s"
-                yield evidence.motion_fault(said, "P01")
+                yield evidence.motion_fault(said, "wrong-speed-limit")
                 break
 
 
@@ -137,7 +140,7 @@ def again(evidence: Evidence) -> Iterator[Fault]:
         ahead, left, _ = displacement(start, poses[-1])
         if not is_about(ahead, leg.forward * leg.seconds) or abs(left) > evidence.tolerance.slip[0]:
             said = f"does not follow {evidence.wanted.commands}{evidence.when([number])}"
-            yield evidence.motion_fault(said, "P02")
+            yield evidence.motion_fault(said, "no-drive-after-restart")
 
 
 ODOMETRY = (0.02, math.radians(2.0))
@@ -159,12 +162,12 @@ def odometry(evidence: Evidence) -> Iterator[Fault]:
     frames = (first.frame, first.data.child)
     if frames != (wanted.root, wanted.base):
         said = f"odometry names {frames[0]} and {frames[1]}, not {wanted.root} and {wanted.base}"
-        yield Fault(said, "P02", first.node)
+        yield Fault(said, "wrong-odometry-frame", first.node)
     origin = evidence.recording.path[0]
     for message in messages[:: max(1, len(messages) // 40)]:
         fault = _odometry_fault(message.data, origin, evidence.pose(message))
         if fault:
-            yield Fault(fault, "W02", message.node)
+            yield Fault(fault, "wrong-odometry-pose", message.node)
             return
     yield from _velocity_faults(evidence, messages)
 
@@ -196,7 +199,7 @@ def _velocity_faults(evidence: Evidence, messages: list[Message]) -> Iterator[Fa
             or abs(data.angular[2] - turned) > SPEED
         ):
             said = f"the velocities of odometry are wrong while going {leg.name}"
-            yield Fault(said, "W02", says.node)
+            yield Fault(said, "wrong-odometry-velocity", says.node)
             return
 
 
@@ -212,5 +215,5 @@ def moving_frames(evidence: Evidence) -> Iterator[Fault]:
         says = Affine(rotation(message.data.orientation), message.data.position)
         if not agree(place, says):
             said = f"{wanted.root} -> {wanted.base} is not what odometry says"
-            yield Fault(said, "W01", message.node)
+            yield Fault(said, "transform-unlike-odometry", message.node)
             return

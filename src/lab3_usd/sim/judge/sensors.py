@@ -27,7 +27,7 @@ def mounted(evidence: Evidence) -> Iterator[Fault]:
                 places.append(here.inverse().then(there))
         if len(places) > 1 and not agree(*places):
             said = f"{messages[0].frame} does not go with {wanted.base}"
-            yield Fault(said, "S12", messages[0].node)
+            yield Fault(said, "loose-sensor", messages[0].node)
 
 
 def rate_of(messages: Sequence[Message]) -> float:
@@ -46,9 +46,9 @@ def scan(evidence: Evidence) -> Iterator[Fault]:
     known = _lasts(evidence, messages)
     if known and wanted.scan_rate and abs(rate - wanted.scan_rate) > 0.2 * wanted.scan_rate:
         said = f"{rate:.1f} scans a second, not {wanted.scan_rate}"
-        yield Fault(said, "L05", messages[0].node)
+        yield Fault(said, "wrong-scan-rate", messages[0].node)
     if all(each < 0 for each in messages[-1].data.ranges):
-        yield Fault("no ray comes back", "L09", messages[-1].node)
+        yield Fault("no ray comes back", "no-ray-returns", messages[-1].node)
     for message in (messages[:2][-1], messages[len(messages) // 2], messages[-1]):
         place = in_root(evidence, message)
         if place is None or evidence.walls is None:
@@ -61,7 +61,7 @@ def scan(evidence: Evidence) -> Iterator[Fault]:
         )
         if off > MISSED * len(seen):
             said = f"{off} of {len(seen)} rays do not show the walls"
-            yield Fault(said, "L04", message.node)
+            yield Fault(said, "scan-off-walls", message.node)
             return
 
 
@@ -83,20 +83,22 @@ def camera(evidence: Evidence) -> Iterator[Fault]:
 def _pairs(images: Sequence[Message], infos: Sequence[Message], least: float) -> Iterator[Fault]:
     one, other = images[-1], infos[-1]
     if one.frame != other.frame:
-        yield Fault(f"image in {one.frame}, info in {other.frame}", "P02", other.node)
+        yield Fault(
+            f"image in {one.frame}, info in {other.frame}", "image-info-frames-differ", other.node
+        )
     sizes = [
         (message.data.width, message.data.height)
         for message in (one, other)
         if isinstance(message.data, View)
     ]
     if len(set(sizes)) > 1:
-        yield Fault("image and info differ in size", "P02", other.node)
+        yield Fault("image and info differ in size", "image-info-sizes-differ", other.node)
     rates = rate_of(images), rate_of(infos)
     if min(rates) < 0.8 * least:
-        yield Fault(f"{min(rates):.1f} images a second, not {least}", "C07", one.node)
+        yield Fault(f"{min(rates):.1f} images a second, not {least}", "low-image-rate", one.node)
     if abs(rates[0] - rates[1]) > 0.1 * max(rates):
         said = f"{rates[0]:.1f} images and {rates[1]:.1f} infos a second"
-        yield Fault(said, "P04", other.node)
+        yield Fault(said, "image-info-rates-differ", other.node)
 
 
 def _view(evidence: Evidence, image: Message) -> Iterator[Fault]:
@@ -106,12 +108,12 @@ def _view(evidence: Evidence, image: Message) -> Iterator[Fault]:
     there = evidence.start.inverse().then(image.data.place)
     if not agree(place, there):
         said = f"TF does not have {image.frame} where the camera is"
-        yield Fault(said, "T02", image.node)
+        yield Fault(said, "misplaced-camera-frame", image.node)
     wanted = evidence.wanted
     base = in_root(evidence, Message("", 0.0, wanted.base, at=image.at, session=image.session))
     if base is not None and any(wanted.looks):
         seen = base.inverse().then(there)
         if length(minus(seen.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
-            yield Fault("the camera does not look ahead", "C05", image.node)
+            yield Fault("the camera does not look ahead", "camera-not-ahead", image.node)
         elif length(minus(seen.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
-            yield Fault("the camera is not upright", "C05", image.node)
+            yield Fault("the camera is not upright", "camera-not-upright", image.node)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.record import RATE, Message
 from lab3_usd.sim.judge.evidence import Evidence, Fault, Interface
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -115,17 +116,19 @@ def topics(evidence: Evidence) -> Iterator[Fault]:
         messages = recording.topic(topic)
         odd = next((message for message in messages if message.type != kind), None)
         if odd is not None:
-            yield Fault(f"{topic} is {odd.type}, not {kind}", "Q02", odd.node)
+            yield Fault(f"{topic} is {odd.type}, not {kind}", "wrong-message-type", odd.node)
         senders = list(dict.fromkeys(message.node for message in messages))
         if topic != wanted.transforms and len(senders) > 1:
-            yield Fault(f"{len(senders)} nodes publish {topic}", "Q01", senders[1])
+            yield Fault(f"{len(senders)} nodes publish {topic}", "duplicate-publisher", senders[1])
 
 
 def _silence(evidence: Evidence, topic: str, kind: str, sessions: Sequence[int]) -> Fault:
     said = f"nothing on {topic}{evidence.when(sessions)}"
     cause = evidence.causes.of_silence(topic, kind) if evidence.causes is not None else None
     return (
-        Fault(said, "N01") if cause is None else Fault(said, cause.rule, cause.prim, cause.reason)
+        Fault(said, "silent-topic")
+        if cause is None
+        else Fault(said, cause.kind or "silent-topic", cause.prim, cause.reason)
     )
 
 
@@ -136,14 +139,14 @@ def clock(evidence: Evidence) -> Iterator[Fault]:
         if other.stamp < one.stamp:
             back = one.stamp - other.stamp
             said = f"{evidence.wanted.clock} jumps back by {back:.2f} s"
-            yield Fault(said, "P02", other.node)
+            yield Fault(said, "clock-jumps-back", other.node)
             return
     first = [message for message in messages if not message.session]
     if first:
         ran, passed = first[-1].stamp - first[0].stamp, first[-1].at - first[0].at
         if abs(ran - passed) > evidence.tolerance.lag:
             said = f"{evidence.wanted.clock} runs {ran:.1f} s in {passed:.1f} s"
-            yield Fault(said, "W01", first[0].node)
+            yield Fault(said, "wrong-clock-rate", first[0].node)
 
 
 def stamps(evidence: Evidence) -> Iterator[Fault]:
@@ -172,7 +175,7 @@ def _late(evidence: Evidence, topic: str, session: int) -> Iterator[Fault]:
         ):
             when = evidence.when([session])
             said = f"{topic} is stamped {message.stamp:.1f} s at {now:.1f} s{when}"
-            yield Fault(said, "W01", message.node)
+            yield Fault(said, "wrong-stamp", message.node)
 
 
 STALE = 0.5  # seconds without a new transform
@@ -193,12 +196,13 @@ def _tree_faults(evidence: Evidence, session: int) -> Iterator[Fault]:
     for child, several in parents.items():
         own = next((node for parent, node in several if parent == child), None)
         if own is not None:
-            yield Fault(f"{child} is its own parent", "T09", own)
+            yield Fault(f"{child} is its own parent", "self-parent", own)
         if len(several) > 1:
-            rule = "T03" if len({parent for parent, _ in several}) > 1 else "T04"
-            yield Fault(f"{child} has {len(several)} parents or publishers", rule, [*several][1][1])
+            parts = {parent for parent, _ in several}
+            kind: FaultKind = "several-parents" if len(parts) > 1 else "several-publishers"
+            yield Fault(f"{child} has {len(several)} parents or publishers", kind, [*several][1][1])
         if messages and min(several.values()) < messages[-1].at - STALE:
-            yield Fault(f"the transform of {child} ends", "Q03", next(iter(several))[1])
+            yield Fault(f"the transform of {child} ends", "transform-ends", next(iter(several))[1])
     if parents:
         up = {child: next(iter(several))[0] for child, several in parents.items()}
         yield from _loose_frames(evidence, up, session)
@@ -224,9 +228,9 @@ def _loose_frames(evidence: Evidence, up: dict[str, str], session: int) -> Itera
         while top in up and steps <= len(up):
             top, steps = up[top], steps + 1
         if top != evidence.wanted.root:
-            rule = "T06" if frame in up else "T11"
+            kind: FaultKind = "disconnected-frame" if frame in up else "unknown-frame"
             said = f"{frame} does not hang below {evidence.wanted.root}"
-            yield Fault(said, rule, named.get(frame, ""))
+            yield Fault(said, kind, named.get(frame, ""))
             return
 
 

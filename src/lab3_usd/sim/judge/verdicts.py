@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from msgspec import Struct
 
 from lab3_usd.model.dry_run import Check, Verdict
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
 from lab3_usd.sim.execution.program import Program
 from lab3_usd.sim.execution.record import Message
@@ -55,11 +56,12 @@ class RunCauses(Struct, frozen=True):
         own = [message for message in self.sent if message.node == node.path]
         other = next((message for message in own if message.topic != topic), None)
         if other is not None:
-            rule = "P06" if other.topic.endswith(topic) else "P01"
-            return Cause(node.path, f"it publishes {other.topic}", rule)
+            is_below = other.topic.endswith(topic)
+            kind: FaultKind = "namespaced-topic" if is_below else "wrong-topic"
+            return Cause(node.path, f"it publishes {other.topic}", kind)
         away = next((message for message in own if message.away is not None), None)
         if away is not None:
-            return Cause(node.path, f"it publishes in domain {away.away}", "P02")
+            return Cause(node.path, f"it publishes in domain {away.away}", "wrong-domain")
         return None
 
     def _broken(self, node: Running, seen: frozenset[str] = frozenset()) -> Cause | None:
@@ -71,10 +73,12 @@ class RunCauses(Struct, frozen=True):
                 if cause is not None:
                     return cause
         if node.failure is not None:
-            return Cause(node.path, node.failure.reason, node.failure.rule)
+            return Cause(node.path, node.failure.reason, node.failure.kind)
         if not node.count and not node.pulled:
             idle = self.program.idle.get(node.path.rpartition("/")[0])
-            return Cause(node.path, idle or "nothing drives it", "G03" if idle else "W01")
+            if idle:
+                return Cause(node.path, idle, "graph-not-evaluated")
+            return Cause(node.path, "nothing drives it", "not-executed")
         return None
 
     def _before(self, node: Running) -> Iterator[Running]:
@@ -91,15 +95,15 @@ class RunCauses(Struct, frozen=True):
     def _of_robot(self) -> Cause | None:
         robot = self.robot
         if robot is None:
-            return Cause("", "the stage has no robot with joints that turn", "S07")
+            return Cause("", "the stage has no robot with joints that turn", "no-driven-robot")
         if robot.held:
-            return Cause(robot.base, "a joint ties the robot to the world", "S21")
+            return Cause(robot.base, "a joint ties the robot to the world", "base-fixed-to-world")
         if not robot.pulled:
-            return Cause(robot.base, "gravity does not hold the robot on the ground", "S15")
+            return Cause(robot.base, "gravity does not hold the robot on the ground", "no-gravity")
         if not robot.grounded:
-            return Cause(robot.base, "no ground is below the robot", "S13")
+            return Cause(robot.base, "no ground is below the robot", "no-ground")
         if not robot.wheels:
-            return Cause(robot.base, "no wheel of the robot touches the ground", "S19")
+            return Cause(robot.base, "no wheel of the robot touches the ground", "no-wheel-contact")
         found = (_of_joint(joint, robot.base) for joint in robot.joints.values())
         return next(filter(None, found), None)
 
@@ -107,23 +111,23 @@ class RunCauses(Struct, frozen=True):
         nodes = self.program.nodes.values()
         controllers = [running for running in nodes if running.type.drives is not None]
         if not controllers:
-            return Cause("", "no node commands the joints", "N01")
+            return Cause("", "no node commands the joints", "no-joint-controller")
         for controller in controllers:
             cause = self._broken(controller)
             if cause is not None:
                 return cause
         chain = [running for node in controllers for running in self._before(node)]
         speeds = next((running for running in chain if running.type.step_limits), controllers[0])
-        return Cause(speeds.path, "", "")
+        return Cause(speeds.path, "", None)
 
 
 def _of_joint(joint: Joint, site: str) -> Cause | None:
     if joint.locked:
-        return Cause(site, f"{joint.name} is held by another joint", "S23")
+        return Cause(site, f"{joint.name} is held by another joint", "locked-joint")
     if joint.stiffness > 0 or joint.damping <= 0:
-        return Cause(site, f"{joint.name} has no velocity drive", "S10")
+        return Cause(site, f"{joint.name} has no velocity drive", "no-velocity-drive")
     if joint.reach < math.radians(FAR):
-        return Cause(site, f"{joint.name} cannot turn freely", "S07")
+        return Cause(site, f"{joint.name} cannot turn freely", "limited-joint")
     return None
 
 
@@ -168,4 +172,4 @@ def verdict(name: str, faults: list[Fault], evidence: Evidence) -> Check:
     told = next((fault for fault in faults if fault.prim), faults[0])
     said = "; ".join(fault.message for fault in faults)
     outcome: Verdict = "bad" if known else "not-simulated"
-    return Check(name, outcome, said, told.prim, told.rule, told.cause)
+    return Check(name, outcome, said, told.prim, told.kind, told.cause)

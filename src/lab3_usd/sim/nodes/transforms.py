@@ -239,7 +239,7 @@ def compute_transform_tree(node: Running, world: World) -> bool:
         tree = node.memory["tree"] = Tree.of(world.scene, parents[0] if parents else "", targets)
     if not tree.pairs:
         node.memory.clear()
-        return node.fails("none of its target prims is there", "R01")
+        return node.fails("none of its target prims is there", "no-target-prim")
     poses = [pair.pose(world) for pair in tree.pairs]
     node.outputs.update(
         parentFrames=tuple(pair.parent for pair in tree.pairs),
@@ -271,7 +271,7 @@ def publish_transform_tree(node: Running, world: World) -> bool:
         for name in ("parentFrames", "childFrames", "translations", "orientations")
     ]
     if not arrays[0] or len({len(array) for array in arrays}) > 1:
-        return node.fails("its four arrays are not equally long", "W01")
+        return node.fails("its four arrays are not equally long", "unequal-frame-arrays")
     transforms = tuple(
         Transform(str(parent), str(child), _metres(Affine(HERE.rows, at), world), (q[3], *q[:3]))
         for parent, child, at, q in zip(*arrays, strict=True)
@@ -285,7 +285,7 @@ def _decide(node: Running, world: World) -> bool:
         parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
         if not targets or not set(targets) <= world.scene.prims.keys():
             # Tried again at the next tick: there is no publisher yet.
-            return node.fails("no frames reach it, and it has no target prims", "W01")
+            return node.fails("no frames reach it, and it has no target prims", "no-frames-input")
         known["tree"] = pose_tree(world, parents[0] if parents else "", targets)
     endpoint, _ = opened_endpoint(node, world)
     return endpoint is not None
