@@ -280,7 +280,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def sim(path: Path, *words: str) -> Any:
-    return CliRunner().invoke(command, [str(path), *words])
+    return CliRunner().invoke(command, [str(path), *words], catch_exceptions=False)
 
 
 def test_the_command_says_what_it_sent(

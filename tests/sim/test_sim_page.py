@@ -40,11 +40,13 @@ def page(tmp_path_factory: pytest.TempPathFactory, right: DryRun) -> Path:
 def test_the_command_writes_the_page(tmp_path: Path) -> None:
     stage = tmp_path / "Lab3_01.usda"
     correct_stage("01").GetRootLayer().Export(str(stage))
-    CliRunner().invoke(command, [str(stage), "--page", str(tmp_path / "sim.html")])
+    CliRunner().invoke(
+        command, [str(stage), "--page", str(tmp_path / "sim.html")], catch_exceptions=False
+    )
     text = (tmp_path / "sim.html").read_text(encoding="utf-8")
     assert "640 times" in text
     before = stage.read_bytes()
-    done = CliRunner().invoke(command, [str(stage), "--page", str(stage)])
+    done = CliRunner().invoke(command, [str(stage), "--page", str(stage)], catch_exceptions=False)
     assert "ending of a stage" in str(done.exception)
     assert stage.read_bytes() == before
 
@@ -147,5 +149,9 @@ def test_a_report_with_a_dry_run_shows_its_maps(chromium: Browser, tmp_path: Pat
     assert len(chromium.shown(".maps .room")) == 2
     assert len(chromium.shown(".maps .scan")) == 1
     plain = tmp_path / "plain.html"
-    CliRunner().invoke(check_command, [str(tmp_path), "--format", "html", "--output", str(plain)])
+    CliRunner().invoke(
+        check_command,
+        [str(tmp_path), "--format", "html", "--output", str(plain)],
+        catch_exceptions=False,
+    )
     assert ".maps" not in plain.read_text(encoding="utf-8")
