@@ -38,7 +38,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.report.behaviour.text import LOOKS_OF_A_RECORDING
 from lab3_usd.sim.bag import files, judge, reader
 from lab3_usd.sim.bag.judge import CHECKS
-from lab3_usd.sim.judge.verdicts import CHECKS as SHARED
+from lab3_usd.sim.judge.checks import CHECKS as SHARED
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from pxr import Usd
 from second_author import Style
 
 from lab3_usd.sim.execution.record import Odometry
-from lab3_usd.sim.judge.verdicts import CHECKS, judge
+from lab3_usd.sim.judge.checks import CHECKS, judge
 from lab3_usd.stage.write.builder import build_checkpoint
 
 WHEELS = 0.033 / 0.025  # the wheel of the model by that of the controller

@@ -26,9 +26,9 @@ from lab3_usd.sim.execution.record import (
     Session,
     drive_of,
 )
+from lab3_usd.sim.judge.checks import CHECKS
 from lab3_usd.sim.judge.evidence import Evidence, Fault
 from lab3_usd.sim.judge.motion import odometry
-from lab3_usd.sim.judge.verdicts import CHECKS
 from lab3_usd.sim.timeline import record
 from lab3_usd.stage.read.scene import read_scene
 

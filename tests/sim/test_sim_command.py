@@ -27,8 +27,8 @@ from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
 from lab3_usd.report.behaviour.text import LOOKS
 from lab3_usd.sim.execution.record import drive_of
+from lab3_usd.sim.judge.checks import CHECKS
 from lab3_usd.sim.judge.topics import interface
-from lab3_usd.sim.judge.verdicts import CHECKS
 
 DRIVE, CLOCK = "/turtlebot3_burger/ROS_Drive", "/World/ROS_Clock"
 

@@ -49,7 +49,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
 
 def _leg(leg: Leg) -> str:
     """Write a leg: its seconds, and what is sent in it."""
-    return ",".join(f"{each:g}" for each in (round(leg.seconds, 4), *(leg.command or ())))
+    return ",".join(f"{number:g}" for number in (round(leg.seconds, 4), *(leg.command or ())))
 
 
 @click.command("play")

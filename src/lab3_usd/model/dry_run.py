@@ -61,8 +61,8 @@ class Affine(NamedTuple):
 
     def rigid(self) -> Affine:
         """Return the same place without scale."""
-        columns = [column(self.rows, each) for each in range(3)]
-        lengths = [length(each) or 1.0 for each in columns]
+        columns = [column(self.rows, number) for number in range(3)]
+        lengths = [length(number) or 1.0 for number in columns]
         rows = tuple(tuple(n / k for n, k in zip(row, lengths, strict=True)) for row in self.rows)
         return Affine(rows, self.origin)  # type: ignore[arg-type]
 
@@ -254,19 +254,19 @@ class Difference(Struct, frozen=True):
 
 
 class Leg(Struct, frozen=True):
-    """A part of the drive: what was told, and what the robot did (metres, degrees)."""
+    """A part of the drive: what was commanded, and what the robot drove (metres, degrees)."""
 
     name: str
     seconds: float
-    told: tuple[float, float]
-    done: tuple[float, float]
+    commanded: tuple[float, float]
+    driven: tuple[float, float]
 
 
 class Behaviour(Struct, frozen=True):
     """What one stage does in a dry run.
 
     `path` are (seconds, x, y, heading) in metres and radians; `legs` the drive of the first
-    session, `remarks` what else is to be said of the robot.
+    session, `remarks` what else is known of the robot.
     """
 
     stage: str

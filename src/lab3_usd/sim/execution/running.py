@@ -178,11 +178,11 @@ def push(node: Running, world: World, most: int) -> None:
     waiting = [node]
     seen: dict[int, int] = {}
     while waiting:
-        each = waiting.pop()
-        again = seen.get(id(each), 0)
+        current = waiting.pop()
+        again = seen.get(id(current), 0)
         if again > most:
             continue
-        seen[id(each)] = again + 1
-        if each.compute(world):
-            for port in reversed(each.enabled):
-                waiting.extend(reversed(each.follows.get(port, ())))
+        seen[id(current)] = again + 1
+        if current.compute(world):
+            for port in reversed(current.enabled):
+                waiting.extend(reversed(current.follows.get(port, ())))

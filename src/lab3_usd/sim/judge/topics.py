@@ -52,7 +52,9 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         limits=_limits(lab),
         looks=view.along if view else (0.0, 0.0, 0.0),
         upward=view.up if view else (0.0, 0.0, 0.0),
-        profile={name: said.value for name, said in lidar.attributes.items()} if lidar else {},
+        profile={name: attribute.value for name, attribute in lidar.attributes.items()}
+        if lidar
+        else {},
         static=static_topics(lab),
     )
 
@@ -123,30 +125,28 @@ def topics(evidence: Evidence) -> Iterator[Fault]:
 
 
 def _silence(evidence: Evidence, topic: str, kind: str, sessions: Sequence[int]) -> Fault:
-    said = f"nothing on {topic}{evidence.when(sessions)}"
+    text = f"nothing on {topic}{evidence.when(sessions)}"
     cause = evidence.causes.of_silence(topic, kind) if evidence.causes is not None else None
-    return (
-        Fault(said, "silent-topic")
-        if cause is None
-        else Fault(said, cause.kind or "silent-topic", cause.prim, cause.reason)
-    )
+    if cause is None:
+        return Fault(text, "silent-topic")
+    return Fault(text, cause.kind or "silent-topic", cause.prim, cause.reason)
 
 
 def clock(evidence: Evidence) -> Iterator[Fault]:
     """The clock runs at the speed of the simulation, and never back."""
     messages = evidence.recording.topic(evidence.wanted.clock)
-    for one, other in pairwise(messages):
-        if other.stamp < one.stamp:
-            back = one.stamp - other.stamp
-            said = f"{evidence.wanted.clock} jumps back by {back:.2f} s"
-            yield Fault(said, "clock-jumps-back", other.node)
+    for earlier, later in pairwise(messages):
+        if later.stamp < earlier.stamp:
+            back = earlier.stamp - later.stamp
+            text = f"{evidence.wanted.clock} jumps back by {back:.2f} s"
+            yield Fault(text, "clock-jumps-back", later.node)
             return
     first = [message for message in messages if not message.session]
     if first:
         ran, passed = first[-1].stamp - first[0].stamp, first[-1].at - first[0].at
         if abs(ran - passed) > evidence.tolerance.lag:
-            said = f"{evidence.wanted.clock} runs {ran:.1f} s in {passed:.1f} s"
-            yield Fault(said, "wrong-clock-rate", first[0].node)
+            text = f"{evidence.wanted.clock} runs {ran:.1f} s in {passed:.1f} s"
+            yield Fault(text, "wrong-clock-rate", first[0].node)
 
 
 def stamps(evidence: Evidence) -> Iterator[Fault]:
@@ -163,8 +163,8 @@ def stamps(evidence: Evidence) -> Iterator[Fault]:
 
 def _late(evidence: Evidence, topic: str, session: int) -> Iterator[Fault]:
     clocks = {
-        round(each.at * RATE): each.stamp
-        for each in evidence.recording.topic(evidence.wanted.clock, session)
+        round(tick.at * RATE): tick.stamp
+        for tick in evidence.recording.topic(evidence.wanted.clock, session)
     }
     for message in evidence.recording.topic(topic, session):
         now = clocks.get(round(message.at * RATE))
@@ -174,8 +174,8 @@ def _late(evidence: Evidence, topic: str, session: int) -> Iterator[Fault]:
             and abs(now - message.stamp) > evidence.tolerance.lag
         ):
             when = evidence.when([session])
-            said = f"{topic} is stamped {message.stamp:.1f} s at {now:.1f} s{when}"
-            yield Fault(said, "wrong-stamp", message.node)
+            text = f"{topic} is stamped {message.stamp:.1f} s at {now:.1f} s{when}"
+            yield Fault(text, "wrong-stamp", message.node)
 
 
 STALE = 0.5  # seconds without a new transform
@@ -198,8 +198,8 @@ def _tree_faults(evidence: Evidence, session: int) -> Iterator[Fault]:
         if own is not None:
             yield Fault(f"{child} is its own parent", "self-parent", own)
         if len(several) > 1:
-            parts = {parent for parent, _ in several}
-            kind: FaultKind = "several-parents" if len(parts) > 1 else "several-publishers"
+            is_reparented = len({parent for parent, _ in several}) > 1
+            kind: FaultKind = "several-parents" if is_reparented else "several-publishers"
             yield Fault(f"{child} has {len(several)} parents or publishers", kind, [*several][1][1])
         if messages and min(several.values()) < messages[-1].at - STALE:
             yield Fault(f"the transform of {child} ends", "transform-ends", next(iter(several))[1])
@@ -211,7 +211,7 @@ def _tree_faults(evidence: Evidence, session: int) -> Iterator[Fault]:
 def _parents(
     evidence: Evidence, messages: Sequence[Message]
 ) -> dict[str, dict[tuple[str, str], float]]:
-    """Return for each frame its parents, who says so, and when it was said last."""
+    """Return the parents of each frame, with the node that publishes them and its last time."""
     parents: dict[str, dict[tuple[str, str], float]] = {}
     for message in messages:
         for transform in message.transforms:
@@ -229,16 +229,16 @@ def _loose_frames(evidence: Evidence, up: dict[str, str], session: int) -> Itera
             top, steps = up[top], steps + 1
         if top != evidence.wanted.root:
             kind: FaultKind = "disconnected-frame" if frame in up else "unknown-frame"
-            said = f"{frame} does not hang below {evidence.wanted.root}"
-            yield Fault(said, kind, named.get(frame, ""))
+            text = f"{frame} does not hang below {evidence.wanted.root}"
+            yield Fault(text, kind, named.get(frame, ""))
             return
 
 
 def _named_frames(evidence: Evidence, session: int) -> dict[str, str]:
     """Return the frames that are spoken of, with a node that does so."""
-    found = {evidence.wanted.base: ""}
+    named = {evidence.wanted.base: ""}
     for topic in evidence.wanted.types:
         for message in evidence.recording.topic(topic, session):
             if message.frame:
-                found.setdefault(message.frame, message.node)
-    return found
+                named.setdefault(message.frame, message.node)
+    return named

@@ -127,12 +127,12 @@ def construct_array(node: Running, world: World) -> bool:
     """Kit's Make Array: as many elements as its size says, of the type of its array."""
     kind = node.text("arrayType", world) or "auto"
     size = min(int(node.number("arraySize", world)), MOST)
-    values = [node.get(f"input{each}", world) for each in range(size)]
-    texts = [isinstance(each, str) for each in values if each is not None]
+    values = [node.get(f"input{number}", world) for number in range(size)]
+    texts = [isinstance(value, str) for value in values if value is not None]
     is_token = all(texts) if kind == "auto" else kind == "token[]"
     if not is_token and (kind != "auto" or any(texts)):
         node.outputs["array"] = ()
         return node.fails(f"its elements are no {kind}", "wrong-array-type")
     empty = "" if is_token else 0.0
-    node.outputs["array"] = tuple(empty if each is None else each for each in values)
+    node.outputs["array"] = tuple(empty if value is None else value for value in values)
     return True

@@ -68,15 +68,15 @@ def differential_controller(node: Running, world: World) -> bool:
 
 
 def _read_parameters(node: Running, world: World) -> bool:
-    sizes = {each: node.number(each, world) for each in ("wheelRadius", "wheelDistance")}
-    for each, size in sizes.items():
+    sizes = {name: node.number(name, world) for name in ("wheelRadius", "wheelDistance")}
+    for name, size in sizes.items():
         if size <= 0:
-            return node.fails(f"its {each} is {size:g}", "invalid-wheel-size")
+            return node.fails(f"its {name} is {size:g}", "invalid-wheel-size")
     node.memory.update(sizes, v=0.0, w=0.0)
     for limit in _LIMITS:
         node.memory[limit] = abs(node.number(limit, world))
-    for each in ("maxLinearSpeed", "maxAngularSpeed", "maxWheelSpeed"):
-        node.memory[each] = abs(node.number(each, world)) or _NO_LIMIT
+    for name in ("maxLinearSpeed", "maxAngularSpeed", "maxWheelSpeed"):
+        node.memory[name] = abs(node.number(name, world)) or _NO_LIMIT
     return True
 
 
@@ -114,10 +114,10 @@ def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None
     names = node.items("jointNames", world)
     if names and names != known["names"]:
         known["names"] = names
-        found = [machine.articulated.get(str(name)) for name in names]
-        known["joints"] = None if None in found else found
+        named = [machine.articulated.get(str(name)) for name in names]
+        known["joints"] = None if None in named else named
         if known["joints"] is None:
-            _say_unknown(node, machine, str(names[found.index(None)]))
+            _say_unknown(node, machine, str(names[named.index(None)]))
     every = list(machine.articulated.values())
     indices = node.items("jointIndices", world)
     if any(indices) and not known["names"]:
@@ -135,14 +135,14 @@ def _say_unknown(node: Running, machine: Machine, name: str) -> None:
 
 def _command(node: Running, world: World, joints: list[Joint]) -> bool:
     position, velocity, effort = (
-        node.items(f"{each}Command", world) for each in ("position", "velocity", "effort")
+        node.items(f"{kind}Command", world) for kind in ("position", "velocity", "effort")
     )
-    for each in (position, velocity, effort):
-        if each and len(each) != len(joints):
+    for targets in (position, velocity, effort):
+        if targets and len(targets) != len(joints):
             return node.fails(
-                f"{len(each)} commands come for {len(joints)} joints", "wrong-command-count"
+                f"{len(targets)} commands come for {len(joints)} joints", "wrong-command-count"
             )
-        if not all(isinstance(value, (int, float)) for value in each):
+        if not all(isinstance(value, (int, float)) for value in targets):
             return node.fails("its commands are no numbers", "non-numeric-command")
     for joint, value in zip(joints, position, strict=False):
         joint.target_position = float(value)
@@ -210,8 +210,8 @@ def publish_odometry(node: Running, world: World) -> bool:
     if endpoint is None:
         return False
     if not ready:
-        for each in ("odomFrameId", "chassisFrameId"):
-            node.memory[each] = node.text(each, world)
+        for name in ("odomFrameId", "chassisFrameId"):
+            node.memory[name] = node.text(name, world)
         x, y, _ = node.vector("robotFront", world)
         size = length((x, y, 0.0)) or 1.0
         node.memory["front"] = (x / size, y / size, 0.0)

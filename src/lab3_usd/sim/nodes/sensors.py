@@ -36,11 +36,11 @@ def create_render_product(node: Running, world: World) -> bool:
     if not targets or targets[0] not in world.scene.prims:
         kind: FaultKind = "missing-camera-prim" if targets else "no-camera-target"
         return node.fails("its camera prim is not there", kind)
-    width, height = (int(node.number(each, world)) for each in ("width", "height"))
+    width, height = (int(node.number(name, world)) for name in ("width", "height"))
     if width <= 0 or height <= 0:
         return node.fails("its picture has no size", "empty-image")
     product = Product(targets[0], width, height)
-    name = next((name for name, each in world.products.items() if each == product), "")
+    name = next((name for name, known in world.products.items() if known == product), "")
     name = name or node.memory.get("path") or f"/Render/Product{len(world.products)}"
     world.products[name] = product
     node.memory["path"] = name

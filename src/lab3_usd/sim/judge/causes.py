@@ -1,22 +1,18 @@
-"""Runs every check of a behaviour, and names the node behind each fault."""
+"""Why something does not come or the robot does not move: the node or joint at fault."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from lab3_usd.model.dry_run import Check, Verdict
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
 from lab3_usd.sim.execution.program import Program
 from lab3_usd.sim.execution.record import Message
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.judge.evidence import Cause, Evidence, Fault
-from lab3_usd.sim.judge.motion import again, follows, limits, moving_frames, odometry, rest
-from lab3_usd.sim.judge.sensors import camera, mounted, scan
-from lab3_usd.sim.judge.topics import clock, stamps, topics, tree
+from lab3_usd.sim.judge.evidence import Cause
 from lab3_usd.sim.robot.machine import Joint, Machine
 
 _RADIUS = "wheelRadius"
@@ -42,23 +38,23 @@ class RunCauses(Struct, frozen=True):
     def remarks(self) -> Iterator[str]:
         """Say what the sizes of the robot do to its commands."""
         robot = self.robot
-        radii = {round(each.radius, 4) for each in robot.wheels} if robot is not None else set()
+        radii = {round(wheel.radius, 4) for wheel in robot.wheels} if robot is not None else set()
         nodes = [node for node in self.program.nodes.values() if node.type.step_limits]
-        told = {
+        sizes = {
             running.values.get(_RADIUS) or 0.0 for running in nodes if _RADIUS not in running.wires
         }
-        if len(radii) == len(told) == 1 and radii != told and all(told):
-            wheel, number = radii.pop(), told.pop()
-            said = f"the wheels measure {wheel:g} m and the controller is told {number:g} m"
-            yield f"{said}: the robot goes {wheel / number:.2f} times as far as it is told"
+        if len(radii) == len(sizes) == 1 and radii != sizes and all(sizes):
+            wheel, size = radii.pop(), sizes.pop()
+            text = f"the wheels measure {wheel:g} m and the controller is told {size:g} m"
+            yield f"{text}: the robot goes {wheel / size:.2f} times as far as it is told"
 
     def _elsewhere(self, node: Running, topic: str) -> Cause | None:
         own = [message for message in self.sent if message.node == node.path]
-        other = next((message for message in own if message.topic != topic), None)
-        if other is not None:
-            is_below = other.topic.endswith(topic)
+        elsewhere = next((message for message in own if message.topic != topic), None)
+        if elsewhere is not None:
+            is_below = elsewhere.topic.endswith(topic)
             kind: FaultKind = "namespaced-topic" if is_below else "wrong-topic"
-            return Cause(node.path, f"it publishes {other.topic}", kind)
+            return Cause(node.path, f"it publishes {elsewhere.topic}", kind)
         away = next((message for message in own if message.away is not None), None)
         if away is not None:
             return Cause(node.path, f"it publishes in domain {away.away}", "wrong-domain")
@@ -104,8 +100,8 @@ class RunCauses(Struct, frozen=True):
             return Cause(robot.base, "no ground is below the robot", "no-ground")
         if not robot.wheels:
             return Cause(robot.base, "no wheel of the robot touches the ground", "no-wheel-contact")
-        found = (_of_joint(joint, robot.base) for joint in robot.joints.values())
-        return next(filter(None, found), None)
+        causes = (_of_joint(joint, robot.base) for joint in robot.joints.values())
+        return next(filter(None, causes), None)
 
     def _of_commands(self) -> Cause | None:
         nodes = self.program.nodes.values()
@@ -135,41 +131,3 @@ def _message(node: Running) -> str:
     """Return the type of the messages that a node would send or hear."""
     kind = node.values.get(_TYPE) if _TYPE in node.values else ""
     return node.type.message.get(str(kind or ""), node.type.message.get("", ""))
-
-
-CHECKS: dict[str, Callable[[Evidence], Iterator[Fault]]] = {
-    "topics": topics,
-    "rest": rest,
-    "follows": follows,
-    "limits": limits,
-    "odometry": odometry,
-    "clock": clock,
-    "stamps": stamps,
-    "tree": tree,
-    "moving frames": moving_frames,
-    "mounted": mounted,
-    "scan": scan,
-    "camera": camera,
-    "again": again,
-}
-SENSED = ("topics", "scan")  # what the assumed profile of a lidar bears on
-
-
-def judge(evidence: Evidence) -> list[Check]:
-    """Return a verdict for each thing that is looked at.
-
-    Where something is not simulated, nothing is a fault: it could be what is missing.
-    """
-    return [verdict(name, list(look(evidence)), evidence) for name, look in CHECKS.items()]
-
-
-def verdict(name: str, faults: list[Fault], evidence: Evidence) -> Check:
-    """Return the verdict of what was found to be wrong."""
-    if not faults:
-        return Check(name, "ok")
-    unknown = evidence.recording.not_simulated or (name in SENSED and evidence.recording.assumed)
-    known = not unknown and any(fault.sure for fault in faults)
-    told = next((fault for fault in faults if fault.prim), faults[0])
-    said = "; ".join(fault.message for fault in faults)
-    outcome: Verdict = "bad" if known else "not-simulated"
-    return Check(name, outcome, said, told.prim, told.kind, told.cause)
