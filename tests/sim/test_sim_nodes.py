@@ -306,10 +306,15 @@ def test_a_lidar_publishes_what_stands_around_it(stage: World) -> None:
 
 
 def test_a_lidar_helper_wants_a_lidar(stage: World) -> None:
-    for sensor, kind in ((CAMERA, "laser_scan"), (LIDAR, "none")):
+    for sensor, kind, fault in (
+        (CAMERA, "laser_scan", "not-a-lidar"),
+        (LIDAR, "none", "unknown-output"),
+    ):
         path = product(stage, sensor).outputs["renderProductPath"]
         helper = node(f"{ROS}ROS2RtxLidarHelper", {"type": kind, "renderProductPath": path})
         assert not helper.compute(stage)
+        assert helper.failure is not None
+        assert helper.failure.kind == fault
     assert not node(f"{ROS}ROS2RtxLidarHelper").compute(stage)
     assert published(stage) == []
 

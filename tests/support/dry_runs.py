@@ -6,8 +6,8 @@ from pxr import Usd
 
 from lab3_usd.model.dry_run import Check
 from lab3_usd.sim.execution.record import fixed_drive
+from lab3_usd.sim.judge.checks import judge
 from lab3_usd.sim.judge.evidence import Evidence, Interface
-from lab3_usd.sim.judge.verdicts import judge
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.stage.read.scene import read_scene

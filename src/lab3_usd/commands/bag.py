@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 EXITS = {"ok": 0, "bad": 1, "unreadable": 2}
 
 
-def _compared(found: Behaviour, stage: Path, lab: Lab, checkpoint: str) -> Behaviour:
+def _compared(behaviour: Behaviour, stage: Path, lab: Lab, checkpoint: str) -> Behaviour:
     """Add where a recording differs from the dry run of its stage.
 
     Raises:
@@ -33,7 +33,7 @@ def _compared(found: Behaviour, stage: Path, lab: Lab, checkpoint: str) -> Behav
     dry = dry_run(stage, lab, checkpoint).behaviour
     if dry.verdict == "unreadable":
         raise UsageError(f"--stage {stage}: {dry.not_simulated[0].reason}")
-    return replace(found, differences=differences(found, dry))
+    return replace(behaviour, differences=differences(behaviour, dry))
 
 
 @click.command("bag")
@@ -73,11 +73,11 @@ def command(recording: Path, checkpoint: str | None, stage: Path | None, form: s
     names = [recording.name, stage.name if stage is not None else ""]
     named = next(filter(None, (checkpoint_of(name, lab) for name in names)), known[-1])
     asked = named if checkpoint is None else checkpoint_number(checkpoint, known)
-    found = judge_recording(recording, lab, asked, whole=checkpoint is not None)
-    if stage is not None and found.verdict != "unreadable":
-        found = _compared(found, stage, lab, asked)
+    behaviour = judge_recording(recording, lab, asked, whole=checkpoint is not None)
+    if stage is not None and behaviour.verdict != "unreadable":
+        behaviour = _compared(behaviour, stage, lab, asked)
     if form == "json":
-        click.echo(text.render_json(found), nl=False)
+        click.echo(text.render_json(behaviour), nl=False)
     else:
-        click.echo(text.render(found, width(), color=wants_color()), nl=False)
-    sys.exit(EXITS[found.verdict])
+        click.echo(text.render(behaviour, width(), color=wants_color()), nl=False)
+    sys.exit(EXITS[behaviour.verdict])

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 LONGEST = 86400.0  # seconds
-SLOW = 0.95  # times real time: what is below is said
+SLOW = 0.95  # times real time, below which the last line names the speed
 _NOT_WITH = ("drive", "page", "bag")
 _EXTRA = ("cyclonedds", "rosbags")
 
@@ -35,16 +35,16 @@ def check_live(options: Mapping[str, Any]) -> None:
         UsageError: options do not go together, or the extra is not installed.
     """
     seconds = options["seconds"]
-    others = [f"--{option}" for option in _NOT_WITH if options[option] is not None]
-    others += ["--format json"] if options["form"] == "json" else []
+    refused = [f"--{name}" for name in _NOT_WITH if options[name] is not None]
+    refused += ["--format json"] if options["form"] == "json" else []
     message = ""
     if not options["live"]:
         message = "--seconds is for --live only" if seconds is not None else ""
-    elif others:
-        message = f"--live and {others[0]} do not go together: it is driven over ROS, not judged"
+    elif refused:
+        message = f"--live and {refused[0]} do not go together: it is driven over ROS, not judged"
     elif seconds is not None and not 0 < seconds <= LONGEST:
         message = f"--seconds {seconds:g}: is not between 0 and {LONGEST:.0f}"
-    elif any(find_spec(module) is None for module in _EXTRA):
+    elif any(find_spec(name) is None for name in _EXTRA):
         message = "--live needs the extra lab3-usd[live]: pip install 'lab3-usd[live]'"
     if message:
         raise UsageError(message)
@@ -69,7 +69,7 @@ def live(stage: Path, lab: Lab, checkpoint: str, seconds: float | None) -> None:
     with closing(Link(wanted.domain, wanted.commands)) as link:
         _say_what(stage, wanted)
         lived = play_live(player, link, _after(seconds))
-    for line in said_of(lived):
+    for line in closing_lines(lived):
         click.echo(printable(line))
 
 
@@ -90,8 +90,8 @@ def _after(seconds: float | None) -> Callable[[int], bool]:
     return lambda frames: seconds is not None and frames >= seconds * RATE
 
 
-def said_of(lived: Lived) -> Iterator[str]:
-    """Yield what is said in the end: topics, time, and what was left out."""
+def closing_lines(lived: Lived) -> Iterator[str]:
+    """Yield the last lines: topics, time, and what was left out."""
     yield ""
     for (topic, kind), count in lived.sent.items():
         yield f"{topic:<20} {kind:<27} {count} sent"
@@ -195,13 +195,13 @@ def _judge(stage: Path, lab: Lab, asked: str, options: Mapping[str, Any]) -> int
     from lab3_usd.sim.dry_run import dry_run
 
     run = dry_run(stage, lab, asked, options["drive"])
-    found = run.behaviour
+    behaviour = run.behaviour
     if options["page"] is not None:
         _write_page(options["page"], run, lab)
     if options["bag"] is not None:
         _write_bag(options["bag"], run)
     if options["form"] == "json":
-        click.echo(text.render_json(found), nl=False)
+        click.echo(text.render_json(behaviour), nl=False)
     else:
-        click.echo(text.render(found, width(), color=wants_color()), nl=False)
-    return {"bad": EXIT_FOUND, "unreadable": EXIT_USAGE}.get(found.verdict, 0)
+        click.echo(text.render(behaviour, width(), color=wants_color()), nl=False)
+    return {"bad": EXIT_FOUND, "unreadable": EXIT_USAGE}.get(behaviour.verdict, 0)

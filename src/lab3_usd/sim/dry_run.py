@@ -25,10 +25,10 @@ from lab3_usd.model.dry_run import (
     rotation,
 )
 from lab3_usd.sim.execution.record import RATE, Message, Odometry, Pose, Scan, drive_of, fixed_drive
+from lab3_usd.sim.judge.checks import judge
 from lab3_usd.sim.judge.evidence import Evidence, displacement, in_root
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import interface
-from lab3_usd.sim.judge.verdicts import judge
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 
@@ -49,7 +49,7 @@ def outcome(stage: str, checkpoint: str, evidence: Evidence) -> Behaviour:
         checks,
         tuple(path_rows(evidence)),
         _unknown(evidence),
-        tuple(told_legs(evidence)),
+        tuple(driven_legs(evidence)),
         tuple(_remarks(evidence, checks)),
     )
 
@@ -90,8 +90,8 @@ def _frames(evidence: Evidence) -> Iterator[Frame]:
     seen: dict[Frame, None] = {}
     for message in evidence.recording.messages:
         if message.away is None and isinstance(message.data, tuple):
-            for each in message.data:
-                seen.setdefault(Frame(each.parent, each.child, message.static))
+            for transform in message.data:
+                seen.setdefault(Frame(transform.parent, transform.child, message.static))
     yield from seen
 
 
@@ -105,25 +105,25 @@ def path_rows(evidence: Evidence) -> Iterator[tuple[float, float, float, float]]
 
 def _unknown(evidence: Evidence) -> tuple[Unknown, ...]:
     recording = evidence.recording
-    said = {**recording.not_simulated, **recording.assumed}
-    return tuple(Unknown(prim, said[prim]) for prim in sorted(said))
+    reasons = {**recording.not_simulated, **recording.assumed}
+    return tuple(Unknown(prim, reasons[prim]) for prim in sorted(reasons))
 
 
-def told_legs(evidence: Evidence) -> Iterator[Leg]:
-    """Yield what was told and done in each leg of the first session, if commands are asked for."""
+def driven_legs(evidence: Evidence) -> Iterator[Leg]:
+    """Yield what was commanded and driven in each leg of the first session that has a command."""
     if not evidence.wanted.commands:
         return
-    for leg, before, poses in evidence.stretches(*{each.name for each in evidence.drive[0].legs}):
+    for leg, before, poses in evidence.stretches(*{leg.name for leg in evidence.drive[0].legs}):
         if leg.command is None or not any(leg.command):
             continue
         ahead, _, turned = displacement(before, poses[-1])
-        told = (leg.forward * leg.seconds, math.degrees(leg.turn * leg.seconds))
-        done = (round(ahead, 3) + 0.0, round(math.degrees(turned), 1) + 0.0)
-        yield Leg(leg.name, leg.seconds, told, done)
+        commanded = (leg.forward * leg.seconds, math.degrees(leg.turn * leg.seconds))
+        driven = (round(ahead, 3) + 0.0, round(math.degrees(turned), 1) + 0.0)
+        yield Leg(leg.name, leg.seconds, commanded, driven)
 
 
 def _remarks(evidence: Evidence, checks: tuple[Check, ...]) -> Iterator[str]:
-    """Say what else is to be known of the robot."""
+    """Yield what else is known of the robot."""
     blocked = next((pose for pose in evidence.recording.path if pose.blocked), None)
     if blocked is not None:
         yield f"a wall stops the robot while it is told to go {blocked.leg}"
@@ -181,7 +181,7 @@ def dry_run(path: Path, lab: Lab, checkpoint: str, drive: str | None = None) -> 
 
 def replay(evidence: Evidence) -> Replay:
     """Return what there is to draw."""
-    poses = [each for each in evidence.recording.path if not each.session]
+    poses = [pose for pose in evidence.recording.path if not pose.session]
     every = max(1, math.ceil(len(poses) / _MOMENTS))
     chosen = [*poses[every - 1 : -1 : every], *poses[-1:]]
     odometry = _last_before(evidence.recording.topic(evidence.wanted.odometry, 0), chosen)
@@ -191,10 +191,10 @@ def replay(evidence: Evidence) -> Replay:
             round(pose.at, 3),
             pose.leg,
             (pose.x, pose.y, pose.heading),
-            _told(said, evidence.start),
+            _odometry_place(message, evidence.start),
             _points(evidence, seen),
         )
-        for pose, said, seen in zip(chosen, odometry, scans, strict=True)
+        for pose, message, seen in zip(chosen, odometry, scans, strict=True)
     )
     recording = evidence.recording
     return Replay(evidence.room, evidence.radius, tuple(moments), recording.fired)
@@ -202,16 +202,16 @@ def replay(evidence: Evidence) -> Replay:
 
 def _last_before(messages: Sequence[Message], poses: Sequence[Pose]) -> list[Message | None]:
     """Return for each pose the last message that had come by then."""
-    found: list[Message | None] = []
+    latest: list[Message | None] = []
     last, ahead = None, 0
     for pose in poses:
         while ahead < len(messages) and messages[ahead].at <= pose.at + 1e-9:
             last, ahead = messages[ahead], ahead + 1
-        found.append(last)
-    return found
+        latest.append(last)
+    return latest
 
 
-def _told(message: Message | None, start: Affine) -> Place | None:
+def _odometry_place(message: Message | None, start: Affine) -> Place | None:
     """Return where odometry has the robot, in the world."""
     if message is None or not isinstance(message.data, Odometry):
         return None
@@ -228,11 +228,11 @@ def _points(evidence: Evidence, message: Message | None) -> tuple[tuple[float, f
     place = evidence.start.then(by_frames) if by_frames is not None else scan.place
     if place is None:
         return ()
-    found = []
+    points = []
     for number in range(0, len(scan.ranges), max(1, len(scan.ranges) // _RAYS)):
         length = scan.ranges[number]
         if length > 0:
             angle = scan.angle_min + number * scan.angle_increment
             x, y, _ = place.point((length * math.cos(angle), length * math.sin(angle), 0.0))
-            found.append((x, y))
-    return tuple(found)
+            points.append((x, y))
+    return tuple(points)

@@ -103,7 +103,7 @@ class Link:
             self._reader = DataReader(self._participant, topic, qos=_qos(Profile(DEPTH)))
 
     def publish(self, message: Message) -> None:
-        """Send a message, but for pixels and points, which a dry run does not make."""
+        """Send a message, except pixels and points, which a dry run does not make."""
         data = serialized(message)
         if data is None:
             return
@@ -117,12 +117,12 @@ class Link:
 
     def commands(self) -> Iterator[Twist]:
         """Yield the commands that came since the last call, without those that are no numbers."""
-        for said in self._reader.take(N=DEPTH) if self._reader is not None else ():
-            if isinstance(said, InvalidSample):
+        for sample in self._reader.take(N=DEPTH) if self._reader is not None else ():
+            if isinstance(sample, InvalidSample):
                 continue  # a publisher left
-            linear = (said.linear.x, said.linear.y, said.linear.z)
-            angular = (said.angular.x, said.angular.y, said.angular.z)
-            if all(abs(each) <= FASTEST for each in (*linear, *angular)):
+            linear = (sample.linear.x, sample.linear.y, sample.linear.z)
+            angular = (sample.angular.x, sample.angular.y, sample.angular.z)
+            if all(abs(speed) <= FASTEST for speed in (*linear, *angular)):
                 yield (linear, angular)
 
     def close(self) -> None:

@@ -20,8 +20,8 @@ from lab3_usd.sim.execution.record import (
 )
 from lab3_usd.sim.execution.running import FRAME, STEP
 from lab3_usd.sim.execution.world import Endpoint, Twist, World, Writer, send, world_of
+from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.evidence import Evidence, Interface
-from lab3_usd.sim.judge.verdicts import RunCauses
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.nodes.sensors import IMAGES
 from lab3_usd.sim.nodes.transforms import OPTICAL
@@ -84,11 +84,11 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
     known, sensor = world.surroundings, writer.product.sensor
     own = [*known.carried(sensor, world.machines), *known.beside(sensor, world.machines)]
     seen = sweep(beam, (*known.around(at), *own))
-    ranges = [each if each < 0 else each * unit for each in seen]
+    ranges = [distance if distance < 0 else distance * unit for distance in seen]
     if writer.covered < 1.0:
         first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count
         shown = {(first + k) % beam.count for k in range(int(writer.covered * beam.count))}
-        ranges = [each if k in shown else -1.0 for k, each in enumerate(ranges)]
+        ranges = [distance if k in shown else -1.0 for k, distance in enumerate(ranges)]
     return Scan(
         seen_by.start, seen_by.step, seen_by.near, seen_by.far, tuple(ranges), _metres(at, world)
     )
@@ -111,11 +111,11 @@ class Player:
         """Play a session and stop."""
         world = self.world
         world.network.environment = session.environment
-        told = dict(command_frames(session))
+        commands = dict(command_frames(session))
         frame = 0
         for leg in session.legs:
             for _ in range(round(leg.seconds * RATE)):
-                self._command(told.get(frame))
+                self._command(commands.get(frame))
                 self.step()
                 frame += 1
                 self.recording.path.append(self._pose(leg))
@@ -159,11 +159,11 @@ class Player:
 def driven(world: World) -> Machine | None:
     """Return the machine with the most joints: what is driven."""
     machines = [machine for machine in world.machines.machines if machine.joints]
-    return max(machines, key=lambda each: len(each.joints), default=None)
+    return max(machines, key=lambda machine: len(machine.joints), default=None)
 
 
 def player_of(scene: Scene, catalog: Catalog, wanted: Interface) -> Player:
-    """Return a scene ready to play, told where it is asked to listen for commands."""
+    """Return a scene ready to play, which takes commands from the topic that is asked for."""
     world = world_of(scene, wanted.profile)
     world.network.commands = Endpoint(wanted.domain, wanted.commands)
     player = Player(world, catalog)
@@ -202,7 +202,7 @@ def record(
             scan.range_max / unit,
         )
         seen = sweep(beam, tuple(world.surroundings.around(in_metres(at, 1.0 / unit))))
-        return tuple(each if each < 0 else each * unit for each in seen)
+        return tuple(distance if distance < 0 else distance * unit for distance in seen)
 
     causes = RunCauses(player.program, recording.messages, robot, wanted.commands)
     recording.remarks = list(causes.remarks())
@@ -233,7 +233,7 @@ def _room(player: Player, start: Affine) -> tuple[Segment, ...]:
 def unknown_in(world: World) -> dict[str, str]:
     """Return what is not simulated, by prim.
 
-    So is what stands on assets that cannot be found, but for lidars, which are assumed.
+    So is what stands on assets that cannot be found, except lidars, which are assumed.
     """
     return world.not_simulated | {
         prim: f"{asset} cannot be found"

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
+from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import shortened
 from lab3_usd.model.dry_run import Check
@@ -342,13 +343,14 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
         recording, check = found[-1]
         if any(each.verdict != "bad" for _, each in found) or _reached(subject, name):
             continue
+        explained_by = explaining_rule(check)
         yield Problem(
             recording.file,
             shortened(check.message),
             name,
             handout="J1",
-            severity="error" if check.rule.startswith(_OF_EVIDENCE) else "warning",
-            hint=f"`lab3 rule {check.rule}` explains such faults; `lab3 bag` shows all of it",
+            severity="error" if explained_by.startswith(_OF_EVIDENCE) else "warning",
+            hint=f"`lab3 rule {explained_by}` explains such faults; `lab3 bag` shows all of it",
         )
 
 

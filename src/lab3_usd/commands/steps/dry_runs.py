@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.check.registry import all_rules
 from lab3_usd.judge.results import unreadable, with_findings
 from lab3_usd.model.dry_run import Behaviour
@@ -34,9 +35,10 @@ def _notes(found: Behaviour) -> Iterator[Finding]:
     rules = all_rules()
     for check in found.checks:
         if check.verdict == "bad":
+            rule = explaining_rule(check)
             yield Finding(
-                check.rule,
-                rules[check.rule].name,
+                rule,
+                rules[rule].name,
                 "note",
                 check.prim or "/",
                 f"in a dry run ({check.name}): {check.text}",

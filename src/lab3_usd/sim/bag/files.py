@@ -260,13 +260,13 @@ class Bag(Struct, frozen=True):
     @property
     def topics(self) -> dict[tuple[str, str], tuple[Offered, ...]]:
         """What was offered, by topic and type."""
-        found: dict[tuple[str, str], tuple[Offered, ...]] = {}
+        profiles: dict[tuple[str, str], tuple[Offered, ...]] = {}
         for reader in self.readers:
             for connection in reader.connections:
                 offered = tuple(map(_offered, connection.ext.offered_qos_profiles))
                 key = (connection.topic, connection.msgtype)
-                found[key] = max(found.get(key, ()), offered, key=len)
-        return found
+                profiles[key] = max(profiles.get(key, ()), offered, key=len)
+        return profiles
 
     def messages(self) -> Iterator[Raw]:
         """Yield the messages, file after file.
@@ -302,7 +302,7 @@ def opened(layout: Layout, bounds: Bounds) -> Iterator[Bag]:
         readers = [_reader(path) for path in plain]
         for reader in readers:
             stack.callback(reader.close)
-        if sum(len(each.connections) for each in readers) > most:
+        if sum(len(reader.connections) for reader in readers) > most:
             raise RecordingError(too_many())
         yield Bag(tuple(readers), layout.by_message, unpacker, bounds.messages)
 
@@ -317,7 +317,7 @@ def layout_at(path: Path) -> Layout:
         return Layout((path,))
     if not path.is_dir():
         raise RecordingError("there is no such recording")
-    return layout_of([each for each in path.iterdir() if each.is_file()])
+    return layout_of([file for file in path.iterdir() if file.is_file()])
 
 
 def layout_of(files: Sequence[Path]) -> Layout:
@@ -327,19 +327,19 @@ def layout_of(files: Sequence[Path]) -> Layout:
         RecordingError: it is none, or a file is missing.
     """
     there = {file.name: file for file in files}
-    said = _metadata(there[METADATA]) if METADATA in there else {}
-    names = said.get("relative_file_paths")
+    metadata = _metadata(there[METADATA]) if METADATA in there else {}
+    names = metadata.get("relative_file_paths")
     if isinstance(names, list) and names:
         wanted = [PurePath(str(name)).name for name in names]
-        missing = next((each for each in wanted if each not in there), None)
+        missing = next((name for name in wanted if name not in there), None)
         if missing is not None:
             raise RecordingError(f"{missing} is missing")
     else:
-        wanted = sorted(each for each in there if is_file_of_bag(each))
+        wanted = sorted(name for name in there if is_file_of_bag(name))
     if not wanted:
         raise RecordingError("holds no .mcap and no .db3 file")
-    by_message = str(said.get("compression_mode", "")).lower() == "message"
-    return Layout(tuple(there[each] for each in wanted), by_message)
+    by_message = str(metadata.get("compression_mode", "")).lower() == "message"
+    return Layout(tuple(there[name] for name in wanted), by_message)
 
 
 def is_file_of_bag(name: str) -> bool:
@@ -357,8 +357,10 @@ def _metadata(path: Path) -> dict[str, Any]:
         document = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
     except (YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
         raise RecordingError("metadata.yaml cannot be read") from error
-    said = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
-    return said if isinstance(said, dict) else {}
+    information = (
+        document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
+    )
+    return information if isinstance(information, dict) else {}
 
 
 def _reader(path: Path) -> Any:

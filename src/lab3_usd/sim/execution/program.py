@@ -125,7 +125,7 @@ def _running(graph: Graph, catalog: Catalog, program: Program) -> Iterator[tuple
 
 def _connect(node: Running, nodes: dict[str, Running]) -> None:
     """Find what reaches each input: a wire that can be, else the value, else the default."""
-    declared = {name: each for name, each in node.node.inputs.items() if node.type.port(name)}
+    declared = {name: state for name, state in node.node.inputs.items() if node.type.port(name)}
     for name in dict.fromkeys((*node.type.ports, *declared)):
         port = node.type.port(name)
         if port is None or not name.startswith(INPUT) or port.is_target:
@@ -138,7 +138,7 @@ def _connect(node: Running, nodes: dict[str, Running]) -> None:
 
 
 def _follow(node: Running, port: Port, state: Input, nodes: dict[str, Running]) -> None:
-    for path, _, name in (each.rpartition(".") for each in state.sources):
+    for path, _, name in (wire.rpartition(".") for wire in state.sources):
         source = nodes.get(path)
         out = source.type.ports.get(name) if source is not None else None
         if source is not None and out is not None and can_connect(out, port):
@@ -147,7 +147,7 @@ def _follow(node: Running, port: Port, state: Input, nodes: dict[str, Running]) 
 
 def _feed(node: Running, port: Port, state: Input, nodes: dict[str, Running]) -> None:
     node.values[port.short] = value_of(port, state, node)
-    for path, _, name in (each.rpartition(".") for each in state.sources):
+    for path, _, name in (wire.rpartition(".") for wire in state.sources):
         source = nodes.get(path)
         out = source.type.port(name) if source is not None else None
         if source is None or out is None or not can_connect(out, port):
@@ -178,12 +178,16 @@ def _in_order(nodes: dict[str, Running]) -> list[Running]:
         for followers in node.follows.values():
             for follower in followers:
                 before[follower.path].add(node.path)
-    found: dict[str, Running] = {}
-    while len(found) < len(nodes):
-        ready = [each for each in nodes if each not in found and before[each] <= found.keys()]
-        for path in ready or [next(each for each in nodes if each not in found)]:
-            found[path] = nodes[path]
-    return list(found.values())
+    ordered: dict[str, Running] = {}
+    while len(ordered) < len(nodes):
+        ready = [
+            node_path
+            for node_path in nodes
+            if node_path not in ordered and before[node_path] <= ordered.keys()
+        ]
+        for path in ready or [next(node_path for node_path in nodes if node_path not in ordered)]:
+            ordered[path] = nodes[path]
+    return list(ordered.values())
 
 
 def type_of(node: Node, catalog: Catalog) -> NodeType | None:
@@ -202,13 +206,13 @@ def type_of(node: Node, catalog: Catalog) -> NodeType | None:
 
 def _families(catalog: Catalog) -> frozenset[str]:
     """Return what stands before the names of types: the extensions that are known at all."""
-    return frozenset(each.rpartition(".")[0] for each in (*catalog.types, *catalog.events))
+    return frozenset(name.rpartition(".")[0] for name in (*catalog.types, *catalog.events))
 
 
 def _made(name: str, ports: dict[str, str]) -> NodeType:
     made = {
-        each: Port(each, kind, _USD.get(kind, kind), _DEFAULTS.get(each))
-        for each, kind in ports.items()
+        name: Port(name, kind, _USD.get(kind, kind), _DEFAULTS.get(name))
+        for name, kind in ports.items()
     }
     return NodeType(name, 1, name, name, name, made)
 

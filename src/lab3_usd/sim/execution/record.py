@@ -1,4 +1,4 @@
-"""What the robot is told to do, and the record of a run: its messages and the robot's path."""
+"""The commands of a drive, and the record of a run: its messages and the robot's path."""
 
 from __future__ import annotations
 
@@ -109,16 +109,16 @@ def _lines(text: str) -> list[str]:
 
 def _legs(lines: list[str], limits: tuple[float, float]) -> Iterator[Leg]:
     for line in lines:
-        said = line.partition("#")[0].strip()
-        if not said:
+        text = line.partition("#")[0].strip()
+        if not text:
             continue
         try:
-            numbers = [float(each) for each in re.split(r"[,\s]+", said)]
+            numbers = [float(part) for part in re.split(r"[,\s]+", text)]
         except ValueError:
             numbers = []
         if len(numbers) != _NUMBERS or not all(map(math.isfinite, numbers)) or numbers[2] <= 0:
             raise UsageError(
-                f"--drive: '{said}' is no leg; write metres a second, radians a second, seconds"
+                f"--drive: '{text}' is no leg; write metres a second, radians a second, seconds"
             )
         v, w, seconds = numbers
         yield Leg(leg_name(v, w, limits), seconds, (v, 0.0, w))
@@ -203,12 +203,12 @@ class Message(Struct):
         return tuple(map(_taken, self.data)) if isinstance(self.data, tuple) else ()
 
 
-def _taken(said: Transform) -> Transform:
+def _taken(transform: Transform) -> Transform:
     """Take a slash off before the frames (geometry2, humble: tf2/src/buffer_core.cpp)."""
-    if not said.parent.startswith("/") and not said.child.startswith("/"):
-        return said
-    parent, child = said.parent.removeprefix("/"), said.child.removeprefix("/")
-    return Transform(parent, child, said.translation, said.rotation)
+    if not transform.parent.startswith("/") and not transform.child.startswith("/"):
+        return transform
+    parent, child = transform.parent.removeprefix("/"), transform.child.removeprefix("/")
+    return Transform(parent, child, transform.translation, transform.rotation)
 
 
 class Pose(Struct, frozen=True):

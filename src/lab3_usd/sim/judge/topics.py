@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.record import RATE, Message
 from lab3_usd.sim.judge.evidence import Evidence, Fault, Interface
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -51,7 +52,9 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         limits=_limits(lab),
         looks=view.along if view else (0.0, 0.0, 0.0),
         upward=view.up if view else (0.0, 0.0, 0.0),
-        profile={name: said.value for name, said in lidar.attributes.items()} if lidar else {},
+        profile={name: attribute.value for name, attribute in lidar.attributes.items()}
+        if lidar
+        else {},
         static=static_topics(lab),
     )
 
@@ -115,35 +118,35 @@ def topics(evidence: Evidence) -> Iterator[Fault]:
         messages = recording.topic(topic)
         odd = next((message for message in messages if message.type != kind), None)
         if odd is not None:
-            yield Fault(f"{topic} is {odd.type}, not {kind}", "Q02", odd.node)
+            yield Fault(f"{topic} is {odd.type}, not {kind}", "wrong-message-type", odd.node)
         senders = list(dict.fromkeys(message.node for message in messages))
         if topic != wanted.transforms and len(senders) > 1:
-            yield Fault(f"{len(senders)} nodes publish {topic}", "Q01", senders[1])
+            yield Fault(f"{len(senders)} nodes publish {topic}", "duplicate-publisher", senders[1])
 
 
 def _silence(evidence: Evidence, topic: str, kind: str, sessions: Sequence[int]) -> Fault:
-    said = f"nothing on {topic}{evidence.when(sessions)}"
+    text = f"nothing on {topic}{evidence.when(sessions)}"
     cause = evidence.causes.of_silence(topic, kind) if evidence.causes is not None else None
-    return (
-        Fault(said, "N01") if cause is None else Fault(said, cause.rule, cause.prim, cause.reason)
-    )
+    if cause is None:
+        return Fault(text, "silent-topic")
+    return Fault(text, cause.kind or "silent-topic", cause.prim, cause.reason)
 
 
 def clock(evidence: Evidence) -> Iterator[Fault]:
     """The clock runs at the speed of the simulation, and never back."""
     messages = evidence.recording.topic(evidence.wanted.clock)
-    for one, other in pairwise(messages):
-        if other.stamp < one.stamp:
-            back = one.stamp - other.stamp
-            said = f"{evidence.wanted.clock} jumps back by {back:.2f} s"
-            yield Fault(said, "P02", other.node)
+    for earlier, later in pairwise(messages):
+        if later.stamp < earlier.stamp:
+            back = earlier.stamp - later.stamp
+            text = f"{evidence.wanted.clock} jumps back by {back:.2f} s"
+            yield Fault(text, "clock-jumps-back", later.node)
             return
     first = [message for message in messages if not message.session]
     if first:
         ran, passed = first[-1].stamp - first[0].stamp, first[-1].at - first[0].at
         if abs(ran - passed) > evidence.tolerance.lag:
-            said = f"{evidence.wanted.clock} runs {ran:.1f} s in {passed:.1f} s"
-            yield Fault(said, "W01", first[0].node)
+            text = f"{evidence.wanted.clock} runs {ran:.1f} s in {passed:.1f} s"
+            yield Fault(text, "wrong-clock-rate", first[0].node)
 
 
 def stamps(evidence: Evidence) -> Iterator[Fault]:
@@ -160,8 +163,8 @@ def stamps(evidence: Evidence) -> Iterator[Fault]:
 
 def _late(evidence: Evidence, topic: str, session: int) -> Iterator[Fault]:
     clocks = {
-        round(each.at * RATE): each.stamp
-        for each in evidence.recording.topic(evidence.wanted.clock, session)
+        round(tick.at * RATE): tick.stamp
+        for tick in evidence.recording.topic(evidence.wanted.clock, session)
     }
     for message in evidence.recording.topic(topic, session):
         now = clocks.get(round(message.at * RATE))
@@ -171,8 +174,8 @@ def _late(evidence: Evidence, topic: str, session: int) -> Iterator[Fault]:
             and abs(now - message.stamp) > evidence.tolerance.lag
         ):
             when = evidence.when([session])
-            said = f"{topic} is stamped {message.stamp:.1f} s at {now:.1f} s{when}"
-            yield Fault(said, "W01", message.node)
+            text = f"{topic} is stamped {message.stamp:.1f} s at {now:.1f} s{when}"
+            yield Fault(text, "wrong-stamp", message.node)
 
 
 STALE = 0.5  # seconds without a new transform
@@ -193,12 +196,13 @@ def _tree_faults(evidence: Evidence, session: int) -> Iterator[Fault]:
     for child, several in parents.items():
         own = next((node for parent, node in several if parent == child), None)
         if own is not None:
-            yield Fault(f"{child} is its own parent", "T09", own)
+            yield Fault(f"{child} is its own parent", "self-parent", own)
         if len(several) > 1:
-            rule = "T03" if len({parent for parent, _ in several}) > 1 else "T04"
-            yield Fault(f"{child} has {len(several)} parents or publishers", rule, [*several][1][1])
+            is_reparented = len({parent for parent, _ in several}) > 1
+            kind: FaultKind = "several-parents" if is_reparented else "several-publishers"
+            yield Fault(f"{child} has {len(several)} parents or publishers", kind, [*several][1][1])
         if messages and min(several.values()) < messages[-1].at - STALE:
-            yield Fault(f"the transform of {child} ends", "Q03", next(iter(several))[1])
+            yield Fault(f"the transform of {child} ends", "transform-ends", next(iter(several))[1])
     if parents:
         up = {child: next(iter(several))[0] for child, several in parents.items()}
         yield from _loose_frames(evidence, up, session)
@@ -207,7 +211,7 @@ def _tree_faults(evidence: Evidence, session: int) -> Iterator[Fault]:
 def _parents(
     evidence: Evidence, messages: Sequence[Message]
 ) -> dict[str, dict[tuple[str, str], float]]:
-    """Return for each frame its parents, who says so, and when it was said last."""
+    """Return the parents of each frame, with the node that publishes them and its last time."""
     parents: dict[str, dict[tuple[str, str], float]] = {}
     for message in messages:
         for transform in message.transforms:
@@ -224,17 +228,17 @@ def _loose_frames(evidence: Evidence, up: dict[str, str], session: int) -> Itera
         while top in up and steps <= len(up):
             top, steps = up[top], steps + 1
         if top != evidence.wanted.root:
-            rule = "T06" if frame in up else "T11"
-            said = f"{frame} does not hang below {evidence.wanted.root}"
-            yield Fault(said, rule, named.get(frame, ""))
+            kind: FaultKind = "disconnected-frame" if frame in up else "unknown-frame"
+            text = f"{frame} does not hang below {evidence.wanted.root}"
+            yield Fault(text, kind, named.get(frame, ""))
             return
 
 
 def _named_frames(evidence: Evidence, session: int) -> dict[str, str]:
     """Return the frames that are spoken of, with a node that does so."""
-    found = {evidence.wanted.base: ""}
+    named = {evidence.wanted.base: ""}
     for topic in evidence.wanted.types:
         for message in evidence.recording.topic(topic, session):
             if message.frame:
-                found.setdefault(message.frame, message.node)
-    return found
+                named.setdefault(message.frame, message.node)
+    return named

@@ -29,9 +29,11 @@ def subscribe_twist(node: Running, world: World) -> bool:
         node.memory["heard"] = network.command[0]
         return node.memory["endpoint"] is not None
     if endpoint.topic != network.commands.topic:
-        return node.fails(f"it listens to {endpoint.topic}, not {network.commands.topic}", "P01")
+        return node.fails(
+            f"it listens to {endpoint.topic}, not {network.commands.topic}", "wrong-topic"
+        )
     if endpoint.domain != network.commands.domain:
-        return node.fails(f"it listens in domain {endpoint.domain}", "P02")
+        return node.fails(f"it listens in domain {endpoint.domain}", "wrong-domain")
     number, twist = network.command
     if twist is None or number == node.memory["heard"]:
         return False
@@ -49,7 +51,9 @@ def differential_controller(node: Running, world: World) -> bool:
         return False
     dt = node.number("dt", world)
     if dt <= 0 and any(known[limit] for limit in _LIMITS):
-        return node.fails("an acceleration limit is set and no time step reaches it", "P11")
+        return node.fails(
+            "an acceleration limit is set and no time step reaches it", "ramp-without-time-step"
+        )
     v = _within(known["maxLinearSpeed"], node.number("linearVelocity", world))
     w = _within(known["maxAngularSpeed"], node.number("angularVelocity", world))
     v = _linear_ramp(known, v, dt)
@@ -64,15 +68,15 @@ def differential_controller(node: Running, world: World) -> bool:
 
 
 def _read_parameters(node: Running, world: World) -> bool:
-    sizes = {each: node.number(each, world) for each in ("wheelRadius", "wheelDistance")}
-    for each, size in sizes.items():
+    sizes = {name: node.number(name, world) for name in ("wheelRadius", "wheelDistance")}
+    for name, size in sizes.items():
         if size <= 0:
-            return node.fails(f"its {each} is {size:g}", "P02")
+            return node.fails(f"its {name} is {size:g}", "invalid-wheel-size")
     node.memory.update(sizes, v=0.0, w=0.0)
     for limit in _LIMITS:
         node.memory[limit] = abs(node.number(limit, world))
-    for each in ("maxLinearSpeed", "maxAngularSpeed", "maxWheelSpeed"):
-        node.memory[each] = abs(node.number(each, world)) or _NO_LIMIT
+    for name in ("maxLinearSpeed", "maxAngularSpeed", "maxWheelSpeed"):
+        node.memory[name] = abs(node.number(name, world)) or _NO_LIMIT
     return True
 
 
@@ -100,7 +104,7 @@ def articulation_controller(node: Running, world: World) -> bool:
         if known["machine"] is None:
             known.clear()  # it is looked for again at the next tick
             where = f"at or below {path}" if path else "without a target"
-            return node.fails(f"there is no articulation with joints {where}", "R02")
+            return node.fails(f"there is no articulation with joints {where}", "no-articulation")
     joints = _joints(node, world, known["machine"])
     return joints is not None and _command(node, world, joints)
 
@@ -110,10 +114,10 @@ def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None
     names = node.items("jointNames", world)
     if names and names != known["names"]:
         known["names"] = names
-        found = [machine.articulated.get(str(name)) for name in names]
-        known["joints"] = None if None in found else found
+        named = [machine.articulated.get(str(name)) for name in names]
+        known["joints"] = None if None in named else named
         if known["joints"] is None:
-            _say_unknown(node, machine, str(names[found.index(None)]))
+            _say_unknown(node, machine, str(names[named.index(None)]))
     every = list(machine.articulated.values())
     indices = node.items("jointIndices", world)
     if any(indices) and not known["names"]:
@@ -124,20 +128,22 @@ def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None
 
 def _say_unknown(node: Running, machine: Machine, name: str) -> None:
     if name in machine.joints:
-        node.fails(f"'{name}' is excluded from the articulation", "S07")
+        node.fails(f"'{name}' is excluded from the articulation", "excluded-joint")
     else:
-        node.fails(f"the robot has no joint '{name}' that turns", "P01")
+        node.fails(f"the robot has no joint '{name}' that turns", "unknown-joint")
 
 
 def _command(node: Running, world: World, joints: list[Joint]) -> bool:
     position, velocity, effort = (
-        node.items(f"{each}Command", world) for each in ("position", "velocity", "effort")
+        node.items(f"{kind}Command", world) for kind in ("position", "velocity", "effort")
     )
-    for each in (position, velocity, effort):
-        if each and len(each) != len(joints):
-            return node.fails(f"{len(each)} commands come for {len(joints)} joints", "P01")
-        if not all(isinstance(value, (int, float)) for value in each):
-            return node.fails("its commands are no numbers", "W02")
+    for targets in (position, velocity, effort):
+        if targets and len(targets) != len(joints):
+            return node.fails(
+                f"{len(targets)} commands come for {len(joints)} joints", "wrong-command-count"
+            )
+        if not all(isinstance(value, (int, float)) for value in targets):
+            return node.fails("its commands are no numbers", "non-numeric-command")
     for joint, value in zip(joints, position, strict=False):
         joint.target_position = float(value)
     for joint, value in zip(joints, velocity, strict=False):
@@ -161,7 +167,7 @@ def compute_odometry(node: Running, world: World) -> bool:
     """CN/nodes/OgnIsaacComputeOdometry.cpp:77-360: the way since Play, seen from its start."""
     path: str | None = node.memory.get("path") or _chassis(node, world)
     if path is None:
-        return node.fails("its chassis is no body and no articulation", "R02")
+        return node.fails("its chassis is no body and no articulation", "no-chassis-body")
     now = world.machines.place(path)
     if "path" not in node.memory:
         node.memory.update(path=path, start=now.inverse())
@@ -204,8 +210,8 @@ def publish_odometry(node: Running, world: World) -> bool:
     if endpoint is None:
         return False
     if not ready:
-        for each in ("odomFrameId", "chassisFrameId"):
-            node.memory[each] = node.text(each, world)
+        for name in ("odomFrameId", "chassisFrameId"):
+            node.memory[name] = node.text(name, world)
         x, y, _ = node.vector("robotFront", world)
         size = length((x, y, 0.0)) or 1.0
         node.memory["front"] = (x / size, y / size, 0.0)

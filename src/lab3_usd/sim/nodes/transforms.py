@@ -52,16 +52,16 @@ class Tree(Struct, frozen=True):
 
     @classmethod
     def of(cls, scene: Scene, parent: str, targets: Sequence[str]) -> Tree:
-        """Expand the targets; a prim that is found twice hangs below what was said last of it."""
-        found: list[Prim] = []
+        """Expand the targets; of a prim that is found twice the last parent counts."""
+        members: list[Prim] = []
         parents: dict[str, str] = {}
         for target in targets:
             prim = scene.prims.get(target)
-            for each, above in _expanded(scene, prim, parent) if prim is not None else ():
-                found.append(each)
-                parents[each.path] = above
-        names = _names(found)
-        by_path = {prim.path: name for prim, name in zip(found, names, strict=True)}
+            for member, above in _expanded(scene, prim, parent) if prim is not None else ():
+                members.append(member)
+                parents[member.path] = above
+        names = _names(members)
+        by_path = {prim.path: name for prim, name in zip(members, names, strict=True)}
         top = frame_name(scene.prims[parent]) if parent in scene.prims else "world"
         top_prim = parent if parent in scene.prims else ""
 
@@ -76,13 +76,13 @@ class Tree(Struct, frozen=True):
                 prim.type == "Camera",
             )
 
-        return cls(tuple(map(pair, found, names)))
+        return cls(tuple(map(pair, members, names)))
 
 
 def _expanded(scene: Scene, prim: Prim, parent: str) -> Iterator[tuple[Prim, str]]:
     """Yield what a target stands for, each with the prim that its frame hangs below."""
     if ROOT in prim.apis:
-        bodies = [each for each in scene.below(prim.path) if BODY in each.apis]
+        bodies = [part for part in scene.below(prim.path) if BODY in part.apis]
         paths = {body.path for body in bodies}
         if bodies:
             for body in bodies:
@@ -90,32 +90,32 @@ def _expanded(scene: Scene, prim: Prim, parent: str) -> Iterator[tuple[Prim, str
                 yield body, above[1] if len(above) > 1 else ""
             return
     if ROBOT in prim.apis:
-        found = [each for each in scene.below(prim.path) if each.apis & COMPONENTS]
-        found = [each for each in found if not each.apis & {JOINT, ROBOT}]
-        if found:
+        parts = [part for part in scene.below(prim.path) if part.apis & COMPONENTS]
+        parts = [part for part in parts if not part.apis & {JOINT, ROBOT}]
+        if parts:
             parents = _joint_parents(scene, prim)
-            for each in found:
-                if each.path != parent:
+            for part in parts:
+                if part.path != parent:
                     yield (
-                        each,
-                        parents.get(each.path, "")
-                        if LINK in each.apis
-                        else _link_above(scene, each),
+                        part,
+                        parents.get(part.path, "")
+                        if LINK in part.apis
+                        else _link_above(scene, part),
                     )
             return
     yield prim, ""
 
 
 def _joint_parents(scene: Scene, robot: Prim) -> dict[str, str]:
-    found: dict[str, str] = {}
+    parents: dict[str, str] = {}
     for path in robot.targets.get("isaac:physics:robotJoints", ()):
         joint = scene.prims.get(path)
         if joint is not None and joint.values.get(EXCLUDED) is True:
             continue  # robot_schema.h:638
         ends = [joint.targets.get(f"physics:body{n}", ()) for n in (0, 1)] if joint else [(), ()]
         if ends[0] and ends[1]:
-            found[ends[1][0]] = ends[0][0]
-    return found
+            parents[ends[1][0]] = ends[0][0]
+    return parents
 
 
 def _link_above(scene: Scene, prim: Prim) -> str:
@@ -132,8 +132,8 @@ def _names(prims: Sequence[Prim]) -> list[str]:
     """Return the names of frames; of several that want one, the longest path has it (:889-945)."""
     deepest: dict[str, int] = {}
     for number, prim in enumerate(prims):
-        other = deepest.setdefault(frame_name(prim), number)
-        if len(prim.path) > len(prims[other].path):
+        rival = deepest.setdefault(frame_name(prim), number)
+        if len(prim.path) > len(prims[rival].path):
             deepest[frame_name(prim)] = number
     names = [
         frame_name(prim) if deepest[frame_name(prim)] == number else ""
@@ -143,7 +143,7 @@ def _names(prims: Sequence[Prim]) -> list[str]:
         if not names[number]:
             parts = prim.path.split("/")
             tries = [parts[-1], *(f"{part}_{parts[-1]}" for part in parts[2:-1])]
-            free = [each for each in tries if each not in names]
+            free = [name for name in tries if name not in names]
             names[number] = free[0] if free else "_".join(parts[2:] or parts[1:])
     return names
 
@@ -206,8 +206,8 @@ def publish_raw_transform(node: Running, world: World) -> bool:
     if endpoint is None:
         return False
     if not ready:
-        for each in ("parentFrameId", "childFrameId"):
-            node.memory[each] = node.text(each, world)
+        for name in ("parentFrameId", "childFrameId"):
+            node.memory[name] = node.text(name, world)
         return True
     transform = Transform(
         node.memory["parentFrameId"],
@@ -239,7 +239,7 @@ def compute_transform_tree(node: Running, world: World) -> bool:
         tree = node.memory["tree"] = Tree.of(world.scene, parents[0] if parents else "", targets)
     if not tree.pairs:
         node.memory.clear()
-        return node.fails("none of its target prims is there", "R01")
+        return node.fails("none of its target prims is there", "no-target-prim")
     poses = [pair.pose(world) for pair in tree.pairs]
     node.outputs.update(
         parentFrames=tuple(pair.parent for pair in tree.pairs),
@@ -271,7 +271,7 @@ def publish_transform_tree(node: Running, world: World) -> bool:
         for name in ("parentFrames", "childFrames", "translations", "orientations")
     ]
     if not arrays[0] or len({len(array) for array in arrays}) > 1:
-        return node.fails("its four arrays are not equally long", "W01")
+        return node.fails("its four arrays are not equally long", "unequal-frame-arrays")
     transforms = tuple(
         Transform(str(parent), str(child), _metres(Affine(HERE.rows, at), world), (q[3], *q[:3]))
         for parent, child, at, q in zip(*arrays, strict=True)
@@ -285,7 +285,7 @@ def _decide(node: Running, world: World) -> bool:
         parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
         if not targets or not set(targets) <= world.scene.prims.keys():
             # Tried again at the next tick: there is no publisher yet.
-            return node.fails("no frames reach it, and it has no target prims", "W01")
+            return node.fails("no frames reach it, and it has no target prims", "no-frames-input")
         known["tree"] = pose_tree(world, parents[0] if parents else "", targets)
     endpoint, _ = opened_endpoint(node, world)
     return endpoint is not None
