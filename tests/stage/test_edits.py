@@ -40,8 +40,9 @@ def "Node" (
 """
 
 
-def edited(stage: Usd.Stage, *edits: Edit) -> Usd.Stage:
-    session = EditSession(stage, LAB, LAB.checkpoints["00"])
+def edited(stage: Usd.Stage, *edits: Edit, starter: Path | None = None) -> Usd.Stage:
+    path = str(starter) if starter else None
+    session = EditSession(stage, LAB, LAB.checkpoints["00"], starter=path)
     for edit in edits:
         apply_edit(session, edit)
     return stage
@@ -148,27 +149,39 @@ def test_a_value_of_an_asset_gives_way_to_the_default(name: str, value: float | 
 
 
 Break = Callable[[UsdGeom.Xformable], object]
-MOVED: dict[str, Break] = {
-    "translated": lambda base: base.GetTranslateOp().Set(Gf.Vec3d(1, 2, 3)),
-    "another operation": lambda base: base.AddRotateZOp().Set(90.0),
-    "one operation only": lambda base: base.SetXformOpOrder([base.GetTranslateOp()]),
-    "no operations": lambda base: base.ClearXformOpOrder(),
-    "not below its parent": lambda base: base.SetResetXformStack(True),  # noqa: FBT003 - of USD
+MOVED: dict[str, tuple[Break, str]] = {
+    "moved": (lambda base: base.GetTranslateOp().Set(Gf.Vec3d(1, 2, 3)), "xformOp:translate"),
+    "turned once more": (lambda base: base.AddRotateZOp().Set(90.0), "xformOp:rotateZ"),
+    "no turn": (lambda base: base.SetXformOpOrder([base.GetTranslateOp()]), "xformOp:orient"),
+    "no operations": (lambda base: base.ClearXformOpOrder(), "xformOpOrder"),
+    "not below its parent": (lambda base: base.SetResetXformStack(True), "xformOpOrder"),  # noqa: FBT003
 }
 
 
 @pytest.mark.parametrize("name", MOVED)
-@pytest.mark.parametrize("property_name", [None, "xformOpOrder"])
-def test_a_pose_is_restored(name: str, property_name: str | None) -> None:
+@pytest.mark.parametrize("is_whole", [True, False])
+def test_a_pose_is_restored(name: str, *, is_whole: bool) -> None:
+    stage = correct_stage("00")
+    prim = stage.GetPrimAtPath(BASE)
+    base = UsdGeom.Xformable(prim)
+    pose, order = base.GetLocalTransformation(), base.GetXformOpOrderAttr().Get()
+    properties = prim.GetAuthoredPropertyNames()
+    move, property_name = MOVED[name]
+    move(base)
+    edited(stage, Restore(BASE, None if is_whole else property_name))
+    assert base.GetLocalTransformation() == pose
+    assert base.GetXformOpOrderAttr().Get() == order
+    assert prim.GetAuthoredPropertyNames() == properties
+
+
+def test_a_prim_comes_below_its_parent_again_where_it_stands() -> None:
     stage = correct_stage("00")
     base = UsdGeom.Xformable(stage.GetPrimAtPath(BASE))
-    pose = base.GetLocalTransformation()
-    MOVED[name](base)
-    if name == "translated" and property_name:
-        property_name = "xformOp:translate"
-    edited(stage, Restore(BASE, property_name))
-    assert base.GetLocalTransformation() == pose
+    base.SetResetXformStack(True)  # noqa: FBT003 - of USD
+    base.GetTranslateOp().Set(Gf.Vec3d(1, 2, 3))
+    edited(stage, Restore(BASE, "xformOpOrder"))
     assert not base.GetResetXformStack()
+    assert base.GetTranslateOp().Get() == Gf.Vec3d(1, 2, 3)
 
 
 def test_one_operation_of_a_pose_is_restored_alone() -> None:
@@ -219,16 +232,76 @@ def test_prims_that_do_not_name_a_restored_one_stay_away() -> None:
     assert not stage.GetPrimAtPath(JOINT)
 
 
-def test_overs_below_a_restored_prim_keep_what_is_no_pose_of_their_own() -> None:
+@pytest.fixture
+def lamp() -> Usd.Stage:
+    """A stage whose sun refers to a lamp, of which it moves, sizes and switches off a part."""
     stage = correct_stage("00")
-    lamp = 'def "A"\n{\n    def Xform "Part"\n    {\n        int size = 1\n    }\n}\n'
-    over_asset(stage, SUN, lamp)
+    asset = 'def "A"\n{\n    def Xform "Part"\n    {\n        int size = 1\n    }\n}\n'
+    over_asset(stage, SUN, asset)
     part = stage.GetPrimAtPath(f"{SUN}/Part")
     UsdGeom.XformCommonAPI(part).SetTranslate((1, 2, 3))
     part.GetAttribute("size").Set(2)
+    part.AddAppliedSchema("PhysicsMassAPI")
     part.SetActive(False)  # noqa: FBT003 - of USD
-    edited(stage, Restore(SUN))
-    part = stage.GetPrimAtPath(f"{SUN}/Part")
+    return stage
+
+
+def test_overs_below_a_restored_prim_keep_what_is_no_pose_of_their_own(lamp: Usd.Stage) -> None:
+    part = edited(lamp, Restore(SUN)).GetPrimAtPath(f"{SUN}/Part")
     assert part.IsActive()
+    assert part.GetAppliedSchemas() == []
     assert part.GetAttribute("size").Get() == 2
     assert UsdGeom.Xformable(part).GetLocalTransformation() == Gf.Matrix4d(1)
+
+
+@pytest.mark.parametrize(
+    "edit", [Restore(SUN), Restore("/", "metersPerUnit"), Restore(SUN, "xformOpOrder")]
+)
+def test_a_closed_session_leaves_the_stage_as_it_was(edit: Edit, lamp: Usd.Stage) -> None:
+    UsdGeom.SetStageMetersPerUnit(lamp, 0.01)
+    UsdGeom.Xformable(lamp.GetPrimAtPath(SUN)).ClearXformOpOrder()
+    text = lamp.GetRootLayer().ExportToString()
+    session = EditSession(lamp, LAB, LAB.checkpoints["00"])
+    apply_edit(session, edit)
+    assert lamp.GetRootLayer().ExportToString() != text
+    session.close()
+    assert lamp.GetRootLayer().ExportToString() == text
+
+
+@pytest.fixture
+def wheels(tmp_path: Path) -> tuple[Usd.Stage, Path]:
+    """A stage with a prim that refers to another, and the starter that it was."""
+    stage = correct_stage("00")
+    wheel = stage.DefinePrim("/Wheel")
+    wheel.CreateAttribute("radius", Sdf.ValueTypeNames.Double).Set(0.5)
+    stage.DefinePrim("/Left").GetReferences().AddInternalReference("/Wheel")
+    stage.GetRootLayer().Export(str(tmp_path / "starter.usda"))
+    return stage, tmp_path / "starter.usda"
+
+
+@pytest.mark.parametrize("place", ["/Wheel", "/Left"])
+def test_a_value_is_restored_where_it_is_said(place: str, wheels: tuple[Usd.Stage, Path]) -> None:
+    stage, starter = wheels
+    stage.GetAttributeAtPath(f"{place}.radius").Set(9.0)
+    edited(stage, Restore("/Left", "radius"), starter=starter)
+    assert stage.GetRootLayer().GetAttributeAtPath("/Wheel.radius").default == 0.5
+    assert stage.GetRootLayer().GetAttributeAtPath("/Left.radius") is None
+
+
+def test_a_value_that_is_gone_is_restored_at_the_prim_that_is_referred_to(
+    wheels: tuple[Usd.Stage, Path],
+) -> None:
+    stage, starter = wheels
+    stage.GetPrimAtPath("/Wheel").RemoveProperty("radius")
+    edited(stage, Restore("/Left", "radius"), starter=starter)
+    assert stage.GetRootLayer().GetAttributeAtPath("/Wheel.radius").default == 0.5
+    assert stage.GetRootLayer().GetAttributeAtPath("/Left.radius") is None
+
+
+def test_a_property_is_removed_at_the_prim_that_is_referred_to(
+    wheels: tuple[Usd.Stage, Path],
+) -> None:
+    stage, starter = wheels
+    stage.GetPrimAtPath("/Wheel").CreateAttribute("colour", Sdf.ValueTypeNames.Float).Set(1.0)
+    edited(stage, Restore("/Left", "colour"), starter=starter)
+    assert not stage.GetPrimAtPath("/Left").HasAttribute("colour")
