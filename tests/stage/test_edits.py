@@ -305,3 +305,9 @@ def test_a_property_is_removed_at_the_prim_that_is_referred_to(
     stage.GetPrimAtPath("/Wheel").CreateAttribute("colour", Sdf.ValueTypeNames.Float).Set(1.0)
     edited(stage, Restore("/Left", "colour"), starter=starter)
     assert not stage.GetPrimAtPath("/Left").HasAttribute("colour")
+
+
+def test_a_session_names_the_overs_that_it_edited(lamp: Usd.Stage) -> None:
+    session = EditSession(lamp, LAB, LAB.checkpoints["00"])
+    apply_edit(session, Restore(SUN))
+    assert f"{SUN}/Part" in session.begin(lamp.GetRootLayer()).touched
