@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import yaml
 from another_robot import write_stage
 from pxr import Sdf, Usd
 
@@ -124,3 +125,42 @@ def test_two_graphs_of_one_name_are_told_apart_by_what_they_lie_in(tmp_path: Pat
         {"Inertia.yaml", "Carter_Inertia.yaml"},
         {"Inertia.yaml", "World_Inertia.yaml"},
     )
+
+
+def test_what_moves_the_robot_is_described_before_its_sensors(tmp_path: Path) -> None:
+    path = write_stage(tmp_path)
+    layer = Sdf.Layer.FindOrOpen(str(path))
+    Sdf.CopySpec(layer, "/World/Wheels", layer, "/World/Later")
+    del layer.GetPrimAtPath("/World").nameChildren["Wheels"]
+    layer.Save()
+    files = describe_lab(path, load_lab(), load_isaac_types().catalog).files
+    parts = {
+        name: yaml.safe_load(files[f"{name}.yaml"])["handout"] for name in ("Later", "Inertia")
+    }
+    assert parts == {"Later": "B1", "Inertia": "C1"}
+
+
+@pytest.mark.parametrize(("versions", "described"), [((1,), 1), ((1, 3), 3), ((3, 1), 3)])
+def test_an_unknown_type_has_the_latest_version_and_every_port_of_its_nodes(
+    versions: tuple[int, ...], described: int, tmp_path: Path
+) -> None:
+    path = write_stage(tmp_path)
+    stage = Usd.Stage.Open(str(path))
+    for number, version in enumerate(versions):
+        node = stage.DefinePrim(f"{INERTIA}/own_{number}", "OmniGraphNode")
+        node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set("acme.LowPass")
+        node.CreateAttribute("node:typeVersion", Sdf.ValueTypeNames.Int).Set(version)
+        port(stage, f"own_{number}.inputs:gain_{number}").Set(4)
+        node.CreateRelationship("inputs:prims").SetTargets(["/World/Carter"])
+        port(stage, f"own_{number}.outputs:x")
+    stage.Save()
+    files = describe_lab(path, load_lab(), load_isaac_types().catalog).files
+    kind = yaml.safe_load(files["node_types.yaml"])["types"]["acme.LowPass"]
+    gains = {f"gain_{number}": "uint" for number in range(len(versions))}
+    assert kind == {
+        "version": described,
+        "name": "LowPass",
+        "prim": "low_pass",
+        "inputs": {"prims": "target", **gains},
+        "outputs": {"x": "union"},
+    }
