@@ -269,3 +269,10 @@ def test_fetching_ends_when_the_run_does(tmp_path: Path) -> None:
     source = Source(Path("hanging"), "", "faulty://class/hanging")
     (here,) = fetched((source,), tmp_path, Limits(), lambda: True)
     assert "cannot be fetched" in here.fault
+
+
+def test_a_file_that_no_place_is_left_for_is_named(tmp_path: Path) -> None:
+    put({"jane/a": b"x", "jane/b.usda": b"z"})
+    storage = fsspec.filesystem("memory")
+    storage.store["/class/jane/a/c.usda"] = memory.MemoryFile(storage, "/class/jane/a/c.usda", b"y")
+    assert [file.path for file in got("memory://class/jane", tmp_path).left_out] == ["a/c.usda"]
