@@ -1,0 +1,51 @@
+"""The small frozen lab `labs/mini`, for tests that are not about the handout: loaded, copied, built once."""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+from unittest.mock import patch
+
+from places import TESTS
+
+from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
+from lab3_usd.stage.write.starter import build_starter
+
+MINI = TESTS / "labs" / "mini"
+LAB = load_lab(MINI)
+LAST = list(LAB.checkpoints)[-1]
+
+
+def in_force() -> patch.dict[str, str]:
+    """Let the small lab stand for the bundled one, here and in child processes."""
+    return patch.dict("os.environ", {LAB_VARIABLE: str(MINI)})
+
+
+def copied(folder: Path) -> Path:
+    """Copy the files of the lab, to be changed."""
+    return shutil.copytree(MINI, folder, ignore=shutil.ignore_patterns("__pycache__"))
+
+
+@cache
+def built() -> Path:
+    """Build the stages and the starter once, and return their folder."""
+    folder = Path(mkdtemp(prefix="mini"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    with in_force():
+        plan = plan_files(LAB, folder / "work", list(LAB.checkpoints), "usda")
+        build_files(LAB, None, plan, BuildOptions())
+        build_starter(folder / "starter.usda")
+    return folder
+
+
+def starter() -> Path:
+    return built() / "starter.usda"
+
+
+def stage(number: str) -> Path:
+    return built() / "work" / f"{LAB.checkpoints[number].file}.usda"
