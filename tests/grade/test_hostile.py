@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from grade_files import starter, submission
+from mini_lab import starter, submission
 from hostile import INPUTS, Kit, make_kit, write_all
 from msgspec.structs import replace
 

@@ -104,7 +104,7 @@ ERRORS: dict[str, Case] = {
         (
             "submission.yaml: checklist: Isaac Sim: 'Lidar sensor exists': "
             "requirements: 'Lidar/prim' "
-            "fits no requirement of checkpoint 04 (groups: ROS_Clock,"
+            "fits no requirement of checkpoint 05 (groups: ROS_Clock,"
         ),
     ),
     "rule of a checklist": (
@@ -156,8 +156,8 @@ ERRORS: dict[str, Case] = {
     ),
     "checkpoint of an item": (
         "rubric.yaml",
-        lambda said: said["items"]["amcl"].update(checkpoint="7"),
-        "rubric.yaml: items: amcl: checkpoint: there is no checkpoint '7' (checkpoints.yaml has",
+        lambda said: said["items"]["nav2"].update(checkpoint="7"),
+        "rubric.yaml: items: nav2: checkpoint: there is no checkpoint '7' (checkpoints.yaml has",
     ),
     "topic in the words of an item": (
         "rubric.yaml",
@@ -323,9 +323,9 @@ ONLY_BY_COMMAND = ("requirement of a checklist", "rule of a checklist", "group o
 WARNINGS: dict[str, Case] = {
     "no points for a checkpoint": (
         "rubric.yaml",
-        lambda said: [said["items"].pop(name) for name in ("odometry", "tree", "amcl")],
+        lambda said: said["items"].pop("nav2"),
         (
-            "warning checkpoints.yaml: checkpoints: '04': no item of the rubric gives "
+            "warning checkpoints.yaml: checkpoints: '05': no item of the rubric gives "
             "points for it "
             "(rubric.yaml: items)"
         ),
@@ -342,7 +342,7 @@ WARNINGS: dict[str, Case] = {
         "rubric.yaml",
         lambda said: [
             said["items"][name].update(groups=["ROS_*"])
-            for name in ("scan", "amcl")
+            for name in ("scan", "nav2")
         ],
         (
             "warning rubric.yaml: items: no item counts section D3 of the handout "
