@@ -103,7 +103,7 @@ def test_a_submission_without_stages_is_empty_and_says_why(
     course: GradingSetup, tmp_path: Path
 ) -> None:
     (tmp_path / "jane").mkdir()
-    (tmp_path / "jane" / "Mini_01_ros_clock.usda").symlink_to(stage("01"))
+    (tmp_path / "jane" / "Lab3_01_ros_clock.usda").symlink_to(stage("01"))
     found = judged(course, tmp_path / "jane", tmp_path)
     assert found["status"] == "empty"
     assert "link that leads out" in found["reason"]

@@ -607,7 +607,7 @@ def test_a_worker_without_enough_memory_says_so(tmp_path: Path) -> None:
     (tmp_path / "jane").mkdir()
     numbers = ", ".join(["1"] * 6_000_000)
     text = f'#usda 1.0\ndef "World" {{\n int[] x = [{numbers}]\n}}\n'
-    (tmp_path / "jane" / "Mini_01_ros_clock.usda").write_text(text)
+    (tmp_path / "jane" / "Lab3_01_ros_clock.usda").write_text(text)
     settings = settings_for(tmp_path, memory=300 * MEGABYTE, seconds=60)
     ((_, answer),) = run_tasks([Task("jane", "jane", (Source(tmp_path / "jane"),))], settings)
     assert answer["status"] == "too large"
