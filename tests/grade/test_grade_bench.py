@@ -57,7 +57,8 @@ def test_the_figures_are_printed(
     assert bench.main() == 0
     said = capsys.readouterr().out.splitlines()
     stages = len(LAB.checkpoints)
-    assert [line.split()[:2] for line in said[1:4]] == [["1", str(stages)], ["2", str(2 * stages)], ["2", "2"]]
+    counts = [[int(number) for number in line.split()[:2]] for line in said[1:4]]
+    assert counts == [[1, stages], [2, 2 * stages], [2, 2]]
     assert "for each stage beyond the first" in said[6]
 
 

@@ -408,7 +408,7 @@ def refer(stage: Usd.Stage, kind: str, path: str) -> None:
 
 INPUTS = {
     "the starter": put_at("Lab3_00_student_start"),
-    "a later checkpoint's name": put_at("Lab3_08_nav2_complete"),
+    "a later checkpoint's name": put_at("Lab3_05_navigation"),
     "a sublayer": layer_at("Lab3_03_lidar", "sublayer"),
     "a referenced file": layer_at("Lab3_03_lidar", "referenced"),
     "a file of a variant not selected": layer_at("Lab3_03_lidar", "variant"),
@@ -428,11 +428,11 @@ def test_a_file_of_the_starter_is_never_written(case: str, force: bool, tmp_path
 
 
 def test_a_file_of_the_starter_is_not_written_through_a_linked_folder(tmp_path: Path) -> None:
-    starter = text_starter(tmp_path / "given" / "Lab3_05_odometry_tf.usda")
+    starter = text_starter(tmp_path / "given" / "Lab3_04_odometry_tf.usda")
     (tmp_path / "link").symlink_to(tmp_path / "given")
     with pytest.raises(UsageError):
         build(starter, tmp_path / "link", force=True)
-    assert list(files_below(tmp_path / "given")) == ["Lab3_05_odometry_tf.usda"]
+    assert list(files_below(tmp_path / "given")) == ["Lab3_04_odometry_tf.usda"]
 
 
 def test_a_file_of_the_starter_is_not_written_through_a_link(tmp_path: Path) -> None:
@@ -447,26 +447,26 @@ def test_a_file_of_the_starter_is_not_written_through_a_link(tmp_path: Path) -> 
 
 @pytest.fixture
 def one_there(tmp_path: Path) -> Path:
-    (tmp_path / "Lab3_06_qos_verified.usda").write_text("mine\n")
+    (tmp_path / "Lab3_05_navigation.usda").write_text("mine\n")
     return tmp_path
 
 
 def test_an_existing_file_is_kept_and_none_is_written(one_there: Path) -> None:
     with pytest.raises(UsageError) as refused:
         build(None, one_there)
-    assert "Lab3_06_qos_verified.usda" in str(refused.value)
-    assert [path.name for path in one_there.iterdir()] == ["Lab3_06_qos_verified.usda"]
-    assert (one_there / "Lab3_06_qos_verified.usda").read_text() == "mine\n"
+    assert "Lab3_05_navigation.usda" in str(refused.value)
+    assert [path.name for path in one_there.iterdir()] == ["Lab3_05_navigation.usda"]
+    assert (one_there / "Lab3_05_navigation.usda").read_text() == "mine\n"
 
 
 def test_an_existing_file_that_is_not_asked_for_is_no_obstacle(one_there: Path) -> None:
     build(None, one_there, ["00", "01"])
-    assert (one_there / "Lab3_06_qos_verified.usda").read_text() == "mine\n"
+    assert (one_there / "Lab3_05_navigation.usda").read_text() == "mine\n"
 
 
 def test_force_replaces_existing_files(one_there: Path) -> None:
     build(None, one_there, force=True)
-    assert (one_there / "Lab3_06_qos_verified.usda").read_text().startswith("#usda")
+    assert (one_there / "Lab3_05_navigation.usda").read_text().startswith("#usda")
 
 
 def test_a_link_to_nowhere_counts_as_a_file(tmp_path: Path) -> None:
@@ -503,7 +503,7 @@ main()
 
 
 @pytest.mark.parametrize(
-    ("form", "ending", "enough"), [("usda", ".usda", 45_000), ("usdc", ".usd", 16_000)]
+    ("form", "ending", "enough"), [("usda", ".usda", 25_000), ("usdc", ".usd", 10_000)]
 )
 def test_a_disk_that_fills_half_way_leaves_what_was_there(
     form: str, ending: str, enough: int, tmp_path: Path
