@@ -340,10 +340,7 @@ WARNINGS: dict[str, Case] = {
     ),
     "a section that no item counts": (
         "rubric.yaml",
-        lambda said: [
-            said["items"][name].update(groups=["ROS_*"])
-            for name in ("scan", "nav2")
-        ],
+        lambda said: [said["items"][name].update(groups=["ROS_*"]) for name in ("scan", "nav2")],
         (
             "warning rubric.yaml: items: no item counts section D3 of the handout "
             "(checkpoint 03 asks "

@@ -62,9 +62,7 @@ def build(
     starter: Path | None, out: Path, numbers: list[str] | None = None, **options: Any
 ) -> list[Path]:
     chosen = BuildOptions(**options)
-    return build_files(
-        LAB, starter, plan_files(LAB, out, numbers or ALL, chosen.form), chosen
-    )
+    return build_files(LAB, starter, plan_files(LAB, out, numbers or ALL, chosen.form), chosen)
 
 
 def opened(file: Path) -> Usd.Stage:

@@ -1,4 +1,4 @@
-"""The small frozen lab `labs/mini`, for tests that are not about the handout: loaded, copied, built once."""
+"""The small frozen lab `labs/mini`: loaded and copied, its stages built once."""
 
 from __future__ import annotations
 
