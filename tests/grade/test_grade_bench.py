@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from benchmark import load_benchmark
 from mini_lab import LAB
-from places import REPOSITORY
-
-BENCH = REPOSITORY / "benchmarks" / "bench_grade.py"
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("bench_grade", BENCH)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "bench_grade", module)
-    spec.loader.exec_module(module)
-    return module
+def bench() -> ModuleType:
+    return load_benchmark("bench_grade")
 
 
 def test_no_two_students_of_a_class_hand_in_the_same_bytes(

@@ -129,7 +129,7 @@ ERRORS: dict[str, Case] = {
     "checkpoint of a node": (
         "ros.yaml",
         lambda said: said["nodes"]["/lifecycle_manager_localization"].update({"from": "8"}),
-        "ros.yaml: nodes: /lifecycle_manager_localization: from: there is no checkpoint '8' (checkpoints.yaml has",
+        "ros.yaml: nodes: /lifecycle_manager_localization: from: there is no checkpoint '8'",
     ),
     "checkpoint of the goal": (
         "ros.yaml",

@@ -635,7 +635,6 @@ REFUSED: dict[str, tuple[Change, list[str]]] = {
         [LIDAR, *GRAPHS],
     ),
     "a lidar there": (define(LIDAR, "OmniLidar"), [LIDAR]),
-    "a lidar there": (define(LIDAR, "OmniLidar"), [LIDAR]),
     "rest of a lidar": (leave_over(LIDAR), [LIDAR]),
     "deleted lidar": (leave_deactivated(LIDAR), [LIDAR]),
     "deleted graph": (leave_deactivated(GRAPHS[1]), [GRAPHS[1]]),
