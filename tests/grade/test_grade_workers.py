@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from grade_files import starter, submission
+from mini_lab import starter, submission
 from pxr import Sdf, Tf
 
 from lab3_usd.grade.intake import staging, submission_copy
