@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
+from invoking import invoke
 from jsonschema import Draft202012Validator
 from msgspec.structs import replace
 
@@ -32,7 +33,6 @@ from recordings import (
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 from lab3_usd.commands import bag as module
-from lab3_usd.commands.bag import command
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
 from lab3_usd.report.behaviour.text import LOOKS_OF_A_RECORDING
@@ -53,7 +53,7 @@ def of_plain(plain: Path) -> dict[str, Any]:
 
 
 def bag(path: Path, *arguments: str) -> Result:
-    return CliRunner().invoke(command, [str(path), *arguments], catch_exceptions=False)
+    return invoke("bag", path, *arguments)
 
 
 def judged(path: Path, *arguments: str) -> dict[str, Any]:

@@ -12,8 +12,9 @@ from typing import Any
 
 import pytest
 from breaking import Step, broken, correct_stage, the_lab
-from click.testing import CliRunner, Result
+from click.testing import Result
 from dry_runs import INTERFACE
+from invoking import invoke
 from jsonschema import Draft202012Validator
 from msgspec.structs import replace
 from pxr import Sdf, Usd
@@ -21,8 +22,6 @@ from report_schema import assert_valid
 from scene_changes import CAMERA, LIDAR, ROBOT, put, switch
 
 from lab3_usd.cli import main
-from lab3_usd.commands.check import command as check_command
-from lab3_usd.commands.sim import command
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
 from lab3_usd.report.behaviour.text import LOOKS
@@ -40,11 +39,11 @@ def saved(stage: Usd.Stage, folder: Path, name: str = "Lab3_05_odometry_tf.usda"
 
 
 def sim(path: Path, *arguments: str) -> Result:
-    return CliRunner().invoke(command, [str(path), *arguments], catch_exceptions=False)
+    return invoke("sim", path, *arguments)
 
 
 def check(path: Path, *arguments: str) -> Result:
-    return CliRunner().invoke(check_command, [str(path), *arguments], catch_exceptions=False)
+    return invoke("check", path, *arguments)
 
 
 def behaviour(path: Path, *arguments: str) -> dict[str, Any]:

@@ -18,12 +18,12 @@ from typing import Any
 
 import pytest
 from breaking import broken, correct_stage, the_lab
-from click.testing import CliRunner
 from dry_runs import INTERFACE, driven
+from invoking import invoke
 from pxr import Usd
 
 from lab3_usd.commands import sim as live_run
-from lab3_usd.commands.sim import closing_lines, command
+from lab3_usd.commands.sim import closing_lines
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.sim.bag.writer import serialized
 from lab3_usd.sim.execution.record import Message, Profile, Transform
@@ -280,7 +280,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def sim(path: Path, *words: str) -> Any:
-    return CliRunner().invoke(command, [str(path), *words], catch_exceptions=False)
+    return invoke("sim", path, *words)
 
 
 def test_the_command_says_what_it_sent(

@@ -9,6 +9,7 @@ import pytest
 from breaking import broken, correct_stage, the_lab
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
 from click.testing import CliRunner
+from invoking import invoke
 
 from lab3_usd.commands.check import command as check_command
 from lab3_usd.commands.sim import command
@@ -41,9 +42,7 @@ def page(tmp_path_factory: pytest.TempPathFactory, right: DryRun) -> Path:
 def test_the_command_writes_the_page(tmp_path: Path) -> None:
     stage = tmp_path / "Lab3_01.usda"
     correct_stage("01").GetRootLayer().Export(str(stage))
-    CliRunner().invoke(
-        command, [str(stage), "--page", str(tmp_path / "sim.html")], catch_exceptions=False
-    )
+    invoke("sim", stage, "--page", tmp_path / "sim.html")
     text = (tmp_path / "sim.html").read_text(encoding="utf-8")
     assert "640 times" in text
     before = stage.read_bytes()
