@@ -27,6 +27,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -252,14 +253,12 @@ def _lines(folder: Path) -> dict[str, list[int]]:
     lines: dict[str, set[int]] = {}
     for path in folder.glob("data*"):
         data = CoverageData(str(path))
-        try:
+        with suppress(DataError):  # of a process that a test has killed
             data.read()
-        except DataError:  # of a process that a test has killed
-            continue
-        for module in data.measured_files():
-            _, package, inside = module.rpartition("lab3_usd/")
-            if package:
-                lines.setdefault(inside, set()).update(data.lines(module) or ())
+            for module in data.measured_files():
+                _, package, inside = module.rpartition("lab3_usd/")
+                if package:
+                    lines.setdefault(inside, set()).update(data.lines(module) or ())
     return {module: sorted(numbers) for module, numbers in lines.items()}
 
 
