@@ -54,12 +54,10 @@ PIECE = re.compile(
     |{STRING}|{ASSET}|{LINE_COMMENT}|{BLOCK_COMMENT}|.)""",
     re.DOTALL | re.VERBOSE,
 )
-
-
 _BODY = re.compile(r"[/{=}.]")  # around what can stand in the path of something that has a body
 
 
-def scan_text(text: str, asked: Iterable[str] | None = None) -> dict[str, int]:
+def scan_text(text: str, paths: Iterable[str] | None = None) -> dict[str, int]:
     """Return the offset of the statement that opens each spec, by the spec's path in the layer.
 
     Where paths are asked for, bodies that hold none of them are passed over, and what is in them
@@ -69,23 +67,21 @@ def scan_text(text: str, asked: Iterable[str] | None = None) -> dict[str, int]:
 
     The text is one that OpenUSD accepts. Of any other the result is what could be made out.
     """
+    around = None
+    if paths is not None:
+        cuts = ((path, match.span()) for path in paths for match in _BODY.finditer(path))
+        around = {path[:end] for path, span in cuts for end in span}
     declared: dict[str, int] = {}
     edited: dict[str, int] = {}
-    for path, offset, is_edit in _statements(text, None if asked is None else _bodies(asked)):
+    for path, offset, is_edit in _statements(text, around):
         (edited if is_edit else declared).setdefault(path, offset)
     return edited | declared
 
 
-def _bodies(paths: Iterable[str]) -> set[str]:
-    """Return the paths of the bodies around these specs."""
-    cuts = ((path, match.span()) for path in paths for match in _BODY.finditer(path))
-    return {path[:end] for path, span in cuts for end in span}
-
-
-def _statements(text: str, known: Collection[str] | None) -> Iterator[tuple[str, int, bool]]:
+def _statements(text: str, around: Collection[str] | None) -> Iterator[tuple[str, int, bool]]:
     """Yield path and offset of each statement, and whether it only edits what stands elsewhere.
 
-    Of the bodies only those that are `known` are looked into, all where none are named.
+    Of the bodies only those `around` what is asked for are looked into, else all.
     `bodies` holds the paths of the bodies that are open; that of a variant set ends in `=`.
     """
     bodies = [""]
@@ -101,8 +97,10 @@ def _statements(text: str, known: Collection[str] | None) -> Iterator[tuple[str,
         elif opening := (VARIANT if body.endswith("=") else OPENING).match(text, pos):
             path = opened_path(body, opening)
             yield (f"{path}}}" if path.endswith("=") else path), pos, False
-            pos = _body(text, opening.end())
-            if known is None or path in known:
+            pos = after_blank(text, opening.end())
+            if text.startswith("(", pos):  # the metadata before the body
+                pos = after_blank(text, group_end(text, pos))
+            if around is None or path in around:
                 bodies.append(path)
                 pos += 1
             else:
@@ -138,14 +136,6 @@ def after_blank(text: str, pos: int) -> int:
     """Return the position after white space and comments."""
     blank = BLANK.match(text, pos)
     return blank.end() if blank else pos
-
-
-def _body(text: str, pos: int) -> int:
-    """Return the position of the `{` that opens a body, past the metadata before it."""
-    pos = after_blank(text, pos)
-    if text.startswith("(", pos):
-        pos = after_blank(text, group_end(text, pos))
-    return pos
 
 
 def group_end(text: str, pos: int) -> int:
@@ -216,13 +206,13 @@ def _comments(text: str, layer: str) -> Iterator[IgnoreNote]:
     lines = text.splitlines(keepends=True)
     starts = [*accumulate(map(len, lines), initial=0)]
     for token in _TOKEN.finditer(text):
-        found = _COMMENT.search(token["comment"] or "")
-        if found is None:
+        note = _COMMENT.search(token["comment"] or "")
+        if note is None:
             continue
         number = about = bisect_right(starts, token.start())
         while about <= len(lines) and _ALONE.fullmatch(lines[about - 1].rstrip()):
             about += 1
-        for rule in _rules(found[1] or ""):
+        for rule in _rules(note[1] or ""):
             yield IgnoreNote(rule, layer=layer, line=about, written=number)
 
 
@@ -235,10 +225,10 @@ def _in_custom_data(stage: Usd.Stage) -> Iterator[IgnoreNote]:
         path = str(prim.GetPath())
         if prim.HasAuthoredCustomData():
             yield from (IgnoreNote(rule, path) for rule in _noted(prim.GetCustomData()))
-        for getauthoredproperty in prim.GetAuthoredProperties():
-            if getauthoredproperty.HasAuthoredCustomData():
-                noted = _noted(getauthoredproperty.GetCustomData())
-                yield from (IgnoreNote(rule, path, getauthoredproperty.GetName()) for rule in noted)
+        for authored in prim.GetAuthoredProperties():
+            if authored.HasAuthoredCustomData():
+                rules = _noted(authored.GetCustomData())
+                yield from (IgnoreNote(rule, path, authored.GetName()) for rule in rules)
 
 
 def _noted(data: Mapping[str, Any]) -> list[str]:
@@ -274,14 +264,20 @@ def locate(stage: Usd.Stage, given: str, sites: Iterable[Site]) -> dict[Site, So
     """
     root = stage.GetRootLayer()
     specs = {site: _spec(stage, *site) for site in sites}
-    asked: dict[str, list[str]] = {}
+    paths: dict[str, list[str]] = {}
     for layer, path in specs.values():
-        asked.setdefault(layer.realPath, []).append(path)
-    texts = {file: _read(file, paths) for file, paths in asked.items()}
+        paths.setdefault(layer.realPath, []).append(path)
+    texts = {file: _read(file, spec_paths) for file, spec_paths in paths.items()}
     locations: dict[Site, SourceLocation] = {}
     for site, (layer, path) in specs.items():
         name = given if layer == root else layer_name(layer, root, given)
-        locations[site] = _location(name, texts[layer.realPath], path)
+        text = texts[layer.realPath]
+        offset = text.specs.get(path) if text else None
+        if text is None or offset is None:
+            locations[site] = SourceLocation(name, None, None)
+        else:
+            line = bisect_right(text.lines, offset)
+            locations[site] = SourceLocation(name, line, offset - text.lines[line - 1] + 1)
     return locations
 
 
@@ -289,13 +285,14 @@ def _spec(stage: Usd.Stage, prim_path: str, name: str | None) -> tuple[Sdf.Layer
     """Return the layer that holds a site, and the path of the spec in it."""
     if prim_path == "/" and name:  # the metadata of the stage
         return stage.GetRootLayer(), f"/.{name}"
-    prim = _prim(stage, prim_path)
+    prim = _nearest_prim(stage, prim_path)
     specs: Sequence[Any] = ()  # from the strongest to the weakest
     if name and prim and str(prim.GetPath()) == prim_path:
         specs = AuthoredProperties(prim)[name].specs
     if specs:
         specs = _saved(specs, stage)
-        spec = next((each for each in specs if _has_opinion(each)), specs[0])
+        holds_opinion = (spec for spec in specs if any(map(spec.HasInfo, _OPINIONS)))
+        spec = next(holds_opinion, specs[0])
         return spec.layer, str(spec.path)
     stack: Sequence[Any] = prim.GetPrimStack() if prim else ()
     if stack:
@@ -309,17 +306,13 @@ def _saved(specs: Sequence[Any], stage: Usd.Stage) -> Sequence[Any]:
     return [spec for spec in specs if spec.layer != stage.GetSessionLayer()] or specs
 
 
-def _prim(stage: Usd.Stage, path: str) -> Usd.Prim | None:
+def _nearest_prim(stage: Usd.Stage, path: str) -> Usd.Prim | None:
     """Return the prim at `path` or the nearest above it; None where that is the root."""
     while path.startswith("/") and path != "/":
         if Sdf.Path.IsValidPathString(path) and (prim := stage.GetPrimAtPath(path)):
             return prim
         path = path.rpartition("/")[0]
     return None
-
-
-def _has_opinion(spec: Sdf.PropertySpec) -> bool:
-    return any(spec.HasInfo(field) for field in _OPINIONS)
 
 
 def layer_name(layer: Sdf.Layer, root: Sdf.Layer, given: str) -> str:
@@ -340,7 +333,7 @@ class _Text(Struct, frozen=True):
     lines: Sequence[int]
 
 
-def _read(path: str, asked: Iterable[str]) -> _Text | None:
+def _read(path: str, spec_paths: Iterable[str]) -> _Text | None:
     """Find specs in a text layer; None for a binary one, one in a package and one in memory."""
     try:
         data = Path(path).read_bytes() if path else b""
@@ -352,12 +345,4 @@ def _read(path: str, asked: Iterable[str]) -> _Text | None:
     lines = [0]
     while end := text.find("\n", lines[-1]) + 1:
         lines.append(end)
-    return _Text(scan_text(text, asked), lines)
-
-
-def _location(name: str, text: _Text | None, path: str) -> SourceLocation:
-    offset = text.specs.get(path) if text else None
-    if text is None or offset is None:
-        return SourceLocation(name, None, None)
-    line = bisect_right(text.lines, offset)
-    return SourceLocation(name, line, offset - text.lines[line - 1] + 1)
+    return _Text(scan_text(text, spec_paths), lines)
