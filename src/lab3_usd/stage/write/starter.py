@@ -35,12 +35,13 @@ def starter_problems(lab: Lab, stage: Usd.Stage) -> list[str]:
             if reason:
                 missing.append(path)
                 reasons.append(reason)
-    for part in (*lab.sensors.values(), *lab.graphs.values()):
-        prim = stage.GetPrimAtPath(part.path)
+    added = [sensor.path for sensor in lab.sensors.values()]
+    for path in (*added, *(graph.path for graph in lab.graphs.values())):
+        prim = stage.GetPrimAtPath(path)
         if prim:
             state = "" if prim.IsDefined() else " (an over without a def)"
             state = state if prim.IsActive() else " (deactivated)"
-            reasons.append(f"{part.path} is there already{state}; the starter must not hold it")
+            reasons.append(f"{path} is there already{state}; the starter must not hold it")
     if reasons:
         unread = layer_files(stage).missing
         reasons += [f"{path} cannot be read; what is missing may be in it" for path in unread]
