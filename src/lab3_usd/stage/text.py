@@ -56,6 +56,21 @@ PIECE = re.compile(
 )
 _BODY = re.compile(r"[/{=}.]")  # around what can stand in the path of something that has a body
 
+_GROUP, _KEY = "lab3", "ignore"
+NAME = f"{_GROUP}:{_KEY}"
+_COMMENT = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\r\n]*)\])?")
+# Strings and paths of assets come first: what looks like a comment inside of them is none.
+_TOKEN = re.compile(
+    rf"{STRING}|{ASSET}|{BLOCK_COMMENT}|(?P<comment>{LINE_COMMENT})", re.DOTALL | re.VERBOSE
+)
+_ALONE = re.compile(r"\s*(?:#.*)?")
+_IN_TEXT = (NAME.encode(), f"dictionary {_GROUP} ".encode())
+# A binary layer is packed: of a name in it, at least one of these stands as it is.
+_TRACES = (b"lab3", b"ab3:", b"b3:i", b"3:ig")
+
+# The fields in which a property's opinion stands; a spec without them only declares it.
+_OPINIONS = ("default", "timeSamples", "spline", "connectionPaths", "targetPaths")
+
 
 def scan_text(text: str, paths: Iterable[str] | None = None) -> dict[str, int]:
     """Return the offset of the statement that opens each spec, by the spec's path in the layer.
@@ -106,17 +121,12 @@ def _statements(text: str, around: Collection[str] | None) -> Iterator[tuple[str
             else:
                 pos = group_end(text, pos)
         else:
-            yield from _property(text, pos, body)
+            head = HEAD.match(text, pos)
+            if head and not (head["first"] == "reorder" and ORDER.match(text, pos)):
+                is_edit = head["first"] in LIST_EDITS or text.startswith(".", head.end())
+                yield f"{body}.{head['name'] or head['first']}", pos, is_edit
             pos = statement_end(text, pos)
         pos = after_blank(text, pos)
-
-
-def _property(text: str, pos: int, body: str) -> Iterator[tuple[str, int, bool]]:
-    head = HEAD.match(text, pos)
-    if head and not (head["first"] == "reorder" and ORDER.match(text, pos)):
-        name = head["name"] or head["first"]
-        is_edit = head["first"] in LIST_EDITS or text.startswith(".", head.end())
-        yield f"{body}.{name}", pos, is_edit
 
 
 def opened_path(body: str, opening: re.Match[str]) -> str:
@@ -158,19 +168,6 @@ def statement_end(text: str, pos: int) -> int:
             return piece.end() - 1
         depth += (piece.lastgroup == "open") - (piece.lastgroup == "close")
     return len(text)
-
-
-_GROUP, _KEY = "lab3", "ignore"
-NAME = f"{_GROUP}:{_KEY}"
-_COMMENT = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\r\n]*)\])?")
-# Strings and paths of assets come first: what looks like a comment inside of them is none.
-_TOKEN = re.compile(
-    rf"{STRING}|{ASSET}|{BLOCK_COMMENT}|(?P<comment>{LINE_COMMENT})", re.DOTALL | re.VERBOSE
-)
-_ALONE = re.compile(r"\s*(?:#.*)?")
-_IN_TEXT = (NAME.encode(), f"dictionary {_GROUP} ".encode())
-# A binary layer is packed: of a name in it, at least one of these stands as it is.
-_TRACES = (b"lab3", b"ab3:", b"b3:i", b"3:ig")
 
 
 def read_ignore_notes(stage: Usd.Stage, given: str) -> tuple[IgnoreNote, ...]:
@@ -236,10 +233,6 @@ def _noted(data: Mapping[str, Any]) -> list[str]:
     group = data.get(_GROUP)
     text = data.get(NAME) or (group.get(_KEY) if isinstance(group, dict) else None)
     return [] if text is None else _rules(str(text))
-
-
-# The fields in which a property's opinion stands; a spec without them only declares it.
-_OPINIONS = ("default", "timeSamples", "spline", "connectionPaths", "targetPaths")
 
 
 class SourceLocation(Struct, frozen=True):

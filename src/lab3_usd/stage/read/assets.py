@@ -17,6 +17,17 @@ from lab3_usd.stage.read.opening import quiet
 _MUTED = "omni_layer:muteness"  # of the root layer's custom data
 # usd-core takes an address for a path and drops one of its slashes.
 _ONE_SLASH = r"^(\w{2,}):/(?=[^/])"
+_ASSET = r"@(.*?)@"
+_SUBLAYER = "ErrorInvalidSublayerPath"
+# A file that was found but lacks the prim asked for hides nothing: what it holds is judged.
+_MISSING = ("ErrorInvalidAssetPath", "ErrorMutedAssetPath", _SUBLAYER)
+_LACKS_PRIM = "ErrorUnresolvedPrimPath"
+# A device has no children, so that nothing below it can be looked up, let alone opened. The asset
+# is one name below it, whatever slashes and dots are in it.
+_BLOCKED = "/dev/null/blocked/"
+# Active, defined and not abstract: most prims are, and one question tells.
+IS_PRESENT = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
+_EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 
 class LayerFiles(Struct, frozen=True):
@@ -85,19 +96,6 @@ def _prims_in(layer: Sdf.Layer) -> Iterator[str]:
         ahead.extend(spec.nameChildren)
         if spec.specifier == Sdf.SpecifierDef or spec.properties or spec.HasInfo("active"):
             yield str(spec.path)
-
-
-_ASSET = r"@(.*?)@"
-_SUBLAYER = "ErrorInvalidSublayerPath"
-# A file that was found but lacks the prim asked for hides nothing: what it holds is judged.
-_MISSING = ("ErrorInvalidAssetPath", "ErrorMutedAssetPath", _SUBLAYER)
-_LACKS_PRIM = "ErrorUnresolvedPrimPath"
-# A device has no children, so that nothing below it can be looked up, let alone opened. The asset
-# is one name below it, whatever slashes and dots are in it.
-_BLOCKED = "/dev/null/blocked/"
-# Active, defined and not abstract: most prims are, and one question tells.
-IS_PRESENT = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
-_EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 
 def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:

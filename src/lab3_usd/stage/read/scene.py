@@ -125,6 +125,12 @@ def _prim(
             targets[name] = tuple(map(str, targets_of(authored)))
     if has_sizes:  # by the schema where nothing is authored
         values.update((name, _value(prim, name, time)) for name in _SIZES[kind])
+    image = UsdGeom.Imageable(prim)
+    is_seen = (
+        has_sizes
+        and image.ComputePurpose() not in UNSEEN
+        and (image.ComputeVisibility(time) != "invisible")
+    )
     parent = before.get(path.rpartition("/")[0])
     xform = UsdGeom.Xformable(prim)
     local = _affine(xform.GetLocalTransformation(time))
@@ -136,14 +142,9 @@ def _prim(
         above.then(local),
         values,
         targets,
-        has_sizes and _is_seen(prim, time),
+        is_seen,
         bool(xform.GetResetXformStack()),
     )
-
-
-def _is_seen(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
-    image = UsdGeom.Imageable(prim)
-    return image.ComputePurpose() not in UNSEEN and image.ComputeVisibility(time) != "invisible"
 
 
 def _affine(matrix: Any) -> Affine:

@@ -210,9 +210,15 @@ def _write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
 
 def _write_attribute(prim: Usd.Prim, spec: AttributeSpec) -> None:
     site = f"{STARTER}: {prim.GetPath()}: {spec.name}"
-    attribute = prim.GetAttribute(spec.name)
-    if spec.type is not None:
-        attribute = _declare(prim, spec.name, spec.type)
+    if spec.type is None:
+        attribute = prim.GetAttribute(spec.name)
+    else:  # of a schema that only Isaac Sim has, worded as in a text layer
+        kind = spec.type.removeprefix("uniform ")
+        variability = Sdf.VariabilityVarying if kind == spec.type else Sdf.VariabilityUniform
+        value_type = Sdf.ValueTypeNames.Find(kind)
+        if not value_type:
+            raise SpecError(f"{site}: '{kind}' is no type of USD")
+        attribute = prim.CreateAttribute(spec.name, value_type, False, variability)  # noqa: FBT003 - no keyword
     if not attribute:
         raise SpecError(f"{site} is not known to USD here, give its type as well")
     try:
@@ -221,13 +227,3 @@ def _write_attribute(prim: Usd.Prim, spec: AttributeSpec) -> None:
         raise SpecError(
             f"{site} is {spec.value!r}, expected a {attribute.GetTypeName()}"
         ) from error
-
-
-def _declare(prim: Usd.Prim, name: str, declared: str) -> Usd.Attribute:
-    """Declare an attribute of a schema that only Isaac Sim has, as a text layer words its type."""
-    kind = declared.removeprefix("uniform ")
-    variability = Sdf.VariabilityVarying if kind == declared else Sdf.VariabilityUniform
-    value_type = Sdf.ValueTypeNames.Find(kind)
-    if not value_type:
-        raise SpecError(f"{STARTER}: {prim.GetPath()}: {name}: '{kind}' is no type of USD")
-    return prim.CreateAttribute(name, value_type, False, variability)  # noqa: FBT003 - no keyword
