@@ -83,7 +83,8 @@ class StageColliders(Colliders):
                     prims.PruneChildren()
                 continue
             boxes = open_boxes.pop()
-            box = _bounds([corner for corners in boxes for corner in corners]) if boxes else None
+            corners = [*(low for low, _ in boxes), *(high for _, high in boxes)]
+            box = _bounds(corners) if boxes else None
             open_boxes[-1] += [] if box is None else [box]
             if prim == top or _COLLISION in Usd.Prim.GetPrimTypeInfo(prim).GetAppliedAPISchemas():
                 self._boxes[path] = box
