@@ -63,7 +63,7 @@ class Chosen(Struct, frozen=True):
 class FixOptions(Struct, frozen=True):
     """Which repairs are made, and where: `wanted` keeps the findings that are to be repaired.
 
-    With `heeds_ignores`, what notes in the stage ignore on purpose is none of them.
+    With `heeds_ignores`, what notes in the stage ignore is left as it is.
     """
 
     unsafe: bool = False

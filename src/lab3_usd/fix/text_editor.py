@@ -1,6 +1,6 @@
 """Writes the changes of a layer into its text, and leaves every other byte as it was.
 
-What changed is told by two layers of usd-core, before and after. A statement whose rendering is
+Two layers of usd-core, before and after, show what changed. A statement whose rendering is
 the same in both is not touched; of one that differs, only the part that differs is replaced.
 """
 

@@ -45,7 +45,7 @@ def set_typed(session: EditSession, prim: str, name: str, type_name: str, value:
 
 
 def _attribute(session: EditSession, path: str, name: str, type_name: str) -> Sdf.AttributeSpec:
-    _remove_others(session, path, name, Sdf.AttributeSpec)
+    _remove_other_kinds(session, path, name, Sdf.AttributeSpec)
     layer = session.property_layer(path, name)
     prim = session.prim_spec(layer, path)
     old = layer.GetAttributeAtPath(f"{path}.{name}")
@@ -72,8 +72,8 @@ def _attribute(session: EditSession, path: str, name: str, type_name: str) -> Sd
     return new
 
 
-def _remove_others(session: EditSession, path: str, name: str, kind: type) -> None:
-    """Remove what says that a property is of another kind, a relationship or an attribute."""
+def _remove_other_kinds(session: EditSession, path: str, name: str, kind: type) -> None:
+    """Remove the specs of a property that are not of this kind, attribute or relationship."""
     for prim in session.specs(path):
         spec = prim.properties.get(name)
         if spec is not None and not isinstance(spec, kind):
@@ -82,7 +82,7 @@ def _remove_others(session: EditSession, path: str, name: str, kind: type) -> No
 
 
 def clear_value(session: EditSession, edit: ClearValue) -> None:
-    """Take the value or the targets of a property away, whichever layer says them."""
+    """Take the value or the targets of a property away, whichever layer holds them."""
     prim = session.stage.GetPrimAtPath(edit.prim)
     if prim.GetRelationship(edit.property):
         set_targets(session, Retarget(edit.prim, edit.property))
@@ -127,7 +127,7 @@ def connect(session: EditSession, edit: Connect) -> None:
 
 def set_targets(session: EditSession, edit: Retarget) -> None:
     """Let a relationship name what is asked for, and nothing else."""
-    _remove_others(session, edit.prim, edit.property, Sdf.RelationshipSpec)
+    _remove_other_kinds(session, edit.prim, edit.property, Sdf.RelationshipSpec)
     layer = session.property_layer(edit.prim, edit.property)
     prim = session.prim_spec(layer, edit.prim)
     spec = layer.GetRelationshipAtPath(f"{edit.prim}.{edit.property}")

@@ -63,7 +63,7 @@ def _restore_property(session: EditSession, path: str, name: str) -> None:
 
 
 def _source(session: EditSession, path: str, name: str) -> str:
-    """Return the prim at which a property is said; where it is gone, at which it should be.
+    """Return the prim at which a property is authored; where it is gone, at which it should be.
 
     That may be one which is referred to.
     """
@@ -139,7 +139,7 @@ def _restore_prim(session: EditSession, path: str) -> None:
         session.prim_spec(session.prim_layer(path), path).typeName = expected.typeName
     if _is_moved(session, expected):
         _restore_whole_pose(session, path)
-    _let_go_below(session, path)
+    _clear_overs_below(session, path)
     for spec in [*_naming(session.reference().pseudoRoot, expected.path, graph_type)]:
         _restore_presence(session, spec)
 
@@ -152,8 +152,8 @@ def _restore_presence(session: EditSession, expected: Sdf.PrimSpec) -> None:
         copy_prim(session, session.reference(), path, path)
 
 
-def _let_go_below(session: EditSession, path: str) -> None:
-    """Take poses and schemas off the overs below a prim that the reference says nothing of.
+def _clear_overs_below(session: EditSession, path: str) -> None:
+    """Take poses and schemas off the overs below a prim of which the reference has no spec.
 
     They change parts of what is referred to, which is right by itself.
     """
@@ -182,7 +182,7 @@ def _below(prim: Sdf.PrimSpec, graph_type: str) -> Iterator[Sdf.PrimSpec]:
 
 
 def _is_moved(session: EditSession, expected: Sdf.PrimSpec) -> bool:
-    """Whether the pose of a prim is written otherwise than in the reference."""
+    """Whether the pose of a prim differs from the one in the reference."""
     prim = session.stage.GetPrimAtPath(expected.path)
     poses = {
         attribute.name: attribute.default

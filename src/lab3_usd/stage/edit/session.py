@@ -99,7 +99,7 @@ def render_tree(layer: Sdf.Layer, path: str) -> str:
 
 
 def has_prim(layer: Sdf.Layer, path: str) -> bool:
-    """Whether a layer says anything of a prim."""
+    """Whether a layer has a spec of a prim."""
     return path == "/" or layer.GetPrimAtPath(path) is not None
 
 
@@ -169,7 +169,7 @@ class EditSession(Struct, eq=False):
         return self.edited[layer.identifier]
 
     def stands(self, path: str) -> bool:
-        """Whether a layer other than the session layer says anything of a prim."""
+        """Whether a layer other than the session layer has a spec of a prim."""
         return bool(self.opinions(path))
 
     def opinions(self, path: str) -> list[Sdf.PrimSpec]:
@@ -190,7 +190,7 @@ class EditSession(Struct, eq=False):
         return self._strongest(specs, f"{path}.{name}")
 
     def source(self, path: str, name: str) -> str:
-        """Return the prim at which a property is said, which may be one that is referred to."""
+        """Return the prim at which a property is authored, which may be one that is referred to."""
         allowed = self.layers()
         specs = (spec for spec in self._property_stack(path, name) if spec.layer in allowed)
         return next((str(spec.path.GetPrimPath()) for spec in specs), path)
@@ -213,7 +213,7 @@ class EditSession(Struct, eq=False):
         return Sdf.CreatePrimInLayer(layer, path)
 
     def specs(self, path: str) -> Iterator[Sdf.PrimSpec]:
-        """Yield what the layers that may be edited say of a prim, the strongest first."""
+        """Yield the specs of a prim in the layers that may be edited, the strongest first."""
         for layer in self.layers():
             spec = layer.GetPrimAtPath(path)
             if spec is not None:

@@ -48,7 +48,7 @@ def native_validation() -> Any:
 
 @quiet()
 def native_errors(stage: Usd.Stage, given: str) -> tuple[NativeError, ...]:
-    """Return what the validators of usd-core say of a stage; `given` names its root layer.
+    """Return the errors that usd-core's validators find in a stage; `given` names its root layer.
 
     They see the stage as it is saved. Validators of plugins are left out.
 

@@ -96,7 +96,7 @@ class stage_errors:  # noqa: N801 - used as a function is; made of one it takes 
     __slots__ = ("_kinds", "_path")
 
     def __init__(self, path: Path | str, *kinds: type[Exception]) -> None:
-        """Tell of the file at `path`."""
+        """Name the file at `path` in what is raised."""
         self._path = path
         self._kinds = kinds or _DAMAGE
 
@@ -104,7 +104,7 @@ class stage_errors:  # noqa: N801 - used as a function is; made of one it takes 
         """Begin to read."""
 
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
-        """Tell what is wrong with the file."""
+        """Raise what is wrong with the file."""
         if isinstance(error, self._kinds):
             raise StageError(f"{self._path}: {_reason(error)}") from error
 
@@ -158,7 +158,7 @@ def reopened(stage: Usd.Stage) -> Usd.Stage:
 
 
 def check_file(path: Path) -> None:
-    """Say in plain words what usd-core would say in its own.
+    """Refuse, in plain words, a file that usd-core cannot open.
 
     Raises:
         StageError: usd-core cannot open the file.

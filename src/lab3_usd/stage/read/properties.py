@@ -1,6 +1,4 @@
-"""What a composed prim says itself.
-
-Properties, plain values, and what holds when the timeline starts.
+"""Reads the properties of composed prims as plain values, as the timeline starts with them.
 
 Isaac Sim opens a stage at its first time code and plays from there on, and a time sample beats
 the default value. So the values of that moment are written into the session layer of a stage, where
@@ -197,7 +195,7 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
     def _is_relationship(self) -> bool:
         return bool(self.specs) and type(self.specs[0]) is Sdf.RelationshipSpec
 
-    def _says(self, field: str) -> bool:
+    def _is_authored(self, field: str) -> bool:
         """Whether a layer gives this to an attribute; a stronger relationship hides it."""
         for spec in self.specs:
             if spec.HasInfo(field):
@@ -217,13 +215,13 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
             alone = self.specs[0].default  # of one layer, which needs no composition
             if type(alone) not in _WITH_VARIABLES:
                 return plain_value(alone)
-        if not self._says(_VALUE):
+        if not self._is_authored(_VALUE):
             return None
         return plain_value(Usd.Attribute.Get(Usd.Prim.GetAttribute(self.prim, self.name)))
 
     def sources(self) -> tuple[str, ...]:
         """Return the properties that an attribute is connected to."""
-        if not self._says(_SOURCES):
+        if not self._is_authored(_SOURCES):
             return ()
         attribute = Usd.Prim.GetAttribute(self.prim, self.name)
         return tuple(map(str, Usd.Attribute.GetConnections(attribute)))

@@ -55,19 +55,18 @@ def read_scene(stage: Usd.Stage) -> Scene:
         # A unit too small to see a room in is a metre, as is one too large.
         unit if LEAST_UNIT <= unit <= 1.0 / LEAST_UNIT else 1.0,
         str(stage.GetMetadata("upAxis")),
-        tuple(_graph(path, prim, tuple(nodes[path])) for path, prim in graphs.items()),
+        tuple(
+            Graph(
+                path,
+                str(_value(prim, "evaluator:type") or "push"),
+                str(_value(prim, "pipelineStage") or "pipelineStageSimulation"),
+                str(_value(prim, "evaluationMode") or "Automatic"),
+                tuple(nodes[path]),
+            )
+            for path, prim in graphs.items()
+        ),
         prims,
         {asset.prim: asset.asset for asset in find_unresolved(stage)},
-    )
-
-
-def _graph(path: str, prim: Usd.Prim, nodes: tuple[Node, ...]) -> Graph:
-    return Graph(
-        path,
-        str(_value(prim, "evaluator:type") or "push"),
-        str(_value(prim, "pipelineStage") or "pipelineStageSimulation"),
-        str(_value(prim, "evaluationMode") or "Automatic"),
-        nodes,
     )
 
 
