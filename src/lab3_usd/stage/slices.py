@@ -30,101 +30,6 @@ class Faces(Struct, frozen=True):
     corners: Sequence[Sequence[int]]
 
 
-def faces_of(prim: Usd.Prim) -> Faces | None:
-    """Return the surface of a shape; None for a type that has no surface here.
-
-    A mesh is taken as it is, whatever a simulator makes of it (`physics:approximation`): a lidar
-    sees the mesh, and a hull around a ring would fill the ring.
-    """
-    read = _READERS.get(prim.GetTypeName())
-    return None if read is None else read(prim)
-
-
-def _value(prim: Usd.Prim, name: str) -> float:
-    return float(prim.GetAttribute(name).Get())
-
-
-def _cube(prim: Usd.Prim) -> Faces:
-    half = _value(prim, "size") / 2
-    ends = (-half, half)
-    points = [(x, y, z) for x in ends for y in ends for z in ends]
-    corners = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
-    return Faces(points, corners)
-
-
-def _round(prim: Usd.Prim) -> Faces:
-    radius, kind = _value(prim, "radius"), prim.GetTypeName()
-    half = 0.0 if kind == "Sphere" else _value(prim, "height") / 2
-    if kind == "Cylinder":
-        return _turned(prim, [(0.0, -half), (radius, -half), (radius, half), (0.0, half)])
-    if kind == "Cone":
-        return _turned(prim, [(0.0, -half), (radius, -half), (0.0, half)])
-    # A sphere is a capsule without a straight part.
-    angles = [math.pi * (ring / _RINGS - 0.5) for ring in range(_RINGS + 1)]
-    middle = _RINGS // 2
-    lower = [(radius * math.cos(a), radius * math.sin(a) - half) for a in angles[: middle + 1]]
-    upper = [(radius * math.cos(a), radius * math.sin(a) + half) for a in angles[middle:]]
-    return _turned(prim, lower + upper)
-
-
-def _turned(prim: Usd.Prim, profile: list[tuple[float, float]]) -> Faces:
-    """Turn a profile of (radius, height) about the shape's axis."""
-    axis = prim.GetAttribute("axis")
-    place = _PLACE.get(axis.Get() if axis else "Z", _PLACE["Z"])
-    circle = [
-        (math.cos(2 * math.pi * corner / _CORNERS), math.sin(2 * math.pi * corner / _CORNERS))
-        for corner in range(_CORNERS)
-    ]
-    points = [place(radius * x, radius * y, h) for radius, h in profile for x, y in circle]
-    faces = []
-    for low in range(0, (len(profile) - 1) * _CORNERS, _CORNERS):
-        high = low + _CORNERS
-        for corner in range(_CORNERS):
-            following = (corner + 1) % _CORNERS
-            faces.append((low + corner, low + following, high + following, high + corner))
-    return Faces(points, faces)
-
-
-def _mesh(prim: Usd.Prim) -> Faces:
-    mesh = UsdGeom.Mesh(prim)
-    points = _numbers(mesh.GetPointsAttr())
-    indices = _numbers(mesh.GetFaceVertexIndicesAttr())
-    holes = set(mesh.GetHoleIndicesAttr().Get() or ())
-    # A broken mesh may name points that it does not have.
-    is_sound = not indices or (min(indices) >= 0 and max(indices) < len(points))
-    corners = []
-    start = 0
-    for face, count in enumerate(mesh.GetFaceVertexCountsAttr().Get() or ()):
-        face_corners = indices[start : start + count]
-        start += count
-        if face not in holes and (
-            is_sound or all(0 <= corner < len(points) for corner in face_corners)
-        ):
-            corners.append(face_corners)
-    return Faces(points, corners)
-
-
-def _numbers(attribute: Usd.Attribute) -> list[Any]:
-    array = attribute.Get()
-    # Thirty times as fast as asking the array for one element after the other.
-    return memoryview(array).tolist() if array else []
-
-
-_PLACE: dict[str, Callable[[float, float, float], Number3]] = {
-    "X": lambda a, b, h: (h, a, b),
-    "Y": lambda a, b, h: (b, h, a),
-    "Z": lambda a, b, h: (a, b, h),
-}
-_READERS: dict[str, Callable[[Usd.Prim], Faces]] = {
-    "Cube": _cube,
-    "Cylinder": _round,
-    "Cone": _round,
-    "Sphere": _round,
-    "Capsule": _round,
-    "Mesh": _mesh,
-}
-
-
 class StageSlice(Struct, frozen=True):
     """A cut through a stage, in metres of a world whose Z points up.
 
@@ -270,3 +175,98 @@ def _crossings(outline: Sequence[tuple[float, ...]], height: float) -> Iterator[
         x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
         if math.isfinite(x) and math.isfinite(y):
             yield (x, y)
+
+
+def faces_of(prim: Usd.Prim) -> Faces | None:
+    """Return the surface of a shape; None for a type that has no surface here.
+
+    A mesh is taken as it is, whatever a simulator makes of it (`physics:approximation`): a lidar
+    sees the mesh, and a hull around a ring would fill the ring.
+    """
+    read = _READERS.get(prim.GetTypeName())
+    return None if read is None else read(prim)
+
+
+def _value(prim: Usd.Prim, name: str) -> float:
+    return float(prim.GetAttribute(name).Get())
+
+
+def _cube(prim: Usd.Prim) -> Faces:
+    half = _value(prim, "size") / 2
+    ends = (-half, half)
+    points = [(x, y, z) for x in ends for y in ends for z in ends]
+    corners = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+    return Faces(points, corners)
+
+
+def _round(prim: Usd.Prim) -> Faces:
+    radius, kind = _value(prim, "radius"), prim.GetTypeName()
+    half = 0.0 if kind == "Sphere" else _value(prim, "height") / 2
+    if kind == "Cylinder":
+        return _turned(prim, [(0.0, -half), (radius, -half), (radius, half), (0.0, half)])
+    if kind == "Cone":
+        return _turned(prim, [(0.0, -half), (radius, -half), (0.0, half)])
+    # A sphere is a capsule without a straight part.
+    angles = [math.pi * (ring / _RINGS - 0.5) for ring in range(_RINGS + 1)]
+    middle = _RINGS // 2
+    lower = [(radius * math.cos(a), radius * math.sin(a) - half) for a in angles[: middle + 1]]
+    upper = [(radius * math.cos(a), radius * math.sin(a) + half) for a in angles[middle:]]
+    return _turned(prim, lower + upper)
+
+
+def _turned(prim: Usd.Prim, profile: list[tuple[float, float]]) -> Faces:
+    """Turn a profile of (radius, height) about the shape's axis."""
+    axis = prim.GetAttribute("axis")
+    place = _PLACE.get(axis.Get() if axis else "Z", _PLACE["Z"])
+    circle = [
+        (math.cos(2 * math.pi * corner / _CORNERS), math.sin(2 * math.pi * corner / _CORNERS))
+        for corner in range(_CORNERS)
+    ]
+    points = [place(radius * x, radius * y, h) for radius, h in profile for x, y in circle]
+    faces = []
+    for low in range(0, (len(profile) - 1) * _CORNERS, _CORNERS):
+        high = low + _CORNERS
+        for corner in range(_CORNERS):
+            following = (corner + 1) % _CORNERS
+            faces.append((low + corner, low + following, high + following, high + corner))
+    return Faces(points, faces)
+
+
+def _mesh(prim: Usd.Prim) -> Faces:
+    mesh = UsdGeom.Mesh(prim)
+    points = _numbers(mesh.GetPointsAttr())
+    indices = _numbers(mesh.GetFaceVertexIndicesAttr())
+    holes = set(mesh.GetHoleIndicesAttr().Get() or ())
+    # A broken mesh may name points that it does not have.
+    is_sound = not indices or (min(indices) >= 0 and max(indices) < len(points))
+    corners = []
+    start = 0
+    for face, count in enumerate(mesh.GetFaceVertexCountsAttr().Get() or ()):
+        face_corners = indices[start : start + count]
+        start += count
+        if face not in holes and (
+            is_sound or all(0 <= corner < len(points) for corner in face_corners)
+        ):
+            corners.append(face_corners)
+    return Faces(points, corners)
+
+
+def _numbers(attribute: Usd.Attribute) -> list[Any]:
+    array = attribute.Get()
+    # Thirty times as fast as asking the array for one element after the other.
+    return memoryview(array).tolist() if array else []
+
+
+_PLACE: dict[str, Callable[[float, float, float], Number3]] = {
+    "X": lambda a, b, h: (h, a, b),
+    "Y": lambda a, b, h: (b, h, a),
+    "Z": lambda a, b, h: (a, b, h),
+}
+_READERS: dict[str, Callable[[Usd.Prim], Faces]] = {
+    "Cube": _cube,
+    "Cylinder": _round,
+    "Cone": _round,
+    "Sphere": _round,
+    "Capsule": _round,
+    "Mesh": _mesh,
+}
