@@ -27,7 +27,7 @@ from lab3_usd.check.rules.sensors import (
 )
 from lab3_usd.model.changes import Restore
 from lab3_usd.model.finding import Problem, display
-from lab3_usd.model.stage import is_unresolved, same_value
+from lab3_usd.model.stage import same_value
 from lab3_usd.spec.scene import Plain, SensorSpec
 
 
@@ -165,8 +165,7 @@ def _left_alone(subject: StageSubject, found: PresentSensor) -> Iterator[Problem
     if spec.rate_api not in prim.apis:
         return
     for name, entry in spec.required.items():
-        is_rate = entry.required is not True and name not in prim.attributes
-        if is_rate and not is_unresolved(subject.stage, prim.path):
+        if entry.required is not True and name not in prim.attributes:
             expected = display(entry.value)
             message = (
                 f"{name} is not set, expected {expected}; {spec.rate_api} takes 0 then, which "
@@ -183,6 +182,7 @@ def _left_alone(subject: StageSubject, found: PresentSensor) -> Iterator[Problem
                 severity="warning",
                 fix=(Restore(prim.path, name),),
                 unmet=(attribute_demand(found.group, name),),
+                rests_on=subject.stage.unknown(prim.path),
             )
 
 

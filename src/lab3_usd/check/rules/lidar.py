@@ -28,7 +28,7 @@ from lab3_usd.check.rules.sensors import (
 from lab3_usd.model.changes import ApplySchema, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import is_unresolved, same_value
+from lab3_usd.model.stage import same_value
 from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import ScanSpec, SensorAttribute, SensorSpec
@@ -107,13 +107,11 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
     """
     for sensor in present_sensors(subject, LIDAR):
         prim = sensor.prim
-        may_be_hidden = is_unresolved(subject.stage, prim.path)
         for name, entry in sensor.spec.required.items():
             actual = prim.attributes.get(name)
             has_api = sensor.spec.required_api in prim.apis
             unset = entry.unset if actual is None and has_api else ""
-            is_hidden = actual is None and may_be_hidden
-            if not same_value(actual, entry.value) and unset != "right" and not is_hidden:
+            if not same_value(actual, entry.value) and unset != "right":
                 expected, is_ = display(entry.value), display(actual)
                 yield Problem(
                     prim.path,
@@ -126,6 +124,7 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
                     severity="warning" if unset else None,
                     fix=(Restore(prim.path, name),),
                     unmet=(attribute_demand(sensor.group, name),),
+                    rests_on=subject.stage.unknown_value(prim, name),
                 )
 
 
@@ -149,7 +148,7 @@ def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
     """
     for sensor in present_sensors(subject, LIDAR):
         prim, wanted = sensor.prim, sensor.spec.required_api
-        if wanted and wanted not in prim.apis and not is_unresolved(subject.stage, prim.path):
+        if wanted and wanted not in prim.apis:
             yield Problem(
                 prim.path,
                 f"lidar lacks {wanted}",
@@ -158,6 +157,7 @@ def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
                 related=sensor.place.related,
                 fix=(ApplySchema(prim.path, wanted),),
                 unmet=(f"{sensor.group}/schema",),
+                rests_on=subject.stage.unknown(prim.path),
             )
 
 

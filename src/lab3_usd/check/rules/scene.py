@@ -27,9 +27,8 @@ from lab3_usd.model.physics import bodies, bodies_below
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import (
     AnimatedAttribute,
+    UnresolvedAsset,
     absence_reason,
-    is_pose_unresolved,
-    is_unresolved,
     missing_graphs_text,
 )
 from lab3_usd.model.transforms import IDENTITY, Vector, decompose, relative_transform
@@ -69,30 +68,33 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     wanted[root.path] = root.handout
     if stage.prim(root.path) is not None:
         wanted |= dict.fromkeys(root.link_paths, root.handout)
-    told: list[str] = []
+    missing: list[str] = []
     for path, handout in wanted.items():
-        is_told = any(is_at_or_below(path, above) for above in told)
-        if not is_told and stage.prim(path) is None and not is_unresolved(stage, path):
-            told.append(path)
-            why = absence_reason(stage, path)
-            others = _places(subject, path)
-            at, hint = "", None
-            fix: tuple[Edit, ...] = (Restore(path),)
-            if others:
-                at = f"; it seems to be the prim at {others[0]}"
-                hint = f"rename or drag {others[0]} back to {path} in the Stage panel"
-                fix = (MovePrim(others[0], path),) if len(others) == 1 else ()
-            yield Problem(
-                path,
-                f"{path} {why}{at}{missing_graphs_text(subject.missing_graphs, path)}",
-                expected=path,
-                actual=why,
-                handout=handout,
-                related=others,
-                hint=hint,
-                fix=fix,
-                absent=True,
-            )
+        if stage.prim(path) is not None or any(is_at_or_below(path, top) for top in missing):
+            continue
+        asset = stage.unknown(path)
+        if asset is None:
+            missing.append(path)
+        why = absence_reason(stage, path)
+        places = _places(subject, path)
+        place_text, hint = "", None
+        fix: tuple[Edit, ...] = (Restore(path),)
+        if places:
+            place_text = f"; it seems to be the prim at {places[0]}"
+            hint = f"rename or drag {places[0]} back to {path} in the Stage panel"
+            fix = (MovePrim(places[0], path),) if len(places) == 1 else ()
+        yield Problem(
+            path,
+            f"{path} {why}{place_text}{missing_graphs_text(subject.missing_graphs, path)}",
+            expected=path,
+            actual=why,
+            handout=handout,
+            related=places,
+            hint=hint,
+            fix=fix,
+            absent=True,
+            rests_on=asset,
+        )
 
 
 def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
@@ -150,7 +152,7 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     units, the finding is a warning.
     """
     wanted, stage = subject.lab.scene.stage, subject.stage
-    pairs = {
+    units = {
         "metersPerUnit": (stage.meters_per_unit, wanted.meters_per_unit),
         "kilogramsPerUnit": (stage.kilograms_per_unit, wanted.kilograms_per_unit),
     }
@@ -158,17 +160,17 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     is_turned = stage.up_axis != wanted.up_axis
     wrong = [("upAxis", stage.up_axis, wanted.up_axis)] if is_turned else []
     wrong += [
-        (name, f"{actual:g}", f"{expected:g}")
-        for name, (actual, expected) in pairs.items()
-        if not abs(actual - expected) <= tolerance * expected
+        (name, f"{unit:g}", f"{right:g}")
+        for name, (unit, right) in units.items()
+        if not abs(unit - right) <= tolerance * right
     ]
-    for name, is_, should in wrong:
+    for name, actual, expected in wrong:
         yield Problem(
             "/",
-            f"{name} is {is_}, expected {should}",
+            f"{name} is {actual}, expected {expected}",
             name,
-            should,
-            is_,
+            expected,
+            actual,
             wanted.handout,
             fix=(Restore("/", name),),
             unmet=(f"Scene/stage/{name}",),
@@ -195,7 +197,7 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
     """
     spec, stage = subject.lab.scene.robot, subject.stage
     root = stage.prim(spec.path)
-    if root is None or (root.local is None and is_unresolved(stage, root.path)):
+    if root is None:
         return
     severity: Severity | None = None
     if subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until):
@@ -213,6 +215,8 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
             hint=f"select the robot root and {wrong.hint}",
             fix=(Restore(root.path, wrong.property),),
             unmet=(part_of_pose(SCENE, wrong.kind),),
+            # An unset pose would be that of the origin.
+            rests_on=stage.unknown_pose(root),
         )
 
 
@@ -246,18 +250,19 @@ def scan_offset(subject: StageSubject) -> Iterator[Problem]:
             continue
         for place in _link_places(subject, prim):
             if not is_near(place.at, expected, scene.tolerance.link_position, units):
-                is_, should = vector_text(place.at), vector_text(units.shown(expected))
+                at_text, offset_text = vector_text(place.at), vector_text(units.shown(expected))
                 yield Problem(
                     place.prim,
-                    f"{name} {place.how} at {is_} on the robot, expected {should}",
+                    f"{name} {place.how} at {at_text} on the robot, expected {offset_text}",
                     place.property,
-                    should,
-                    is_,
+                    offset_text,
+                    at_text,
                     link.handout,
                     related=() if place.prim == prim.path else (prim.path,),
-                    hint=f"{place.hint} {should}",
+                    hint=f"{place.hint} {offset_text}",
                     fix=(Restore(place.prim, place.property),),
                     unmet=(f"Scene/{place.demand}/{name}",),
+                    rests_on=place.unknown,
                 )
 
 
@@ -265,6 +270,7 @@ class _LinkPlace(Struct, frozen=True):
     """Where a link is on the robot, which property says so, and how that is repaired.
 
     `demand` is what is unmet where that is elsewhere: the link's own place, or that it is held.
+    `unknown` is a missing asset that could put the link elsewhere.
     """
 
     prim: str
@@ -273,6 +279,7 @@ class _LinkPlace(Struct, frozen=True):
     how: str
     hint: str
     demand: str
+    unknown: UnresolvedAsset | None = None
 
 
 def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
@@ -280,13 +287,13 @@ def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
     robot = subject.lab.scene.robot
     root, base = subject.stage.prim(robot.path), robot.links.get(robot.base_frame)
     is_first = subject.checkpoint.id == subject.lab.first
-    if is_first and not is_pose_unresolved(subject.stage, link) and root is not None:
-        seen = root.world and link.world and relative_transform(link.world, root.world)
-        if seen:
-            hint = f"in the Property panel of {link.name}, set Translate to"
-            where = pose_property(link, "translate")
-            at = decompose(seen).translation
-            yield _LinkPlace(link.path, where, at, "sits", hint, "offset")
+    seen = root and root.world and link.world and relative_transform(link.world, root.world)
+    if is_first and seen:
+        hint = f"in the Property panel of {link.name}, set Translate to"
+        translate = pose_property(link, "translate")
+        at = decompose(seen).translation
+        unknown = subject.stage.unknown_pose(link)
+        yield _LinkPlace(link.path, translate, at, "sits", hint, "offset", unknown)
     joint = next((weld for weld in welds(subject) if link.path in bodies(weld)), None)
     rest = rest_frames(subject).get(link.path)
     if joint is not None and rest is not None and base is not None and base.offset is None:

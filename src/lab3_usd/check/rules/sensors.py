@@ -36,7 +36,7 @@ from lab3_usd.model.changes import ApplySchema, MovePrim, RemovePrim, RemoveSche
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import absence_reason, is_unresolved, missing_graphs_text, same_value
+from lab3_usd.model.stage import absence_reason, missing_graphs_text, same_value
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import PoseSpec, SensorAttribute, SensorSpec
 
@@ -128,11 +128,18 @@ def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
         if found.prim is not None or found.wrong_type_prim is not None:
             continue
         path, link = found.path, found.path.rpartition("/")[0]
-        if stage.prim(link) is not None and not is_unresolved(stage, path):
-            why, handout = absence_reason(stage, path), subject.lab.sensors[sensor].handout
-            message = f"{path} {why}{missing_graphs_text(subject.missing_graphs, path)}"
-            fix = (Restore(path),)
-            yield Problem(path, message, None, path, why, handout, fix=fix, absent=True)
+        if stage.prim(link) is not None:
+            why = absence_reason(stage, path)
+            yield Problem(
+                path,
+                f"{path} {why}{missing_graphs_text(subject.missing_graphs, path)}",
+                expected=path,
+                actual=why,
+                handout=subject.lab.sensors[sensor].handout,
+                fix=(Restore(path),),
+                absent=True,
+                rests_on=stage.unknown(path),
+            )
 
 
 def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
@@ -258,8 +265,7 @@ def wrong_attributes(
     prim, related = found.prim, found.place.related
     for name, entry in asked.items():
         actual, wanted = prim.attributes.get(name), entry.value
-        may_be_absent = entry.required is not True or is_unresolved(subject.stage, prim.path)
-        if same_value(actual, wanted) or (actual is None and may_be_absent):
+        if same_value(actual, wanted) or (actual is None and entry.required is not True):
             continue
         expected, is_ = display(wanted), display(actual)
         why = "" if actual is not None else ", which leaves USD's own default"
@@ -274,6 +280,7 @@ def wrong_attributes(
             related,
             fix=(Restore(prim.path, name),),
             unmet=(attribute_demand(found.group, name),),
+            rests_on=subject.stage.unknown_value(prim, name),
         )
 
 
@@ -370,7 +377,7 @@ def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
     for sensor in present_sensors(subject, OTHER):
         prim = sensor.prim
         for wanted in sensor.spec.required_apis:
-            if wanted not in prim.apis and not is_unresolved(subject.stage, prim.path):
+            if wanted not in prim.apis:
                 yield Problem(
                     prim.path,
                     f"{prim.name} lacks {wanted}",
@@ -379,6 +386,7 @@ def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
                     related=sensor.place.related,
                     fix=(ApplySchema(prim.path, wanted),),
                     unmet=(f"{sensor.group}/{wanted}",),
+                    rests_on=subject.stage.unknown(prim.path),
                 )
 
 

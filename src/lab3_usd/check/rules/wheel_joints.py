@@ -11,11 +11,11 @@ from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.check.robot.wheels import (
     WheelJoint,
     base_side,
-    could_hide_joints,
     has_no_joints,
     is_stated,
     tied_joints,
     turning_joints,
+    unknown_joints,
     wheel_joints,
     wrong_ends,
 )
@@ -40,7 +40,7 @@ from lab3_usd.model.physics import (
     number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import absence_reason, is_unresolved
+from lab3_usd.model.stage import absence_reason
 from lab3_usd.model.transforms import Vector, angle_between, distance, dot, scaled
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import WheelSpec
@@ -94,6 +94,7 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
         if subject.stage.prim(joint.link) is None:
             continue
         message = _why_useless(joint, subject)
+        is_gone = joint.prim is None or (joint.prim.active and not joint.prim.present)
         wrong = None if message or joint.live is None else _wrong_value(joint.live)
         if message is not None:
             fix: tuple[Edit, ...] = tuple(map(Restore, (joint.site, *joint.related)))
@@ -108,6 +109,7 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
                 fix=fix,
                 unmet=(f"Scene/joint/{joint.name}",),
                 absent=joint.live is None,
+                rests_on=unknown_joints(subject) if is_gone else None,
             )
         elif wrong is not None:
             says, name, expected, actual = wrong
@@ -167,9 +169,6 @@ def _no_joints(subject: StageSubject, handout: str) -> Problem:
 def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
     prim = joint.prim
     if prim is None or not prim.present:
-        is_gone = prim is None or prim.active
-        if is_gone and could_hide_joints(subject):
-            return None
         return f"{joint.name} {absence_reason(subject.stage, joint.site)}"
     if prim.type != REVOLUTE:
         return f"{joint.name} is a {prim.type or 'prim without a type'}, expected {REVOLUTE}"
@@ -193,8 +192,6 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
     section = lab.handout.behind("S08", lab.scene.robot.wheels.handout)
     for joint in turning_joints(subject):
         for name, actual in wrong_ends(joint, subject):
-            if not actual and is_unresolved(subject.stage, joint.site):
-                continue
             is_wheel = base_side(joint) is None
             expected = joint.link if is_wheel else "a link of the robot that is no wheel"
             message = f"{name} is {actual or 'the world'}, expected {expected}"
@@ -208,6 +205,7 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
                 joint.related,
                 fix=(Restore(joint.site, name),),
                 unmet=(f"Scene/bodies/{joint.name}",),
+                rests_on=None if actual else subject.stage.unknown(joint.site),
             )
 
 
@@ -252,7 +250,7 @@ def _ties(joint: Prim, wheel: WheelJoint) -> bool:
 def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
     """Whether the wheel has its own joint, or may have it; S07 speaks of one that has none."""
     if wheel.prim is None:
-        return could_hide_joints(subject)
+        return unknown_joints(subject) is not None
     return wheel.live is not None and not is_switched_off(wheel.live, JOINT_ENABLED)
 
 
@@ -411,8 +409,8 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
         prim = joint.prim
         if prim is None:
             continue
-        may_be_hidden = is_unresolved(subject.stage, prim.path)
-        if DRIVE_API not in prim.apis and not may_be_hidden:
+        asset = subject.stage.unknown(prim.path)
+        if DRIVE_API not in prim.apis:
             yield Problem(
                 prim.path,
                 f"{joint.name} has no angular drive",
@@ -422,8 +420,10 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                 related=joint.related,
                 fix=(ApplySchema(prim.path, DRIVE_API),),
                 unmet=(f"Scene/damping/{joint.name}",),
+                rests_on=asset,
             )
-            continue
+            if asset is None:
+                continue
         stiffness = number(prim.attributes.get(STIFFNESS, 0.0))
         if stiffness != 0:
             is_ = "no number" if stiffness is None else f"{stiffness:g}"
@@ -438,8 +438,7 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                 fix=(Restore(prim.path, STIFFNESS),),
                 unmet=(f"Scene/stiffness/{joint.name}",),
             )
-        hidden = None if may_be_hidden else 0.0
-        for name, unset in ((DAMPING, hidden), (MAX_FORCE, None)):
+        for name, unset in ((DAMPING, 0.0), (MAX_FORCE, None)):
             value = number(prim.attributes.get(name, unset))
             if value is not None and not value > 0:
                 yield Problem(
@@ -452,4 +451,5 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                     joint.related,
                     fix=(Restore(prim.path, name),),
                     unmet=(f"Scene/damping/{joint.name}",),
+                    rests_on=subject.stage.unknown_value(prim, name),
                 )

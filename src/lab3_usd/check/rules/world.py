@@ -42,12 +42,7 @@ from lab3_usd.model.physics import (
     collides,
 )
 from lab3_usd.model.prims import Collider, Matrix, Prim, is_at_or_below
-from lab3_usd.model.stage import (
-    StageModel,
-    absence_reason,
-    has_unresolved_outside,
-    is_pose_unresolved,
-)
+from lab3_usd.model.stage import StageModel, UnresolvedAsset, absence_reason
 from lab3_usd.model.transforms import (
     IDENTITY,
     Pose,
@@ -94,18 +89,17 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
     Example: the collision plane below `/Environment` deactivated.
     """
     asked = _asked(subject, subject.lab.scene.world.ground)
-    if asked is None or has_ground(subject) or _is_elsewhere(subject):
+    if asked is None or has_ground(subject):
         return
+    asset = _missing_environment(subject)
     falling = falling_ground(subject)
-    if falling is not None:
-        yield _falls(asked, *falling)
-        return
     steep = next(steep_planes(subject.stage, subject.lab.scene.robot.path), None)
-    if steep is not None:
-        yield _faces_elsewhere(asked, steep)
-        return
     off = _silent_ground(subject)
-    if off is not None:
+    if falling is not None:
+        yield replace(_falls(asked, *falling), rests_on=asset)
+    elif steep is not None:
+        yield replace(_faces_elsewhere(asked, steep), rests_on=asset)
+    elif off is not None:
         has_api = COLLISION_API in off.apis
         what = "is switched off" if has_api else "was removed"
         message = f"the ground does not carry the robot: the collision of {off.name} {what}"
@@ -119,10 +113,11 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
             related=(asked.usual,),
             fix=(restored if has_api else ApplySchema(off.path, COLLISION_API),),
             unmet=(_GROUND,),
+            rests_on=asset,
         )
-        return
-    planes = subject.stage.of_type(PLANE)
-    yield _missing(subject, asked, "a ground with collision", planes, _GROUND)
+    else:
+        planes = subject.stage.of_type(PLANE)
+        yield _missing(subject, asked, "a ground with collision", planes, _GROUND)
 
 
 def _falls(asked: WorldPart, ground: Prim, body: Prim) -> Problem:
@@ -177,12 +172,12 @@ def light(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the only DistantLight deactivated.
     """
-    found = list(lights(subject.stage))
+    prims = list(lights(subject.stage))
     asked = _asked(subject, subject.lab.scene.world.light)
-    if asked is None or any(prim.present for prim in found):
+    if asked is None or any(prim.present for prim in prims):
         return
-    if not _is_elsewhere(subject) and not _is_told_by_ground(subject, asked):
-        yield _missing(subject, asked, "a light", found, _LIGHT)
+    if not _is_lost_with_ground(subject, asked):
+        yield _missing(subject, asked, "a light", prims, _LIGHT)
 
 
 @rule("S15", "physics-scene", scope="stage", demands=_HAS_SCENE)
@@ -197,7 +192,7 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/physicsScene` deleted, or `physics:gravityMagnitude` 0 on it.
     """
-    found = list(subject.stage.of_type(SCENE))
+    scenes = list(subject.stage.of_type(SCENE))
     asked = _asked(subject, subject.lab.scene.world.physics_scene)
     if asked is None:
         return
@@ -211,8 +206,8 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
             fix=tuple(Restore(*site.split(".")) for site in sites),
             unmet=(_SCENE,),
         )
-    if not any(prim.present for prim in found) and not _is_elsewhere(subject):
-        yield _missing(subject, asked, "a physics scene", found, _SCENE)
+    if not any(prim.present for prim in scenes):
+        yield _missing(subject, asked, "a physics scene", scenes, _SCENE)
 
 
 @rule("S16", "observation-camera", scope="stage", severity="warning")
@@ -229,7 +224,7 @@ def observation_camera(subject: StageSubject) -> Iterator[Problem]:
     robot, world = subject.lab.scene.robot.path, subject.lab.scene.world
     asked = world.observation_camera
     is_gone = subject.stage.prim(world.graph_parent.path) is None  # which is S01's
-    if asked is None or is_gone or _is_elsewhere(subject):
+    if asked is None or is_gone:
         return
     typed = subject.stage.of_type(asked.type)
     cameras = [prim for prim in typed if not is_at_or_below(prim.path, robot)]
@@ -237,9 +232,9 @@ def observation_camera(subject: StageSubject) -> Iterator[Problem]:
         yield _missing(subject, asked, "an observation camera", cameras)
 
 
-def _is_elsewhere(subject: StageSubject) -> bool:
-    """Whether an asset of the environment is missing, which could hold it."""
-    return has_unresolved_outside(subject.stage, subject.lab.scene.robot.path)
+def _missing_environment(subject: StageSubject) -> UnresolvedAsset | None:
+    """Return a missing asset that could hold parts of the world."""
+    return subject.stage.unknown_outside(subject.lab.scene.robot.path)
 
 
 def _asked(subject: StageSubject, part: WorldPart | None) -> WorldPart | None:
@@ -249,7 +244,7 @@ def _asked(subject: StageSubject, part: WorldPart | None) -> WorldPart | None:
     return None if part is None or (is_gone and is_at_or_below(part.usual, above)) else part
 
 
-def _is_told_by_ground(subject: StageSubject, light: WorldPart) -> bool:
+def _is_lost_with_ground(subject: StageSubject, light: WorldPart) -> bool:
     """Whether ground and light are gone because one prim that holds both is switched off."""
     ground = _asked(subject, subject.lab.scene.world.ground)
     if ground is None or ground.usual != light.usual:
@@ -271,8 +266,16 @@ def _missing(
     why = f": {site} {absence_reason(subject.stage, site)}" if off else ""
     related = (usual,) if site != usual else ()
     message = f"the scene has no {title.split(' ', 1)[1]}{why}"
-    fix = tuple(map(Restore, (site, *related)))
-    return Problem(site, message, None, title, None, asked.handout, related, fix=fix, unmet=unmet)
+    return Problem(
+        site,
+        message,
+        expected=title,
+        handout=asked.handout,
+        related=related,
+        fix=tuple(map(Restore, (site, *related))),
+        unmet=unmet,
+        rests_on=_missing_environment(subject),
+    )
 
 
 _UP = (0.0, 0.0, 1.0)
@@ -382,7 +385,7 @@ def _lows(subject: StageSubject) -> dict[str, float]:
         path = f"{spec.path}/{name}"
         shapes = [box.low[2] for box in stage.colliders.below(path) if _is_on(box, stage)]
         prim = stage.prim(path)
-        if prim is not None and (is_pose_unresolved(stage, prim) or is_scaled(prim, size)):
+        if prim is not None and (stage.unknown_pose(prim) or is_scaled(prim, size)):
             continue  # what is scaled S24 tells
         if shapes:
             lows[path] = min(shapes)
@@ -411,13 +414,7 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     robot, stage = subject.lab.scene.robot, subject.stage
     root = stage.prim(robot.path)
     base = stage.prim(robot.base)
-    if (
-        root is None
-        or base is None
-        or robot.base_frame not in robot.links
-        or is_pose_unresolved(stage, root)
-        or is_pose_unresolved(stage, base)
-    ):
+    if root is None or base is None or robot.base_frame not in robot.links:
         return
     if root.world is None or base.world is None:
         return
@@ -429,8 +426,9 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
         return
     at, root_at = (_start(pose, stage.meters_per_unit) for pose in (start, expected))
     message = f"the robot starts {at}; its root has it {root_at}"
-    where = pose_property(base, "translate")
-    yield Problem(base.path, message, where, root_at, at, robot.pose.handout)
+    translate = pose_property(base, "translate")
+    unknown = stage.unknown_pose(root, base)
+    yield Problem(base.path, message, translate, root_at, at, robot.pose.handout, rests_on=unknown)
 
 
 def _base_pose(subject: StageSubject, root: Matrix) -> Pose:
