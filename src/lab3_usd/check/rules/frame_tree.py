@@ -77,6 +77,7 @@ def two_parents(view: TfView) -> Iterator[Problem]:
             related=_others(everything, found[0][0]),
             severity=severity,
             fix=edits_of_harm(view.subject, cause, severity=severity),
+            frames=tuple(site.child for site, _ in found),
         )
 
 
@@ -135,6 +136,7 @@ def _of_two_prims(edges: list[Edge], subject: StageSubject) -> Problem:
         handout=subject.lab.frames.handout,
         severity=severity,
         fix=edits_of_harm(subject, edges[0].cause, severity=severity),
+        frames=(edges[0].child,),
     )
 
 
@@ -332,6 +334,7 @@ def _placed(placement: _Placement, view: TfView) -> Problem:
         handout=frames.guard_handout,
         hint=hint,
         fix=edits_of_harm(view.subject, placement.node, placement.port),
+        frames=(view.odom,),
     )
 
 
