@@ -101,7 +101,7 @@ def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
         last = inside[-1]
         yield Problem(
             last.cause,
-            f"publishes {last.parent} -> {last.child}, which closes a ring of {', '.join(frames)}",
+            f"publishes {last.parent} -> {last.child}, which closes a cycle of {', '.join(frames)}",
             actual=f"{last.parent} -> {last.child}",
             related=tuple(dict.fromkeys(e.publisher for e in inside if e is not last)),
             severity=_grave(*inside),
@@ -126,8 +126,8 @@ def trees_apart(subject: LintSubject) -> Iterator[Problem]:
     for edges, frames in trees[1:]:
         yield Problem(
             edges[0].cause,
-            f"publishes the tree of {', '.join(sorted(frames))}, which nothing connects with that "
-            f"of {', '.join(sorted(trees[0][1]))}",
+            f"publishes the tree of {', '.join(sorted(frames))}, which is not connected to that of "
+            f"{', '.join(sorted(trees[0][1]))}",
             related=(trees[0][0][0].publisher,),
         )
 
@@ -205,7 +205,7 @@ def odometry_and_transform_differ(subject: LintSubject) -> Iterator[Problem]:
         if pair.message != pair.transform:
             yield Problem(
                 pair.publisher.path,
-                f"the message is of {' -> '.join(pair.message)}, and {pair.tree.path} publishes "
+                f"the message names {' -> '.join(pair.message)}, but {pair.tree.path} publishes "
                 f"{' -> '.join(pair.transform)}",
                 property=pair.port,
                 expected=" -> ".join(pair.transform),

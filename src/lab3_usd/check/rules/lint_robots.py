@@ -51,10 +51,10 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
         is_by_path = command.port == command.ports.path
         if not command.robot or command.roots or not (is_there or is_by_path):
             continue  # of a target that is not there another rule speaks
-        what = "no articulation root is there or below" if is_there else "there is no such prim"
+        what = "no articulation root at or below it" if is_there else "no prim at that path"
         yield Problem(
             command.node.path,
-            f"{command.port} is {command.robot}, and {what}",
+            f"{command.port} is {command.robot}, but there is {what}",
             property=command.port,
             expected="a prim with an articulation root",
             actual=command.robot,
@@ -119,7 +119,7 @@ def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
     kind = next(iter(drives), "")
     wrong = _wrong_value(joint, f"drive:{kind.partition(':')[2]}:physics:", is_driven=bool(kind))
     if wrong is not None:
-        message = f"{wrong[0]}, and {command.node.path} tells it a velocity"
+        message = f"{wrong[0]}, but {command.node.path} commands a velocity"
         yield Problem(
             joint.path, message, *wrong[1:], related=(command.node.path,), rests_on=command.unknown
         )
@@ -136,7 +136,7 @@ def _wrong_value(
     if damping is None or damping <= 0.0:
         return "has a drive without damping", names[0], "damping above 0", None
     if stiffness is not None and stiffness > 0.0:
-        return f"has a drive of stiffness {stiffness:g}", names[1], "0", f"{stiffness:g}"
+        return f"has a drive with stiffness {stiffness:g}", names[1], "0", f"{stiffness:g}"
     if force is not None and force <= 0.0:
         return "has a drive without force", names[2], "above 0", f"{force:g}"
     return None
@@ -168,8 +168,8 @@ def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
 
 def _why_no_body(found: Followed) -> str:
     if found.body is None:
-        return f"a robot that lists no link in {found.asked.links}"
-    what = "is no rigid body and no articulation root"
+        return f"which lists no link in {found.asked.links}"
+    what = "is neither a rigid body nor an articulation root"
     is_other = found.body.path != found.prim.path
     return f"and its first link {found.body.path} {what}" if is_other else f"which {what}"
 
@@ -352,8 +352,8 @@ def left_and_right(subject: LintSubject) -> Iterator[Problem]:
         if says_so and is_so:
             yield Problem(
                 command.node.path,
-                f"the speeds of {controller.name} are those of the left and the right wheel, the "
-                f"names are {first.name}, {second.name}",
+                f"{controller.name} gives the speeds of the left and the right wheel, but the "
+                f"joint names are {first.name}, {second.name}",
                 property=command.ports.joints,
                 expected=f"{second.name}, {first.name}",
                 actual=f"{first.name}, {second.name}",

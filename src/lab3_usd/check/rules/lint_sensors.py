@@ -79,7 +79,7 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
         if prim.type not in asked.types and not set(prim.apis) & set(asked.schemas):
             yield Problem(
                 node.path,
-                f"reads {path}, which is of type {prim.type or 'nothing'}",
+                f"reads {path}, which has {f'type {prim.type}' if prim.type else 'no type'}",
                 property=_PRODUCT,
                 expected=" or ".join(asked.types),
                 actual=prim.type,
@@ -105,7 +105,7 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
         if prim.type in asked.types and asked.needs not in prim.apis:
             yield Problem(
                 path,
-                f"has no {asked.needs}, so that {node.path} refuses it",
+                f"has no {asked.needs}, so {node.path} refuses it",
                 expected=asked.needs,
                 related=(node.path,),
                 fix=(ApplySchema(path, asked.needs),),

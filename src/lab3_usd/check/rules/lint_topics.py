@@ -117,7 +117,7 @@ def refused_profile(subject: LintSubject) -> Iterator[Problem]:
         if endpoint.qos is None and isinstance(written, str) and written and not is_wired:
             yield Problem(
                 endpoint.node.path,
-                f"{PROFILE} is no profile that Isaac Sim reads, so that {endpoint.topic} is not "
+                f"{PROFILE} is not a profile that Isaac Sim can read: {endpoint.topic} is not "
                 "opened",
                 property=PROFILE,
                 expected="JSON with all eight fields, or nothing",
@@ -155,9 +155,9 @@ def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
 
 def _mismatch(maker: Qos, taker: Qos) -> str:
     if taker.reliability == "reliable" and maker.reliability == "best_effort":
-        return "asked for is reliable, published is best effort"
+        return "the subscriber asks for reliable, the publisher offers best effort"
     if taker.durability == "transient_local" and maker.durability == "volatile":
-        return "asked for is transient local, published is volatile"
+        return "the subscriber asks for transient local, the publisher offers volatile"
     return ""
 
 
@@ -179,7 +179,7 @@ def two_clocks(subject: LintSubject) -> Iterator[Problem]:
             others = [clock for clock in clocks if clock.topic != endpoint.topic]
             yield Problem(
                 endpoint.node.path,
-                f"publishes a clock on {endpoint.topic}, another one is on {others[0].topic}",
+                f"publishes a clock on {endpoint.topic}; another clock is on {others[0].topic}",
                 property=endpoint.port,
                 expected="/clock",
                 actual=endpoint.topic,
@@ -204,8 +204,8 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
         if stamp.clock == "system":
             yield Problem(
                 stamp.node.path,
-                f"{stamp.topic} has the time of the computer, and {simulated[0].topic} that of the "
-                "simulation",
+                f"{stamp.topic} is stamped with system time, {simulated[0].topic} with simulation "
+                "time",
                 property=stamp.port,
                 expected="simulation time",
                 actual="system time",
@@ -232,14 +232,15 @@ def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
         if first is not None and {stamp.restarts, first.restarts} == {True, False}:
             yield Problem(
                 stamp.node.path,
-                f"{stamp.topic} {_restarts(stamp)} on Stop, and {first.topic} {_restarts(first)}",
+                f"the time of {stamp.topic} {_restarts(stamp)} on Stop, that of {first.topic} "
+                f"{_restarts(first)}",
                 property=stamp.port,
                 related=(first.node.path,),
             )
 
 
 def _restarts(stamp: Stamp) -> str:
-    return "restarts" if stamp.restarts else "goes on"
+    return "restarts" if stamp.restarts else "continues"
 
 
 @rule("K34", "value-type", scope="lint", formerly="value-of-another-type")
@@ -261,7 +262,7 @@ def value_of_another_type(subject: LintSubject) -> Iterator[Problem]:
             if state.usd_type not in ("", port.usd_type, *_SAME.get(port.usd_type, ())):
                 yield Problem(
                     node.path,
-                    f"{name} is of type {state.usd_type}, expected {port.usd_type}",
+                    f"{name} has type {state.usd_type}, expected {port.usd_type}",
                     property=name,
                     expected=port.usd_type,
                     actual=state.usd_type,
@@ -337,14 +338,14 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
                 name.node.path,
                 f"{name.port} is {display(name.written)}, which ROS 2 refuses"
                 if name.written
-                else f"{name.port} is empty, so that there is no topic",
+                else f"{name.port} is empty: there is no topic",
                 property=name.port,
                 actual=name.written,
             )
         elif name.is_changed:
             yield Problem(
                 name.node.path,
-                f"{name.port} is {display(name.written)}, and the topic is {name.resolved}",
+                f"{name.port} is {display(name.written)}, but the topic becomes {name.resolved}",
                 property=name.port,
                 expected=name.resolved,
                 actual=name.written,
@@ -373,7 +374,7 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
     for node, port, value in written_frames(subject):
         is_stripped = node.type is not None and node.type.tf is not None  # by tf2
         if not value or (value.startswith("/") and not is_stripped):
-            what = "is empty" if not value else f"is {display(value)}, with a slash first"
+            what = "is empty" if not value else f"is {display(value)}, which begins with a slash"
             yield Problem(
                 node.path,
                 f"{port} {what}",

@@ -31,7 +31,7 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
             continue
         yield Problem(
             node.path,
-            f"'{node.type_name}' is no node type of Isaac Sim {subject.release}{of_release}"
+            f"'{node.type_name}' is not a node type of Isaac Sim {subject.release}{of_release}"
             f"{did_you_mean(likely)}",
             property=TYPE,
             expected=likely,
@@ -50,8 +50,8 @@ def _other_release(node: Node, subject: LintSubject) -> str | None:
     if subject.release in gone:
         return None
     if subject.types.is_later(name, subject.release):
-        return ", it came with a later one"
-    return f", and was one until {gone[-1]}" if gone else ""
+        return "; it came with a later release"
+    return f"; Isaac Sim {gone[-1]} was the last release with it" if gone else ""
 
 
 def _likely(node: Node, subject: LintSubject) -> str | None:
@@ -92,11 +92,11 @@ def old_names(subject: LintSubject) -> Iterator[Problem]:
         if old:
             now = subject.catalog.modern(old[0].type_name)
             count = (
-                "1 node carries a type name" if len(old) == 1 else f"{len(old)} nodes carry names"
+                "1 node has a type name" if len(old) == 1 else f"{len(old)} nodes have type names"
             )
             yield Problem(
                 graph.path,
-                f"{count} from before 4.5: {old[0].type_name}, now {now}",
+                f"{count} from before Isaac Sim 4.5: {old[0].type_name}, now {now}",
                 expected=now,
                 actual=old[0].type_name,
                 related=tuple(node.path for node in old),
@@ -124,7 +124,7 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         yield Problem(
             paths[0],
-            f"not judged: nothing is known of the type '{name}' of this node{more}",
+            f"not judged: the type '{name}' of this node{more} is unknown",
             actual=name,
             related=tuple(paths[1:]),
         )
@@ -144,7 +144,8 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
         if node.type is not None and node.version is not None and node.version > node.type.version:
             yield Problem(
                 node.path,
-                f"{subject.title(node)} is of version {node.version}, known is {node.type.version}",
+                f"{subject.title(node)} has version {node.version}; "
+                f"the newest known is {node.type.version}",
                 property=VERSION,
                 expected=str(node.type.version),
                 actual=str(node.version),
@@ -175,7 +176,7 @@ def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
         node, port, release = found[0]
         yield Problem(
             node.path,
-            f"saved by Isaac Sim {release} or before: {port} is gone since",
+            f"saved by Isaac Sim {release} or earlier: {port} no longer exists",
             property=port,
             related=tuple(dict.fromkeys(each.path for each, _, _ in found[1:])),
         )
