@@ -29,7 +29,6 @@ from lab3_usd.model.changes import ApplySchema, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import same_value
-from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import ScanSpec, SensorAttribute, SensorSpec
 
@@ -245,35 +244,30 @@ def no_scan(subject: StageSubject) -> Iterator[Problem]:
     Example: `omni:sensor:Core:patternFiringRateHz` 0.
     """
     for found, scan in _scanning(subject):
-        prim, asked = found.prim, found.spec.required
-        for fault in (*_zeros(prim, scan), *_empty(prim, scan), *_falling(prim, scan, asked)):
+        for fault in _silencing_values(found.prim, scan, found.spec.required):
             yield _problem(found, scan, fault)
 
 
-def _zeros(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+def _silencing_values(
+    prim: Prim, scan: ScanSpec, required: Mapping[str, SensorAttribute]
+) -> Iterator[_Fault]:
     for name in scan.above_zero:
-        value = _number(prim, name)
-        if value is not None and not value > 0:
-            yield name, f"{name} is {display(value)}, which gives no scan", "more than 0"
-
-
-def _empty(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+        rate = _number(prim, name)
+        if rate is not None and not rate > 0:
+            yield name, f"{name} is {display(rate)}, which gives no scan", "more than 0"
     for name, value in prim.attributes.items():
         if name.startswith(scan.emitters) and value == ():
             yield name, f"{name} is empty: the lidar has no emitter", "one entry for each emitter"
-
-
-def _falling(prim: Prim, scan: ScanSpec, asked: Mapping[str, SensorAttribute]) -> Iterator[_Fault]:
     for low, high in scan.rising:
-        # A wrong value of what the handout asks for is told by its own rule.
-        is_asked = low in asked
-        least = float(asked[low].value) if is_asked else _number(prim, low)
+        # L05 reports a wrong value of what the handout asks for.
+        is_required = low in required
+        least = float(required[low].value) if is_required else _number(prim, low)
         most = _number(prim, high)
         if least is not None and most is not None and most > 0 and not least < most:
             message = (
                 f"{low} is {display(least)} and {_short(high)} is {display(most)}, so no scan fits"
             )
-            yield high if is_asked else low, message, f"{_short(low)} below {_short(high)}"
+            yield high if is_required else low, message, f"{_short(low)} below {_short(high)}"
 
 
 @rule("L10", "other-scan", scope="stage", severity="warning")
@@ -289,12 +283,11 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
     Example: `omni:sensor:Core:validEndAzimuthDeg` 180.
     """
     for found, scan in _scanning(subject):
-        prim = found.prim
-        for fault in (*_partial(prim, scan), *_tilted(prim, scan), *_changed(prim, scan)):
+        for fault in _unusual_values(found.prim, scan):
             yield _problem(found, scan, fault)
 
 
-def _partial(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+def _unusual_values(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
     limits = [_number(prim, name) for name in scan.circle]
     start, end = (
         usual if limit is None else limit
@@ -308,25 +301,16 @@ def _partial(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
             f"the lidar covers {covered:g} degrees of the circle, from azimuth {start:g} to {end:g}"
         )
         yield name, message, f"{_TURN:g} degrees"
-
-
-def _tilted(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
     for name, value in prim.attributes.items():
         if not (name.startswith(scan.emitters) and _short(name) == scan.elevation):
             continue
-        steepest = max(_degrees(value), key=abs, default=0.0)
+        items = value if isinstance(value, tuple) else (value,)
+        degrees = [float(item) for item in items if isinstance(item, (int, float))]
+        steepest = max(degrees, key=abs, default=0.0)
         if not abs(steepest) <= scan.level:
             where = "up" if steepest > 0 else "down"
             message = f"{name} reaches {steepest:g} degrees: the lidar looks {where}"
             yield name, message, "0 degrees"
-
-
-def _degrees(value: Value) -> list[float]:
-    items = value if isinstance(value, tuple) else (value,)
-    return [float(item) for item in items if isinstance(item, (int, float))]
-
-
-def _changed(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
     for name, kept in scan.keep.items():
         actual = prim.attributes.get(name)
         if actual is not None and not same_value(actual, kept.value):

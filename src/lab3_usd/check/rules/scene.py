@@ -63,7 +63,20 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     """
     scene, stage = subject.lab.scene, subject.stage
     root = scene.robot
-    yield from _robot_elsewhere(subject)
+    for expected, home in subject.relocations.items():
+        if home == root.path:  # everything else is judged where it is
+            yield Problem(
+                home,
+                f"the robot is at {home}, expected at {expected}"
+                f"{missing_graphs_text(subject.missing_graphs, home)}",
+                expected=expected,
+                actual=home,
+                handout=root.handout,
+                related=(expected,),
+                hint=f"rename or drag the robot in the Stage panel, back to {expected}",
+                fix=(MovePrim(home, expected),),
+                unmet=(_prim_demand(expected),),
+            )
     wanted = {scene.world.graph_parent.path: scene.world.graph_parent.handout}
     wanted[root.path] = root.handout
     if stage.prim(root.path) is not None:
@@ -76,7 +89,11 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
         if asset is None:
             missing.append(path)
         why = absence_reason(stage, path)
-        places = _places(subject, path)
+        places = (
+            (subject.relocations[path],)
+            if path in subject.relocations
+            else same_named_prims(stage, root.path, path.rpartition("/")[2])
+        )
         place_text, hint = "", None
         fix: tuple[Edit, ...] = (Restore(path),)
         if places:
@@ -95,34 +112,6 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
             absent=True,
             rests_on=asset,
         )
-
-
-def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
-    """Yield that the robot has another name or parent; everything else is judged where it is."""
-    spec = subject.lab.scene.robot
-    for expected, home in subject.relocations.items():
-        if home == spec.path:
-            gone = missing_graphs_text(subject.missing_graphs, home)
-            message = f"the robot is at {home}, expected at {expected}{gone}"
-            yield Problem(
-                home,
-                message,
-                expected=expected,
-                actual=home,
-                handout=spec.handout,
-                related=(expected,),
-                hint=f"rename or drag the robot in the Stage panel, back to {expected}",
-                fix=(MovePrim(home, expected),),
-                unmet=(_prim_demand(expected),),
-            )
-
-
-def _places(subject: StageSubject, path: str) -> tuple[str, ...]:
-    """Return where a missing link could be meant to be."""
-    if path in subject.relocations:
-        return (subject.relocations[path],)
-    root, name = subject.lab.scene.robot.path, path.rpartition("/")[2]
-    return same_named_prims(subject.stage, root, name)
 
 
 def _units(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
@@ -352,7 +341,11 @@ def _severity(moving: AnimatedAttribute, subject: StageSubject) -> Severity | No
         return _severity_of_place(moving.prim, subject) if is_used else None
     if moving.property not in prim.attributes:
         return None
-    return "error" if moving.property in _rates(moving.prim, subject) else "warning"
+    is_rate = moving.property.startswith(_SENSOR) and any(
+        sensor.path == moving.prim and moving.property in sensor.required
+        for sensor in (subject.lab.sensors[name] for name in subject.checkpoint.sensors)
+    )
+    return "error" if is_rate else "warning"
 
 
 def _severity_of_place(path: str, subject: StageSubject) -> Severity | None:
@@ -364,18 +357,6 @@ def _severity_of_place(path: str, subject: StageSubject) -> Severity | None:
         return "error"
     is_solid = bool(bodies_below(stage, path)) or any(True for _ in stage.colliders.below(path))
     return "warning" if is_solid else None
-
-
-def _rates(path: str, subject: StageSubject) -> list[str]:
-    """Return the rates that the lab asks of the sensor at a path."""
-    found = (subject.lab.sensors[name] for name in subject.checkpoint.sensors)
-    return [
-        name
-        for sensor in found
-        if sensor.path == path
-        for name in sensor.required
-        if name.startswith(_SENSOR)
-    ]
 
 
 def _nothing_more(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
@@ -400,23 +381,16 @@ def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
         return
     spec = subject.lab.scene.forbidden.starter
     form = subject.lab.catalog.graph
-    told = [graph.path for graph in subject.lab.graphs.values()]
-    told = [path for path in told if (prim := subject.stage.prim(path)) and prim.type == form.type]
-    for path, kind in sorted(_prims_and_nodes(subject)):
+    graphs = [subject.stage.prim(graph.path) for graph in subject.lab.graphs.values()]
+    tops = [prim.path for prim in graphs if prim is not None and prim.type == form.type]
+    types = [(prim.path, prim.type) for prim in subject.stage.prims.values() if prim.present]
+    types += [(node.path, "") for node in subject.stage.nodes()]
+    for path, kind in sorted(types):
         is_sensor = any(kind == sensor.type for sensor in subject.lab.sensors.values())
         is_wrong = is_named(path.rpartition("/")[2], spec.names) or kind == form.type
         is_wrong = is_wrong or (path in spec.paths and not is_sensor)
-        if is_wrong and not any(is_at_or_below(path, top) for top in told):
-            told.append(path)
+        if is_wrong and not any(is_at_or_below(path, top) for top in tops):
+            tops.append(path)
             message = f"{path} is not part of the supplied scene; was this saved late?"
             fix, unmet = (RemovePrim(path),), (EMPTY,)
             yield Problem(path, message, actual=kind, handout=spec.handout, fix=fix, unmet=unmet)
-
-
-def _prims_and_nodes(subject: StageSubject) -> Iterator[tuple[str, str]]:
-    """Yield path and type of everything in the scene, nodes of graphs included."""
-    for prim in subject.stage.prims.values():
-        if prim.present:
-            yield prim.path, prim.type
-    for node in subject.stage.nodes():
-        yield node.path, ""

@@ -276,8 +276,8 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     }
     if len(places) != len(wheels.joints) or len(places) != _PAIR:
         return
-    (first, one), (second, other) = places.items()
-    apart = distance(one, other)
+    (first, first_place), (second, second_place) = places.items()
+    apart = distance(first_place, second_place)
     units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
     if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
         axles = [axle(joint, subject) for joint in places]
@@ -285,7 +285,7 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
             yield from _exchanged(places, wheels)
         return
     half = wheels.distance / 2
-    is_first = abs(abs(one[1]) - half) >= abs(abs(other[1]) - half)
+    is_first = abs(abs(first_place[1]) - half) >= abs(abs(second_place[1]) - half)
     joint = first if is_first else second
     expected, actual = f"{wheels.distance:g} m", f"{apart:g} m"
     message = f"the wheel joints are {actual} apart, expected {expected}"
@@ -357,26 +357,22 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
         if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
             continue
         name = _cause(joint, list(axles))
+        expected, actual = vector_text(wanted), vector_text(found)
+        turn_text = f"about {actual} of the robot, expected {expected}"
+        if angle_between(found, back) <= limit:
+            turn_text = "backward: its axis is inverted"
         yield Problem(
             joint.site,
-            f"{joint.name} {_says(found, wanted, limit)}",
+            f"{joint.name} turns its wheel {turn_text}",
             name,
-            vector_text(wanted),
-            vector_text(found),
+            expected,
+            actual,
             section,
             joint.related,
             severity,
             fix=_wheel_fix(joint, name),
             unmet=(f"Scene/axis/{joint.name}",),
         )
-
-
-def _says(found: Vector, wanted: Vector, limit: float) -> str:
-    if angle_between(found, scaled(wanted, -1.0)) <= limit:
-        return "turns its wheel backward: its axis is inverted"
-    return (
-        f"turns its wheel about {vector_text(found)} of the robot, expected {vector_text(wanted)}"
-    )
 
 
 def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:

@@ -41,8 +41,8 @@ from lab3_usd.model.physics import (
     SCENE,
     collides,
 )
-from lab3_usd.model.prims import Collider, Matrix, Prim, is_at_or_below
-from lab3_usd.model.stage import StageModel, UnresolvedAsset, absence_reason
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import UnresolvedAsset, absence_reason
 from lab3_usd.model.transforms import (
     IDENTITY,
     Pose,
@@ -96,9 +96,37 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
     steep = next(steep_planes(subject.stage, subject.lab.scene.robot.path), None)
     off = _silent_ground(subject)
     if falling is not None:
-        yield replace(_falls(asked, *falling), rests_on=asset)
+        plane, body = falling
+        falls = f"falls with {body.name}, which is" if body != plane else "falls as"
+        yield Problem(
+            body.path,
+            f"the ground does not carry the robot: {plane.name} {falls} a rigid body",
+            BODY_ENABLED,
+            "no rigid body",
+            BODY_API,
+            asked.handout,
+            related=tuple(sorted({asked.usual, plane.path} - {body.path})),
+            hint=f"remove Rigid Body from {body.name} in the Property panel",
+            fix=(RemoveSchema(body.path, BODY_API),),
+            rests_on=asset,
+        )
     elif steep is not None:
-        yield replace(_faces_elsewhere(asked, steep), rests_on=asset)
+        faces, up = vector_text(facing(steep) or UP), vector_text(UP)
+        is_turned = steep.attributes.get(AXIS, "Z") == "Z"
+        name = pose_property(steep, "rotate") if is_turned else AXIS
+        yield Problem(
+            steep.path,
+            f"the ground does not carry the robot: {steep.name} faces {faces}, expected {up}",
+            name,
+            up,
+            faces,
+            asked.handout,
+            related=(asked.usual,),
+            hint=f"turn {steep.name}, or the prim that holds it, so that its front faces up",
+            fix=(Restore(steep.path, name),),
+            unmet=(_GROUND,),
+            rests_on=asset,
+        )
     elif off is not None:
         has_api = COLLISION_API in off.apis
         what = "is switched off" if has_api else "was removed"
@@ -118,39 +146,6 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
     else:
         planes = subject.stage.of_type(PLANE)
         yield _missing(subject, asked, "a ground with collision", planes, _GROUND)
-
-
-def _falls(asked: WorldPart, ground: Prim, body: Prim) -> Problem:
-    falls = f"falls with {body.name}, which is" if body != ground else "falls as"
-    return Problem(
-        body.path,
-        f"the ground does not carry the robot: {ground.name} {falls} a rigid body",
-        BODY_ENABLED,
-        "no rigid body",
-        BODY_API,
-        asked.handout,
-        related=tuple(sorted({asked.usual, ground.path} - {body.path})),
-        hint=f"remove Rigid Body from {body.name} in the Property panel",
-        fix=(RemoveSchema(body.path, BODY_API),),
-    )
-
-
-def _faces_elsewhere(asked: WorldPart, plane: Prim) -> Problem:
-    faces, up = vector_text(facing(plane) or UP), vector_text(UP)
-    is_turned = plane.attributes.get(AXIS, "Z") == "Z"
-    name = pose_property(plane, "rotate") if is_turned else AXIS
-    return Problem(
-        plane.path,
-        f"the ground does not carry the robot: {plane.name} faces {faces}, expected {up}",
-        name,
-        up,
-        faces,
-        asked.handout,
-        related=(asked.usual,),
-        hint=f"turn {plane.name}, or the prim that holds it, so that its front faces up",
-        fix=(Restore(plane.path, name),),
-        unmet=(_GROUND,),
-    )
 
 
 def _silent_ground(subject: StageSubject) -> Prim | None:
@@ -278,9 +273,6 @@ def _missing(
     )
 
 
-_UP = (0.0, 0.0, 1.0)
-
-
 AT_REST = "Scene/rest"
 # What shapes a link, and so how low it reaches: the beginnings of properties.
 _SHAPE = ("radius", "height", "size", "axis", "points", "xformOp:")
@@ -308,10 +300,10 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
     """
     if subject.lab.scene.world.ground is None or not _root_stands_right(subject):
         return
-    found = highest_ground(subject)
-    if found is None:
+    highest = highest_ground(subject)
+    if highest is None:
         return
-    height, ground = found
+    height, ground = highest
     lows = {body: low - height for body, low in _lows(subject).items()}
     spec = subject.lab.scene.robot
     wheels = [f"{spec.path}/{name}" for name in spec.wheels.joints.values()]
@@ -346,9 +338,9 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
 
 def _is_lowered(subject: StageSubject, body: str, ground: str) -> bool:
     """Whether the ground below the whole robot is displaced by a prim above it."""
-    found = subject.stage.prim(ground)
+    prim = subject.stage.prim(ground)
     is_whole = body == subject.lab.scene.robot.path
-    return is_whole and (found is None or ORDER not in found.attributes)
+    return is_whole and (prim is None or ORDER not in prim.attributes)
 
 
 def _upward(path: str) -> Iterator[str]:
@@ -383,7 +375,8 @@ def _lows(subject: StageSubject) -> dict[str, float]:
     lows: dict[str, float] = {}
     for name, link in spec.links.items():
         path = f"{spec.path}/{name}"
-        shapes = [box.low[2] for box in stage.colliders.below(path) if _is_on(box, stage)]
+        boxes = [(stage.prim(box.path), box.low[2]) for box in stage.colliders.below(path)]
+        shapes = [low for part, low in boxes if part is not None and collides(part)]
         prim = stage.prim(path)
         if prim is not None and (stage.unknown_pose(prim) or is_scaled(prim, size)):
             continue  # what is scaled S24 tells
@@ -392,11 +385,6 @@ def _lows(subject: StageSubject) -> dict[str, float]:
         elif link.offset is not None and prim is not None and prim.world:
             lows[path] = prim.world[14] * stage.meters_per_unit
     return lows
-
-
-def _is_on(box: Collider, stage: StageModel) -> bool:
-    prim = stage.prim(box.path)
-    return prim is not None and collides(prim)
 
 
 @rule("S22", "starts-elsewhere", scope="stage", severity="note")
@@ -418,7 +406,10 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
         return
     if root.world is None or base.world is None:
         return
-    start, expected = decompose(base.world), _base_pose(subject, root.world)
+    offset = robot.links[robot.base_frame].offset or (0.0, 0.0, 0.0)
+    on_root = scaled(offset, 1.0 / (stage.meters_per_unit or 1.0))
+    start = decompose(base.world)
+    expected = replace(decompose(root.world), translation=transform_point(on_root, root.world))
     limits = root_tolerance(subject.lab.scene, stage)
     away = distance(start.translation, expected.translation) * stage.meters_per_unit
     turn = rotation_difference(start.rotation, expected.rotation)
@@ -431,19 +422,11 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     yield Problem(base.path, message, translate, root_at, at, robot.pose.handout, rests_on=unknown)
 
 
-def _base_pose(subject: StageSubject, root: Matrix) -> Pose:
-    """Return the pose of the robot's base where it is at its place on the root."""
-    robot, units = subject.lab.scene.robot, subject.stage.meters_per_unit or 1.0
-    pose = decompose(root)
-    offset = robot.links[robot.base_frame].offset or (0.0, 0.0, 0.0)
-    return replace(pose, translation=transform_point(scaled(offset, 1.0 / units), root))
-
-
 def _start(pose: Pose, metres: float) -> str:
     """Say where a robot with this pose starts, and how it stands there."""
     ahead = pose.rotation[0]
     facing = round(math.degrees(math.atan2(ahead[1], ahead[0])), 1) + 0.0
-    tilt = angle_between(pose.rotation[2], _UP)
+    tilt = angle_between(pose.rotation[2], UP)
     tipped = f", tipped by {tilt:.3g} degrees" if tilt >= 1 else ""
     at = vector_text([round(part, 4) for part in scaled(pose.translation, metres)])
     return f"at {at} m, facing {facing:g} degrees{tipped}"
