@@ -107,13 +107,9 @@ def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
     if not expands(robot, maker.node, view.subject.stage):
         lack = "links of Isaac Sim's robot schema" if ROBOT_API in prim.apis else ROBOT_API
         return f"; {robot} stands for itself, not for its links, for it has no {lack}"
-    links = [home for home in homes if is_at_or_below(home, robot) and _is_body(home, view)]
+    bodies = {body.path for body in view.subject.stage.with_api(BODY_API) if body.present}
+    links = [home for home in homes if is_at_or_below(home, robot) and home in bodies]
     return f"; {robot} does not give {', '.join(links)} without {LINK_API}" if links else ""
-
-
-def _is_body(path: str, view: TfView) -> bool:
-    prim = view.subject.stage.prim(path)
-    return prim is not None and BODY_API in prim.apis
 
 
 @rule("T02", "wrong-parent-frame", scope="frames")

@@ -42,14 +42,14 @@ def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
     Example: `odom -> base_link` and `base_footprint -> base_link`, by two graphs.
     """
     first: dict[str, Edge] = {}
-    told: set[tuple[str, str]] = set()
+    judged: set[tuple[str, str]] = set()
     rings = set(frames_in_cycles(all_edges(subject)))
     for edge in all_edges(subject):
         if edge.child == edge.parent or edge.child in rings:
             continue
         known = first.setdefault(edge.child, edge)
-        if known.parent != edge.parent and (edge.cause, edge.child) not in told:
-            told.add((edge.cause, edge.child))
+        if known.parent != edge.parent and (edge.cause, edge.child) not in judged:
+            judged.add((edge.cause, edge.child))
             yield Problem(
                 edge.cause,
                 f"publishes {edge.parent} -> {edge.child}, and {known.publisher} publishes "
@@ -71,10 +71,10 @@ def frame_below_itself(subject: LintSubject) -> Iterator[Problem]:
 
     Example: Parent Prim and Target Prims of Isaac Compute Transform Tree name the same link.
     """
-    told: set[tuple[str, str]] = set()
+    judged: set[tuple[str, str]] = set()
     for edge in all_edges(subject):
-        if edge.parent == edge.child and (edge.cause, edge.child) not in told:
-            told.add((edge.cause, edge.child))
+        if edge.parent == edge.child and (edge.cause, edge.child) not in judged:
+            judged.add((edge.cause, edge.child))
             yield Problem(
                 edge.cause,
                 f"publishes {edge.parent} -> {edge.child}: the frame is its own parent",

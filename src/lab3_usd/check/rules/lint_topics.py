@@ -172,7 +172,7 @@ def two_clocks(subject: LintSubject) -> Iterator[Problem]:
 
     Example: two robots publish `/robot_1/clock` and `/robot_2/clock`.
     """
-    clocks = [each for each in _running(subject, "publishes") if each.type == CLOCK]
+    clocks = [end for end in _running(subject, "publishes") if end.type == CLOCK]
     topics = {clock.topic for clock in clocks}
     for endpoint in clocks if len(topics) > 1 else ():
         if endpoint.topic != "/clock":
@@ -198,9 +198,9 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:useSystemTime = 1` on a lidar helper, beside a `/clock` of simulation time.
     """
-    found = list(stamps(subject))
-    simulated = [each for each in found if each.clock == "simulation"]
-    for stamp in found if simulated else ():
+    every = list(stamps(subject))
+    simulated = [stamp for stamp in every if stamp.clock == "simulation"]
+    for stamp in every if simulated else ():
         if stamp.clock == "system":
             yield Problem(
                 stamp.node.path,
@@ -225,10 +225,10 @@ def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `/clock` has `resetOnStop = 0` while the lidar helper keeps its default, which is on.
     """
-    found = [each for each in stamps(subject) if each.clock == "simulation"]
-    clock = next((each for each in found if each.is_clock), None)
-    first: Stamp | None = clock or (found[0] if found else None)
-    for stamp in found if first is not None else ():
+    simulated = [stamp for stamp in stamps(subject) if stamp.clock == "simulation"]
+    clock = next((stamp for stamp in simulated if stamp.is_clock), None)
+    first: Stamp | None = clock or (simulated[0] if simulated else None)
+    for stamp in simulated if first is not None else ():
         if first is not None and {stamp.restarts, first.restarts} == {True, False}:
             yield Problem(
                 stamp.node.path,

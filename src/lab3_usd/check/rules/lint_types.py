@@ -178,5 +178,5 @@ def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
             node.path,
             f"saved by Isaac Sim {release} or earlier: {port} no longer exists",
             property=port,
-            related=tuple(dict.fromkeys(each.path for each, _, _ in found[1:])),
+            related=tuple(dict.fromkeys(later.path for later, _, _ in found[1:])),
         )

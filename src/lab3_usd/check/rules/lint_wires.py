@@ -236,16 +236,16 @@ def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Publish Odometry whose Exec In is wired from ROS2 Subscribe Twist.
     """
-    told: set[str] = set()
+    judged: set[str] = set()
     for wire in connections(subject):
         kind = None if wire.source is None else wire.source.type
         ends = wire.ports
-        if kind is None or ends is None or not ends[1].is_execution or wire.node.path in told:
+        if kind is None or ends is None or not ends[1].is_execution or wire.node.path in judged:
             continue
         if kind.role == "subscriber" and wire.source_port.startswith(OUTPUT) and _has_pace(wire):
             others = [source for source in wire.node.sources(wire.port) if source != wire.path]
             if not others:
-                told.add(wire.node.path)
+                judged.add(wire.node.path)
                 yield Problem(
                     wire.node.path,
                     f"{subject.title(wire.node)} executes only when a message arrives at "

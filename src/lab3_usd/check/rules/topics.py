@@ -41,7 +41,13 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
         names = ", ".join(str(endpoint.topic) for endpoint, _ in found)
         paths = [other.node.path for _, others in found for other in others]
         wanted = subject.lab.topics.get(str(first.topic))
-        severity: Severity | None = None if any(map(_is_sure, found)) else "warning"
+        severity: Severity | None = (
+            None
+            if any(
+                endpoint.sure and any(other.sure for other in others) for endpoint, others in found
+            )
+            else "warning"
+        )
         yield Problem(
             first.node.path,
             f"publishes {names}, which another node publishes as well",
@@ -53,11 +59,6 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
             severity=severity,
             fix=edits_of_harm(subject, first.node.path, first.port, severity),
         )
-
-
-def _is_sure(again: tuple[Endpoint, tuple[Endpoint, ...]]) -> bool:
-    endpoint, others = again
-    return endpoint.sure and any(other.sure for other in others)
 
 
 @rule("Q02", "wrong-topic-type", scope="stage", formerly="topic-of-another-type")
