@@ -111,13 +111,13 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
             has_api = sensor.spec.required_api in prim.apis
             unset = entry.unset if actual is None and has_api else ""
             if not same_value(actual, entry.value) and unset != "right":
-                expected, is_ = display(entry.value), display(actual)
+                expected, actual_text = display(entry.value), display(actual)
                 yield Problem(
                     prim.path,
-                    f"{name} is {is_}, expected {expected}",
+                    f"{name} is {actual_text}, expected {expected}",
                     name,
                     expected,
-                    is_,
+                    actual_text,
                     entry.handout,
                     sensor.place.related,
                     severity="warning" if unset else None,
@@ -179,18 +179,18 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/World/Example_Rotary_2D` beside `{lidar}`.
     """
-    found = [*present_sensors(subject, LIDAR)]
+    sensors = [*present_sensors(subject, LIDAR)]
     handout = subject.lab.scene.forbidden.lidar.handout
-    right = ", ".join(sensor.prim.path for sensor in found)
+    right = ", ".join(sensor.prim.path for sensor in sensors)
     for prim in second_lidars(subject):
         yield Problem(
             prim.path,
             f"{prim.path} is a second lidar beside {right}",
             actual=prim.type,
             handout=handout,
-            related=tuple(sensor.place.path for sensor in found),
+            related=tuple(sensor.place.path for sensor in sensors),
             fix=(RemovePrim(prim.path),),
-            unmet=tuple(f"{sensor.group}/only" for sensor in found),
+            unmet=tuple(f"{sensor.group}/only" for sensor in sensors),
         )
 
 
@@ -210,14 +210,14 @@ def _short(name: str) -> str:
 
 def _scanning(subject: StageSubject) -> Iterator[tuple[PresentSensor, ScanSpec]]:
     """Yield the lidars of which the lab says when they scan, and what it says of each."""
-    for found in present_sensors(subject, LIDAR):
-        if found.spec.scan is not None:
-            yield found, found.spec.scan
+    for lidar in present_sensors(subject, LIDAR):
+        if lidar.spec.scan is not None:
+            yield lidar, lidar.spec.scan
 
 
-def _problem(found: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
+def _problem(lidar: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
     name, message, expected = fault
-    path, actual = found.prim.path, display(found.prim.attributes.get(name))
+    path, actual = lidar.prim.path, display(lidar.prim.attributes.get(name))
     return Problem(
         path,
         message,
@@ -225,9 +225,9 @@ def _problem(found: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
         expected,
         actual,
         scan.handout,
-        found.place.related,
+        lidar.place.related,
         fix=(Restore(path, name),),
-        unmet=(f"{found.group}/schema",),
+        unmet=(f"{lidar.group}/schema",),
     )
 
 
@@ -243,9 +243,9 @@ def no_scan(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:Core:patternFiringRateHz` 0.
     """
-    for found, scan in _scanning(subject):
-        for fault in _silencing_values(found.prim, scan, found.spec.required):
-            yield _problem(found, scan, fault)
+    for lidar, scan in _scanning(subject):
+        for fault in _silencing_values(lidar.prim, scan, lidar.spec.required):
+            yield _problem(lidar, scan, fault)
 
 
 def _silencing_values(
@@ -282,9 +282,9 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:Core:validEndAzimuthDeg` 180.
     """
-    for found, scan in _scanning(subject):
-        for fault in _unusual_values(found.prim, scan):
-            yield _problem(found, scan, fault)
+    for lidar, scan in _scanning(subject):
+        for fault in _unusual_values(lidar.prim, scan):
+            yield _problem(lidar, scan, fault)
 
 
 def _unusual_values(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
@@ -308,8 +308,8 @@ def _unusual_values(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
         degrees = [float(item) for item in items if isinstance(item, (int, float))]
         steepest = max(degrees, key=abs, default=0.0)
         if not abs(steepest) <= scan.level:
-            where = "up" if steepest > 0 else "down"
-            message = f"{name} reaches {steepest:g} degrees: the lidar looks {where}"
+            direction = "up" if steepest > 0 else "down"
+            message = f"{name} reaches {steepest:g} degrees: the lidar looks {direction}"
             yield name, message, "0 degrees"
     for name, kept in scan.keep.items():
         actual = prim.attributes.get(name)
@@ -332,20 +332,20 @@ def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
     Example: a reference to `Example_Rotary.usda`, created with Example Rotary instead of Example
     Rotary 2D.
     """
-    for found in present_sensors(subject, LIDAR):
-        expected = _stem(found.spec.asset_suffix)
+    for lidar in present_sensors(subject, LIDAR):
+        expected = _stem(lidar.spec.asset_suffix)
         others = {*subject.lab.scene.forbidden.lidar.names} - {expected}
         for missing in subject.stage.unresolved:
             made_of = _stem(missing.asset)
-            if missing.prim == found.prim.path and made_of in others:
+            if missing.prim == lidar.prim.path and made_of in others:
                 yield Problem(
-                    found.prim.path,
+                    lidar.prim.path,
                     f"the lidar is made of {made_of}, expected {expected}",
                     None,
                     expected,
                     made_of,
-                    found.spec.handout,
-                    found.place.related,
+                    lidar.spec.handout,
+                    lidar.place.related,
                 )
 
 

@@ -150,24 +150,24 @@ def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:chassisPrim` names `/World/robot`, an Xform above the links.
     """
-    for found in followed_bodies(subject):
-        if not found.is_body:
+    for odometry in followed_bodies(subject):
+        if not odometry.is_body:
             yield Problem(
-                found.node.path,
-                f"{found.port} is {found.prim.path}, {_why_no_body(found)}",
-                property=found.port,
+                odometry.node.path,
+                f"{odometry.port} is {odometry.prim.path}, {_why_no_body(odometry)}",
+                property=odometry.port,
                 expected="a rigid body or an articulation root",
-                actual=found.prim.path,
-                rests_on=found.unknown,
+                actual=odometry.prim.path,
+                rests_on=odometry.unknown,
             )
 
 
-def _why_no_body(found: Followed) -> str:
-    if found.body is None:
-        return f"which lists no link in {found.asked.links}"
-    what = "is neither a rigid body nor an articulation root"
-    is_other = found.body.path != found.prim.path
-    return f"and its first link {found.body.path} {what}" if is_other else f"which {what}"
+def _why_no_body(odometry: Followed) -> str:
+    if odometry.body is None:
+        return f"which lists no link in {odometry.asked.links}"
+    fault = "is neither a rigid body nor an articulation root"
+    is_other = odometry.body.path != odometry.prim.path
+    return f"and its first link {odometry.body.path} {fault}" if is_other else f"which {fault}"
 
 
 @rule("K68", "command-count", scope="lint", formerly="number-of-commands")

@@ -59,7 +59,7 @@ def _matters(stop: Stop, subject: LintSubject) -> bool:
     nodes = (stop.node, *stop.waiting)
     if any(has_job(node) for node in nodes):
         return True
-    return any(subject.runs(other.path) for node in nodes for other in feeds(node, subject))
+    return any(subject.runs(target.path) for node in nodes for target in feeds(node, subject))
 
 
 def _stopped(stop: Stop, subject: LintSubject) -> Problem:
@@ -97,11 +97,11 @@ def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
             continue
         prim = subject.stage.prims.get(graph.path)
         is_over = prim is None or (prim.active and not prim.defined)
-        what = "is only an over without a def" if is_over else "is deactivated"
+        reason = "is only an over without a def" if is_over else "is deactivated"
         nodes = len(graph.nodes) + len(graph.absent)
         yield Problem(
             graph.path,
-            f"graph {what}: none of its {nodes} nodes executes",
+            f"graph {reason}: none of its {nodes} nodes executes",
             severity="error" if is_over else None,
             rests_on=subject.stage.unknown(graph.path) if is_over else None,
         )

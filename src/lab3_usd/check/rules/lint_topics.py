@@ -140,11 +140,11 @@ def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
     for taker in _running(subject, "subscribes"):
         for maker in publishers:
             if maker.topic == taker.topic and maker.qos is not None and taker.qos is not None:
-                why = _mismatch(maker.qos, taker.qos)
-                if why:
+                mismatch = _mismatch(maker.qos, taker.qos)
+                if mismatch:
                     yield Problem(
                         taker.node.path,
-                        f"{taker.topic} does not arrive: {why}",
+                        f"{taker.topic} does not arrive: {mismatch}",
                         property=PROFILE,
                         expected=str(maker.qos),
                         actual=str(taker.qos),
@@ -374,10 +374,10 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
     for node, port, value in written_frames(subject):
         is_stripped = node.type is not None and node.type.tf is not None  # by tf2
         if not value or (value.startswith("/") and not is_stripped):
-            what = "is empty" if not value else f"is {display(value)}, which begins with a slash"
+            fault = "is empty" if not value else f"is {display(value)}, which begins with a slash"
             yield Problem(
                 node.path,
-                f"{port} {what}",
+                f"{port} {fault}",
                 property=port,
                 expected=value.lstrip("/") or "the name of a frame",
                 actual=value,

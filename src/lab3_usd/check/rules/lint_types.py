@@ -115,12 +115,12 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
 
     Example: To String, a node of Kit's own.
     """
-    found: dict[str, list[str]] = {}
+    paths_by_type: dict[str, list[str]] = {}
     for node in _unknown(subject):
         of_release = _other_release(node, subject)
         if of_release is None or (_likely(node, subject) is None and not of_release):
-            found.setdefault(node.type_name, []).append(node.path)
-    for name, paths in found.items():
+            paths_by_type.setdefault(node.type_name, []).append(node.path)
+    for name, paths in paths_by_type.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         yield Problem(
             paths[0],
@@ -165,18 +165,18 @@ def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Camera Helper with `inputs:viewport`, a port of 5.1.
     """
-    found: list[tuple[Node, str, str]] = []
+    gone_ports: list[tuple[Node, str, str]] = []
     for node in subject.live.values():
         kind = node.type
         for port in node.ports if kind is not None and subject.release == NEWEST else ():
             releases = subject.types.releases_with(kind.type, port) if kind is not None else []
             if releases:
-                found.append((node, port, releases[-1]))
-    if found:
-        node, port, release = found[0]
+                gone_ports.append((node, port, releases[-1]))
+    if gone_ports:
+        node, port, release = gone_ports[0]
         yield Problem(
             node.path,
             f"saved by Isaac Sim {release} or earlier: {port} no longer exists",
             property=port,
-            related=tuple(dict.fromkeys(later.path for later, _, _ in found[1:])),
+            related=tuple(dict.fromkeys(later.path for later, _, _ in gone_ports[1:])),
         )

@@ -28,11 +28,11 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
     for wire in connections(subject):
         if wire.source is not None:
             continue
-        why = why_dead(wire, subject) if wire.source_prim else "is a prim, not a port"
+        reason = why_dead(wire, subject) if wire.source_prim else "is a prim, not a port"
         others = [source for source in wire.node.sources(wire.port) if source != wire.path]
-        is_fed = any(other.rpartition(".")[0] in subject.live for other in others)
+        is_fed = any(source.rpartition(".")[0] in subject.live for source in others)
         name = (wire.source_prim or wire.path).rpartition("/")[2]
-        if why is None:
+        if reason is None:
             yield Problem(
                 wire.node.path,
                 f"the source of {wire.port} is unknown: {wire.source_prim} may be in an asset that "
@@ -44,7 +44,7 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
             continue
         yield Problem(
             wire.node.path,
-            f"{wire.port} is wired from {name}, which {why}"
+            f"{wire.port} is wired from {name}, which {reason}"
             f"{'; another source feeds it' if is_fed else ''}",
             property=wire.port,
             actual=wire.path,

@@ -213,11 +213,13 @@ def link_scale(subject: StageSubject) -> Iterator[Problem]:
     handout = subject.lab.scene.robot.handout
     for prim, _ in _links(subject):
         if is_scaled(prim, tolerance):
-            is_, should = vector_text(scale_of(prim)), vector_text(UNSCALED)
-            message = f"{prim.name}'s scale is {is_}, expected {should}"
-            where = pose_property(prim, "scale")
-            fix, unmet = (Restore(prim.path, where),), (f"Scene/body/{prim.name}",)
-            yield Problem(prim.path, message, where, should, is_, handout, fix=fix, unmet=unmet)
+            actual, expected = vector_text(scale_of(prim)), vector_text(UNSCALED)
+            message = f"{prim.name}'s scale is {actual}, expected {expected}"
+            scale = pose_property(prim, "scale")
+            fix, unmet = (Restore(prim.path, scale),), (f"Scene/body/{prim.name}",)
+            yield Problem(
+                prim.path, message, scale, expected, actual, handout, fix=fix, unmet=unmet
+            )
 
 
 _ARTICULATED = "Scene/articulation"
@@ -252,18 +254,18 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
     base = subject.stage.prim(target)
     if root is None or base is None:
         return
-    found = [
+    roots = [
         prim
         for prim in subject.stage.with_api(ARTICULATION_API)
         if is_articulated(prim) and is_at_or_below(prim.path, root.path)
     ]
-    right = [prim for prim in (base, root) if prim in found]
-    for prim in found:
+    right = [prim for prim in (base, root) if prim in roots]
+    for prim in roots:
         if prim not in right[:1]:
-            what = f"a second articulation root, beside {right[0].path}" if right else "misplaced"
+            fault = f"a second articulation root, beside {right[0].path}" if right else "misplaced"
             yield Problem(
                 prim.path,
-                f"the articulation root on {prim.name} is {what}",
+                f"the articulation root on {prim.name} is {fault}",
                 expected=target,
                 actual=prim.path,
                 handout=spec.handout,
@@ -273,12 +275,12 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
             )
             if not right:
                 return
-    if not found:
+    if not roots:
         is_off = is_switched_off(base, ARTICULATION_ENABLED)
-        why = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
+        reason = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
         yield Problem(
             target,
-            f"the articulation root {why}, expected on {target}",
+            f"the articulation root {reason}, expected on {target}",
             expected=ARTICULATION_API,
             handout=spec.handout,
             fix=(ApplySchema(target, spec.api), ClearValue(target, spec.switch)),
@@ -430,8 +432,8 @@ def _is_on_robot(body: str, subject: StageSubject) -> bool:
 
 def _switched_off(subject: StageSubject, link: str) -> tuple[str, ...]:
     """Return the joints of the scene that would tie a link and are switched off."""
-    found = subject.stage.of_type(is_joint_type)
-    off = (prim for prim in found if prim.present and is_switched_off(prim, JOINT_ENABLED))
+    every_joint = subject.stage.of_type(is_joint_type)
+    off = (prim for prim in every_joint if prim.present and is_switched_off(prim, JOINT_ENABLED))
     return tuple(prim.path for prim in off if any(is_at_or_below(b, link) for b in bodies(prim)))
 
 

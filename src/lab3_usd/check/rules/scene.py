@@ -88,7 +88,7 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
         asset = stage.unknown(path)
         if asset is None:
             missing.append(path)
-        why = absence_reason(stage, path)
+        reason = absence_reason(stage, path)
         places = (
             (subject.relocations[path],)
             if path in subject.relocations
@@ -102,9 +102,9 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
             fix = (MovePrim(places[0], path),) if len(places) == 1 else ()
         yield Problem(
             path,
-            f"{path} {why}{place_text}{missing_graphs_text(subject.missing_graphs, path)}",
+            f"{path} {reason}{place_text}{missing_graphs_text(subject.missing_graphs, path)}",
             expected=path,
-            actual=why,
+            actual=reason,
             handout=handout,
             related=places,
             hint=hint,

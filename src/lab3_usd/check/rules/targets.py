@@ -55,8 +55,10 @@ def _problem(subject: GraphSubject, node: Node, target: Target, message: str) ->
 def _awaits_its_sensor(subject: GraphSubject, node: Node, target: Target) -> bool:
     """Whether a relationship names where the lab has a sensor that stands elsewhere."""
     spec = subject.lab.graphs[subject.spec.name].nodes[subject.roles.role_of[node.path]]
-    named = [each.prims for each in spec.targets if each.port == target.port]
-    return named != [target.prims] and any(targets_prims(node, target, each) for each in named)
+    named = [candidate.prims for candidate in spec.targets if candidate.port == target.port]
+    return named != [target.prims] and any(
+        targets_prims(node, target, candidate) for candidate in named
+    )
 
 
 @rule("R01", "missing-target", scope="graph")

@@ -112,10 +112,10 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
                 rests_on=unknown_joints(subject) if is_gone else None,
             )
         elif wrong is not None:
-            says, name, expected, actual = wrong
+            fault, name, expected, actual = wrong
             yield Problem(
                 joint.site,
-                f"{joint.name} {says}",
+                f"{joint.name} {fault}",
                 name,
                 expected,
                 actual,
@@ -227,11 +227,11 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     for joint in joints(subject.stage):
         tied = [] if joint in own else [wheel for wheel in wheels if _ties(joint, wheel)]
         for wheel in [wheel for wheel in tied if _may_turn(wheel, subject)][:1]:
-            other = next((end for end in bodies(joint) if not is_at_or_below(end, wheel.link)), "")
-            is_ = f"{joint.name} ties {wheel.link} to {other or 'the world'}"
+            holder = next((end for end in bodies(joint) if not is_at_or_below(end, wheel.link)), "")
+            tie_text = f"{joint.name} ties {wheel.link} to {holder or 'the world'}"
             yield Problem(
                 joint.path,
-                f"{is_}, beside {wheel.name}",
+                f"{tie_text}, beside {wheel.name}",
                 None,
                 f"{wheel.name} alone",
                 joint.type,
@@ -269,10 +269,10 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     scene = subject.lab.scene
     wheels, limit = scene.robot.wheels, scene.tolerance.link_position
     places = {
-        joint: found
+        joint: place
         for joint in tied_joints(subject)
         if is_stated(joint, subject, f"physics:localPos{base_side(joint)}")
-        and (found := anchor(joint, subject))
+        and (place := anchor(joint, subject))
     }
     if len(places) != len(wheels.joints) or len(places) != _PAIR:
         return
@@ -281,7 +281,7 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
     if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
         axles = [axle(joint, subject) for joint in places]
-        if all(found and dot(found, wheels.axle) > 0 for found in axles):  # else S09 speaks
+        if all(place and dot(place, wheels.axle) > 0 for place in axles):  # else S09 speaks
             yield from _exchanged(places, wheels)
         return
     half = wheels.distance / 2
@@ -343,23 +343,27 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     """
     scene = subject.lab.scene
     wanted, limit = scene.robot.wheels.axle, scene.tolerance.axle_angle
-    axles = {joint: found for joint in tied_joints(subject) if (found := axle(joint, subject))}
+    axles = {
+        joint: direction for joint in tied_joints(subject) if (direction := axle(joint, subject))
+    }
     wrong = {
-        joint: found for joint, found in axles.items() if not angle_between(found, wanted) <= limit
+        joint: direction
+        for joint, direction in axles.items()
+        if not angle_between(direction, wanted) <= limit
     }
     back = scaled(wanted, -1.0)
     is_all_back = len(wrong) == len(axles) > 1 and all(
-        angle_between(found, back) <= limit for found in wrong.values()
+        angle_between(direction, back) <= limit for direction in wrong.values()
     )
     severity: Severity | None = "warning" if is_all_back else None
     section = subject.lab.handout.behind("S09", scene.robot.wheels.handout)
-    for joint, found in wrong.items():
+    for joint, direction in wrong.items():
         if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
             continue
         name = _cause(joint, list(axles))
-        expected, actual = vector_text(wanted), vector_text(found)
+        expected, actual = vector_text(wanted), vector_text(direction)
         turn_text = f"about {actual} of the robot, expected {expected}"
-        if angle_between(found, back) <= limit:
+        if angle_between(direction, back) <= limit:
             turn_text = "backward: its axis is inverted"
         yield Problem(
             joint.site,
@@ -422,10 +426,10 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                 continue
         stiffness = number(prim.attributes.get(STIFFNESS, 0.0))
         if stiffness != 0:
-            is_ = "no number" if stiffness is None else f"{stiffness:g}"
+            actual = "no number" if stiffness is None else f"{stiffness:g}"
             yield Problem(
                 prim.path,
-                f"stiffness is {is_}, expected 0",
+                f"stiffness is {actual}, expected 0",
                 STIFFNESS,
                 "0",
                 f"{stiffness}",

@@ -88,8 +88,8 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the collision plane below `/Environment` deactivated.
     """
-    asked = _asked(subject, subject.lab.scene.world.ground)
-    if asked is None or has_ground(subject):
+    part = _asked(subject, subject.lab.scene.world.ground)
+    if part is None or has_ground(subject):
         return
     asset = _missing_environment(subject)
     falling = falling_ground(subject)
@@ -104,8 +104,8 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
             BODY_ENABLED,
             "no rigid body",
             BODY_API,
-            asked.handout,
-            related=tuple(sorted({asked.usual, plane.path} - {body.path})),
+            part.handout,
+            related=tuple(sorted({part.usual, plane.path} - {body.path})),
             hint=f"remove Rigid Body from {body.name} in the Property panel",
             fix=(RemoveSchema(body.path, BODY_API),),
             rests_on=asset,
@@ -120,8 +120,8 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
             name,
             up,
             faces,
-            asked.handout,
-            related=(asked.usual,),
+            part.handout,
+            related=(part.usual,),
             hint=f"turn {steep.name}, or the prim that holds it, so that its front faces up",
             fix=(Restore(steep.path, name),),
             unmet=(_GROUND,),
@@ -137,15 +137,15 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
             message,
             COLLISION_ENABLED,
             expected="True" if has_api else COLLISION_API,
-            handout=asked.handout,
-            related=(asked.usual,),
+            handout=part.handout,
+            related=(part.usual,),
             fix=(restored if has_api else ApplySchema(off.path, COLLISION_API),),
             unmet=(_GROUND,),
             rests_on=asset,
         )
     else:
         planes = subject.stage.of_type(PLANE)
-        yield _missing(subject, asked, "a ground with collision", planes, _GROUND)
+        yield _missing(subject, part, "a ground with collision", planes, _GROUND)
 
 
 def _silent_ground(subject: StageSubject) -> Prim | None:
@@ -168,11 +168,11 @@ def light(subject: StageSubject) -> Iterator[Problem]:
     Example: the only DistantLight deactivated.
     """
     prims = list(lights(subject.stage))
-    asked = _asked(subject, subject.lab.scene.world.light)
-    if asked is None or any(prim.present for prim in prims):
+    part = _asked(subject, subject.lab.scene.world.light)
+    if part is None or any(prim.present for prim in prims):
         return
-    if not _is_lost_with_ground(subject, asked):
-        yield _missing(subject, asked, "a light", prims, _LIGHT)
+    if not _is_lost_with_ground(subject, part):
+        yield _missing(subject, part, "a light", prims, _LIGHT)
 
 
 @rule("S15", "physics-scene", scope="stage", demands=_HAS_SCENE)
@@ -188,21 +188,21 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
     Example: `/physicsScene` deleted, or `physics:gravityMagnitude` 0 on it.
     """
     scenes = list(subject.stage.of_type(SCENE))
-    asked = _asked(subject, subject.lab.scene.world.physics_scene)
-    if asked is None:
+    part = _asked(subject, subject.lab.scene.world.physics_scene)
+    if part is None:
         return
     for wrong in gravity_faults(subject):
-        usual = (asked.usual,) if wrong.prim != asked.usual else ()
+        usual = (part.usual,) if wrong.prim != part.usual else ()
         sites = (f"{wrong.prim}.{wrong.property}", *wrong.related)
         yield replace(
             wrong,
-            handout=asked.handout,
+            handout=part.handout,
             related=(*usual, *wrong.related),
             fix=tuple(Restore(*site.split(".")) for site in sites),
             unmet=(_SCENE,),
         )
     if not any(prim.present for prim in scenes):
-        yield _missing(subject, asked, "a physics scene", scenes, _SCENE)
+        yield _missing(subject, part, "a physics scene", scenes, _SCENE)
 
 
 @rule("S16", "observation-camera", scope="stage", severity="warning")
@@ -217,14 +217,14 @@ def observation_camera(subject: StageSubject) -> Iterator[Problem]:
     Example: the world's camera dragged onto `{base}` and renamed.
     """
     robot, world = subject.lab.scene.robot.path, subject.lab.scene.world
-    asked = world.observation_camera
+    part = world.observation_camera
     is_gone = subject.stage.prim(world.graph_parent.path) is None  # which is S01's
-    if asked is None or is_gone:
+    if part is None or is_gone:
         return
-    typed = subject.stage.of_type(asked.type)
+    typed = subject.stage.of_type(part.type)
     cameras = [prim for prim in typed if not is_at_or_below(prim.path, robot)]
     if not any(prim.present for prim in cameras):
-        yield _missing(subject, asked, "an observation camera", cameras)
+        yield _missing(subject, part, "an observation camera", cameras)
 
 
 def _missing_environment(subject: StageSubject) -> UnresolvedAsset | None:
@@ -249,23 +249,23 @@ def _is_lost_with_ground(subject: StageSubject, light: WorldPart) -> bool:
 
 
 def _missing(
-    subject: StageSubject, asked: WorldPart, title: str, parts: Iterable[Prim], *unmet: str
+    subject: StageSubject, part: WorldPart, title: str, parts: Iterable[Prim], *unmet: str
 ) -> Problem:
     """Say that a part is missing: at the prim that is switched off, else where it usually is."""
-    usual = asked.usual
+    usual = part.usual
     off = [prim.path for prim in parts if not prim.present]
     top = subject.stage.prims.get(usual)
     if top is not None and not top.present:
         off = [usual]
     site = min(off, default=usual)
-    why = f": {site} {absence_reason(subject.stage, site)}" if off else ""
+    reason = f": {site} {absence_reason(subject.stage, site)}" if off else ""
     related = (usual,) if site != usual else ()
-    message = f"the scene has no {title.split(' ', 1)[1]}{why}"
+    message = f"the scene has no {title.split(' ', 1)[1]}{reason}"
     return Problem(
         site,
         message,
         expected=title,
-        handout=asked.handout,
+        handout=part.handout,
         related=related,
         fix=tuple(map(Restore, (site, *related))),
         unmet=unmet,
@@ -318,12 +318,12 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
     severity: Severity | None = "warning" if later else None
     section = subject.lab.handout.behind("S19", spec.handout)
     for body, low in off.items():
-        where = "above" if low > 0 else "below"
+        side = "above" if low > 0 else "below"
         part = body.rpartition("/")[2]
         basis = ground if body == spec.path else spec.path
         yield Problem(
             body,
-            f"{part} is {abs(low):.3g} m {where} the ground",
+            f"{part} is {abs(low):.3g} m {side} the ground",
             expected="on the ground",
             actual=f"{low:.3g} m",
             handout=section,
