@@ -100,6 +100,7 @@ def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
         absent=problem.absent,
         causes=problem.causes,
         follows=problem.follows,
+        frames=problem.frames,
         if_supplied=problem.if_supplied,
         supplied=found.judges_supplied,
     )

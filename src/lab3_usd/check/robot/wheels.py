@@ -88,11 +88,6 @@ def unknown_joints(subject: StageSubject) -> UnresolvedAsset | None:
     return subject.stage.unknown_below(robot.path, beside=robot.link_paths)
 
 
-def could_hide_joints(subject: StageSubject) -> bool:
-    """Whether a missing asset of the robot, other than those of its links, could hold joints."""
-    return unknown_joints(subject) is not None
-
-
 def has_no_joints(subject: StageSubject) -> bool:
     """Whether the robot is there, and not one joint ties any of its links.
 
