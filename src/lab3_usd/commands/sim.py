@@ -17,7 +17,7 @@ from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 
 if TYPE_CHECKING:
     from lab3_usd.sim.dry_run import DryRun
-    from lab3_usd.sim.judge.evidence import Interface
+    from lab3_usd.sim.judge.trial import Interface
     from lab3_usd.sim.live import Lived
     from lab3_usd.spec.lab import Lab
 
@@ -85,7 +85,7 @@ def _say_what(stage: Path, wanted: Interface) -> None:
 
 
 def _after(seconds: float | None) -> Callable[[int], bool]:
-    from lab3_usd.sim.execution.record import RATE
+    from lab3_usd.sim.execution.drive import RATE
 
     return lambda frames: seconds is not None and frames >= seconds * RATE
 
@@ -139,9 +139,9 @@ def _write_page(page: Path, run: DryRun, lab: Lab) -> None:
 def _write_bag(folder: Path, run: DryRun) -> None:
     from lab3_usd.sim.bag.writer import write_bag
 
-    if run.evidence is not None:
+    if run.trial is not None:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        write_bag(folder, run.evidence)
+        write_bag(folder, run.trial)
 
 
 @click.command("sim")

@@ -24,7 +24,8 @@ from rosbags.interfaces import Nodetype
 
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.bag.writer import STORE, TWIST, serialized
-from lab3_usd.sim.execution.record import RATE, Message, Profile
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.recording import Message, Profile
 from lab3_usd.sim.execution.world import Twist
 from lab3_usd.sim.timeline import Player, unknown_in
 

@@ -5,23 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
 from lab3_usd.sim.execution.program import Program, compile_graphs
-from lab3_usd.sim.execution.record import (
-    RATE,
-    Leg,
-    Message,
-    Pose,
-    Recording,
-    Scan,
-    Session,
-    Transform,
-    View,
-    command_frames,
-)
+from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Transform, View
 from lab3_usd.sim.execution.running import FRAME, STEP
 from lab3_usd.sim.execution.world import Endpoint, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import RunCauses
-from lab3_usd.sim.judge.evidence import Evidence, Interface
+from lab3_usd.sim.judge.trial import Interface, Trial
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.nodes.sensors import IMAGES
 from lab3_usd.sim.nodes.transforms import OPTICAL
@@ -176,7 +166,7 @@ def record(
     catalog: Catalog,
     drive: Sequence[Session],
     wanted: Interface,
-) -> Evidence:
+) -> Trial:
     """Play the sessions, and return what was sent, where the robot went, and what it stood in."""
     player = player_of(scene, catalog, wanted)
     world = player.world
@@ -207,7 +197,7 @@ def record(
     causes = RunCauses(player.program, recording.messages, robot, wanted.commands)
     recording.remarks = list(causes.remarks())
     radius = robot.radius * unit if robot is not None else 0.0
-    return Evidence(recording, drive, wanted, level, walls, causes, _room(player, start), radius)
+    return Trial(recording, drive, wanted, level, walls, causes, _room(player, start), radius)
 
 
 def _kept(messages: Iterable[Message], topics: frozenset[str]) -> Iterator[tuple[Transform, str]]:

@@ -19,20 +19,21 @@ from lab3_usd.model.dry_run import HERE, Behaviour, Check, Difference, Place, To
 from lab3_usd.sim.bag.files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.dry_run import driven_legs, is_asked, path_rows
-from lab3_usd.sim.execution.record import RATE, Leg, Pose, Session, leg_name
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
+from lab3_usd.sim.execution.recording import Pose
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
 from lab3_usd.sim.judge.checks import verdict
-from lab3_usd.sim.judge.evidence import (
+from lab3_usd.sim.judge.sensors import SHORT
+from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
+from lab3_usd.sim.judge.trial import (
     PHYSICAL,
-    Evidence,
     Fault,
     Interface,
+    Trial,
     angle,
     displacement,
     is_about,
 )
-from lab3_usd.sim.judge.sensors import SHORT
-from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
@@ -50,7 +51,7 @@ class Recorded(Struct, frozen=True):
 
     gathered: Gathered
     topics: Topics
-    evidence: Evidence
+    trial: Trial
     asked: tuple[TopicSpec, ...]
     map_frame: str
     goal: GoalSpec | None
@@ -130,13 +131,13 @@ def _root(recorded: Recorded) -> str:
 
 def odometry(recorded: Recorded) -> Iterator[Fault]:
     """The speeds of odometry are those of the way that it tells."""
-    evidence, messages = (
-        recorded.evidence,
-        recorded.evidence.recording.topic(recorded.topics.wanted.odometry, 0),
+    trial, messages = (
+        recorded.trial,
+        recorded.trial.recording.topic(recorded.topics.wanted.odometry, 0),
     )
     times = [message.at for message in messages if message.data is not None]
     end = 0.0
-    for leg in evidence.drive[0].legs:
+    for leg in trial.drive[0].legs:
         start, end = end, end + leg.seconds
         if leg.name not in {"ahead", "back", "left", "right"} or not times:
             continue
@@ -147,7 +148,7 @@ def odometry(recorded: Recorded) -> Iterator[Fault]:
         ]
         if not inside:
             continue
-        stretch = next((s for s in evidence.stretches(leg.name) if s.leg is leg), None)
+        stretch = next((s for s in trial.stretches(leg.name) if s.leg is leg), None)
         if stretch is None:
             continue
         ahead, _, turned = displacement(stretch.before, stretch.poses[-1])
@@ -166,10 +167,10 @@ def odometry(recorded: Recorded) -> Iterator[Fault]:
 
 def way(recorded: Recorded) -> Iterator[Fault]:
     """All in all the robot goes about as far as it is commanded."""
-    evidence = recorded.evidence
-    most = evidence.wanted.limits[0] or math.inf
-    commanded = sum(min(abs(leg.forward), most) * leg.seconds for leg in evidence.drive[0].legs)
-    poses = evidence.recording.path
+    trial = recorded.trial
+    most = trial.wanted.limits[0] or math.inf
+    commanded = sum(min(abs(leg.forward), most) * leg.seconds for leg in trial.drive[0].legs)
+    poses = trial.recording.path
     driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(poses))
     if commanded > LEAST and not is_about(driven, commanded):
         yield Fault(f"told to go {commanded:.1f} m in all, went {driven:.1f} m", "wrong-distance")
@@ -313,12 +314,10 @@ def _judged(
     gathered.recording.seconds = gathered.timeline.now
     drive = legs(gathered.commands, gathered.seconds, wanted.limits)
     gathered.recording.path = list(path(gathered.places, drive))
-    evidence = Evidence(
-        gathered.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL
-    )
+    trial = Trial(gathered.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
     asked = reached_topics(lab, checkpoint)
     map_frame = map_topic(lab, checkpoint)[1]
-    recorded = Recorded(gathered, topics, evidence, asked, map_frame, lab.ros.goal)
+    recorded = Recorded(gathered, topics, trial, asked, map_frame, lab.ros.goal)
     checks = tuple(_checks(recorded, _left_out(recorded, lab, checkpoint, whole=whole)))
     return Behaviour(
         "",
@@ -328,8 +327,8 @@ def _judged(
         tuple(_judged_topics(gathered)),
         tuple(gathered.frames),
         checks,
-        tuple(path_rows(evidence)),
-        legs=tuple(driven_legs(evidence)) if gathered.places else (),
+        tuple(path_rows(trial)),
+        legs=tuple(driven_legs(trial)) if gathered.places else (),
         remarks=tuple(_remarks(gathered)),
         recording=name,
     )
@@ -337,9 +336,9 @@ def _judged(
 
 def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> frozenset[str]:
     """Return the checks that nothing was recorded for, or that are not asked for."""
-    gathered, evidence = recorded.gathered, recorded.evidence
-    names = {name for name in SHARED if not is_asked(name, evidence)} | {"odometry"}
-    if not gathered.commands or not evidence.recording.path:
+    gathered, trial = recorded.gathered, recorded.trial
+    names = {name for name in SHARED if not is_asked(name, trial)} | {"odometry"}
+    if not gathered.commands or not trial.recording.path:
         names |= {*_MOVED}
     map_name, _ = map_topic(lab, checkpoint)
     seen = {frame.child for frame in gathered.frames if frame.parent == recorded.map_frame}
@@ -361,12 +360,12 @@ def _checks(recorded: Recorded, left_out: frozenset[str]) -> Iterator[Check]:
         looked = False
         if name in SHARED and name not in left_out:
             looked = True
-            faults += SHARED[name](recorded.evidence)
+            faults += SHARED[name](recorded.trial)
         if name in CHECKS and (name == "odometry" or name not in left_out):
             looked = True
             faults += CHECKS[name](recorded)
         if looked:
-            yield verdict(name, faults, recorded.evidence)
+            yield verdict(name, faults, recorded.trial)
 
 
 def _judged_topics(gathered: Gathered) -> Iterator[Topic]:

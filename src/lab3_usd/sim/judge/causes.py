@@ -10,9 +10,9 @@ from msgspec import Struct
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
 from lab3_usd.sim.execution.program import Program
-from lab3_usd.sim.execution.record import Message
+from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.judge.evidence import Cause
+from lab3_usd.sim.judge.trial import Cause
 from lab3_usd.sim.robot.machine import Joint, Machine
 
 _RADIUS = "wheelRadius"
