@@ -40,6 +40,7 @@ def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
     """Return what a run comes to, judged by what its checkpoint asks for."""
     checks = tuple(check for check in judge(trial) if is_asked(check.name, trial))
     recording = trial.recording
+    reasons = {**recording.not_simulated, **recording.assumed}
     return Behaviour(
         stage,
         checkpoint,
@@ -49,7 +50,7 @@ def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
         tuple(_frames(trial)),
         checks,
         tuple(path_rows(trial)),
-        _unknown(trial),
+        tuple(Unknown(prim, reasons[prim]) for prim in sorted(reasons)),
         tuple(driven_legs(trial)),
         tuple(_remarks(trial, checks)),
     )
@@ -102,12 +103,6 @@ def path_rows(trial: Trial) -> Iterator[tuple[float, float, float, float]]:
         if number % EVERY == 0:
             seconds = (number + 1) / RATE
             yield (round(seconds, 3), round(pose.x, 4), round(pose.y, 4), round(pose.heading, 4))
-
-
-def _unknown(trial: Trial) -> tuple[Unknown, ...]:
-    recording = trial.recording
-    reasons = {**recording.not_simulated, **recording.assumed}
-    return tuple(Unknown(prim, reasons[prim]) for prim in sorted(reasons))
 
 
 def driven_legs(trial: Trial) -> Iterator[Leg]:

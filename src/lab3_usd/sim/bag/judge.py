@@ -232,17 +232,15 @@ def _topics(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
         if topic is None:
             yield Difference(expected.name, "comes in the dry run only")
             continue
-        for text in _parts(topic, expected):
+        if topic.type != expected.type:
+            text = f"is {topic.type}, in the dry run {expected.type}"
             yield Difference(expected.name, text)
-
-
-def _parts(topic: Topic, expected: Topic) -> Iterator[str]:
-    if topic.type != expected.type:
-        yield f"is {topic.type}, in the dry run {expected.type}"
-    if abs(topic.hz - expected.hz) > RATES * max(topic.hz, expected.hz):
-        yield f"comes at {topic.hz:.1f} Hz, in the dry run at {expected.hz:.1f}"
-    if topic.frame not in expected.frame.split(", "):
-        yield f"is in '{topic.frame}', in the dry run in '{expected.frame}'"
+        if abs(topic.hz - expected.hz) > RATES * max(topic.hz, expected.hz):
+            text = f"comes at {topic.hz:.1f} Hz, in the dry run at {expected.hz:.1f}"
+            yield Difference(expected.name, text)
+        if topic.frame not in expected.frame.split(", "):
+            text = f"is in '{topic.frame}', in the dry run in '{expected.frame}'"
+            yield Difference(expected.name, text)
 
 
 def _frames(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
@@ -400,25 +398,20 @@ def legs(
     commands: Sequence[tuple[float, _Command]], seconds: float, limits: tuple[float, float]
 ) -> tuple[Leg, ...]:
     """Return the legs of a drive: a command holds until the next, as in Isaac Sim."""
-    return tuple(_legs(commands, round(seconds * RATE), limits))
-
-
-def _legs(
-    commands: Sequence[tuple[float, _Command]], end: int, limits: tuple[float, float]
-) -> Iterator[Leg]:
-    first, current = 0, None
+    drive: list[Leg] = []
+    end, first = round(seconds * RATE), 0
+    current: _Command | None = None
     changes = [change for change in commands if round(change[0] * RATE) < end]
     for at, command in [*changes, (end / RATE, None)]:
-        if current is not None and command is not None and _same(current, command):
-            continue
+        if current is not None and command is not None:
+            steps = (abs(a - b) for a, b in zip(current, command, strict=True))
+            if all(step < _SAME for step in steps):
+                continue
         frame = max(first, round(at * RATE))
         if frame > first:
-            yield _leg(current, (frame - first) / RATE, limits)
+            drive.append(_leg(current, (frame - first) / RATE, limits))
         first, current = frame, command
-
-
-def _same(before: _Command, after: _Command) -> bool:
-    return all(abs(a - b) < _SAME for a, b in zip(before, after, strict=True))
+    return tuple(drive)
 
 
 def _leg(command: _Command | None, seconds: float, limits: tuple[float, float]) -> Leg:
@@ -441,8 +434,8 @@ def path(places: Sequence[tuple[float, Place]], drive: Sequence[Leg]) -> Iterato
             at = frame / RATE
             while ahead + 1 < len(places) and places[ahead + 1][0] <= at:
                 ahead += 1
-            here, there = places[ahead], places[min(ahead + 1, len(places) - 1)]
-            yield Pose(0, at, leg.name, *_between(here, there, at))
+            before, after = places[ahead], places[min(ahead + 1, len(places) - 1)]
+            yield Pose(0, at, leg.name, *_between(before, after, at))
 
 
 def _between(before: tuple[float, Place], after: tuple[float, Place], at: float) -> Place:

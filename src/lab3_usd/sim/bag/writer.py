@@ -167,7 +167,7 @@ def write_bag(folder: Path, trial: Trial) -> int:
 
     It has what came in the lab's domain, and the commands. Pictures are not in it.
     """
-    records = sorted((*_commands(trial), *_messages(trial)), key=lambda record: record[:2])
+    records = sorted(_records(trial), key=lambda record: record[:2])
     with Writer(folder, version=_WRITTEN, storage_plugin=StoragePlugin.MCAP) as writer:
         connections: dict[tuple[str, str], Any] = {}
         for record in records:
@@ -181,29 +181,21 @@ def write_bag(folder: Path, trial: Trial) -> int:
     return len(records)
 
 
-def _starts(trial: Trial) -> list[float]:
-    """Return when each session begins, in seconds since the first Play."""
+def _records(trial: Trial) -> Iterator[Record]:
+    """Yield the commands, then the messages, in seconds since the first Play."""
     starts = [0.0]
     for session in trial.drive:
         frames = sum(round(leg.seconds * RATE) for leg in session.legs)
         starts.append(starts[-1] + frames / RATE)
-    return starts
-
-
-def _messages(trial: Trial) -> Iterator[Record]:
-    starts = _starts(trial)
+    for start, session in zip(starts, trial.drive, strict=False):
+        for frame, leg in command_frames(session):
+            time = nanoseconds(start + (frame + 1) / RATE)
+            yield Record(time, trial.wanted.commands, TWIST, command(leg))
     for message in trial.recording.messages:
         data = None if message.away is not None else serialized(message)
         if data is not None:
             time = nanoseconds(starts[message.session] + message.at)
             yield Record(time, message.topic, message.type, data, message.profile)
-
-
-def _commands(trial: Trial) -> Iterator[Record]:
-    for start, session in zip(_starts(trial), trial.drive, strict=False):
-        for frame, leg in command_frames(session):
-            time = nanoseconds(start + (frame + 1) / RATE)
-            yield Record(time, trial.wanted.commands, TWIST, command(leg))
 
 
 def _offered(profile: Profile) -> Qos:

@@ -37,7 +37,7 @@ def judge(trial: Trial) -> list[Check]:
 
 
 def verdict(name: str, faults: list[Fault], trial: Trial) -> Check:
-    """Return the verdict of what was found to be wrong."""
+    """Return the verdict of a check from its faults."""
     if not faults:
         return Check(name, "ok")
     unknown = trial.recording.not_simulated or (name in SENSED and trial.recording.assumed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from lab3_usd.model.dry_run import Affine, rotation
@@ -58,7 +58,16 @@ def follows(trial: Trial) -> Iterator[Fault]:
             if fault is not None:
                 yield fault
                 break
-    yield from _arcs(trial)
+    for leg, before, poses in trial.stretches("arc"):
+        pairs = zip([before, *poses], poses, strict=False)
+        way = sum(math.hypot(later.x - pose.x, later.y - pose.y) for pose, later in pairs)
+        length, turn = abs(leg.forward) * leg.seconds, leg.turn * leg.seconds
+        turned = _turned(before, poses)
+        if not is_about(way, length) or not is_about(turned, turn):
+            text = f"told to go {length:.2f} m and turn {math.degrees(turn):.0f} degrees,"
+            text += f" did {way:.2f} m and {math.degrees(turned):.0f}"
+            yield trial.motion_fault(text, "wrong-arc")
+            return
 
 
 def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
@@ -80,7 +89,7 @@ def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
 def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
     leg, before, poses = stretch
     ahead, left, _ = displacement(before, poses[-1])
-    commanded, turned = leg.turn * leg.seconds, _turned(stretch)
+    commanded, turned = leg.turn * leg.seconds, _turned(before, poses)
     if not is_about(turned, commanded):
         text = f"told {math.degrees(abs(commanded)):.0f} degrees {leg.name}, turned"
         sense = -1.0 if leg.name == "right" else 1.0
@@ -90,25 +99,9 @@ def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
     return None
 
 
-def _turned(stretch: Stretch) -> float:
-    _, before, poses = stretch
+def _turned(before: Pose, poses: Sequence[Pose]) -> float:
     pairs = zip([before, *poses], poses, strict=False)
     return sum(angle(following.heading - pose.heading) for pose, following in pairs)
-
-
-def _arcs(trial: Trial) -> Iterator[Fault]:
-    for stretch in trial.stretches("arc"):
-        leg, before, poses = stretch
-        way = sum(
-            math.hypot(following.x - pose.x, following.y - pose.y)
-            for pose, following in zip([before, *poses], poses, strict=False)
-        )
-        commanded = (abs(leg.forward) * leg.seconds, leg.turn * leg.seconds)
-        if not is_about(way, commanded[0]) or not is_about(_turned(stretch), commanded[1]):
-            asked, turned = (math.degrees(radians) for radians in (commanded[1], _turned(stretch)))
-            text = f"told to go {commanded[0]:.2f} m and turn {asked:.0f} degrees,"
-            yield trial.motion_fault(f"{text} did {way:.2f} m and {turned:.0f}", "wrong-arc")
-            return
 
 
 def limits(trial: Trial) -> Iterator[Fault]:

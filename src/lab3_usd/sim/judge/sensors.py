@@ -22,9 +22,9 @@ def mounted(trial: Trial) -> Iterator[Fault]:
         places = []
         for message in (messages[1], messages[-1]) if len(messages) > 1 else ():
             base = Message("", 0.0, wanted.base, at=message.at, session=message.session)
-            there, here = in_root(trial, message), in_root(trial, base)
-            if there is not None and here is not None:
-                places.append(here.inverse().then(there))
+            sensor_place, base_place = in_root(trial, message), in_root(trial, base)
+            if sensor_place is not None and base_place is not None:
+                places.append(base_place.inverse().then(sensor_place))
         if len(places) > 1 and not agree(*places):
             text = f"{messages[0].frame} does not go with {wanted.base}"
             yield Fault(text, "loose-sensor", messages[0].node)
@@ -109,15 +109,15 @@ def _view(trial: Trial, image: Message) -> Iterator[Fault]:
     place = in_root(trial, image)
     if place is None or not isinstance(image.data, View) or image.data.place is None:
         return
-    there = trial.start.inverse().then(image.data.place)
-    if not agree(place, there):
+    actual = trial.start.inverse().then(image.data.place)
+    if not agree(place, actual):
         text = f"TF does not have {image.frame} where the camera is"
         yield Fault(text, "misplaced-camera-frame", image.node)
     wanted = trial.wanted
     base = in_root(trial, Message("", 0.0, wanted.base, at=image.at, session=image.session))
     if base is not None and any(wanted.looks):
-        seen = base.inverse().then(there)
-        if length(minus(seen.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
+        view = base.inverse().then(actual)
+        if length(minus(view.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
             yield Fault("the camera does not look ahead", "camera-not-ahead", image.node)
-        elif length(minus(seen.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
+        elif length(minus(view.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
             yield Fault("the camera is not upright", "camera-not-upright", image.node)

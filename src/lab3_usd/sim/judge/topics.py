@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
-from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.trial import Fault, Interface, Trial
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, TopicSpec
@@ -35,7 +34,13 @@ _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
     """Return what somebody at the other end of ROS is to see of a stage of this checkpoint."""
     reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
-    asked = [topic for topic in lab.topics.values() if _of_stage(topic, reached)]
+    asked = [
+        topic
+        for topic in lab.topics.values()
+        if topic.since in reached
+        and (topic.subscribed or topic.source is None)
+        and not topic.optional
+    ]
     names = {part: _named(asked, kind) for part, kind in _PARTS.items()}
     odometry = [topic for topic in lab.topics.values() if topic.type == _PARTS["odometry"]]
     frames = odometry[0].fields or {} if odometry else {}
@@ -80,12 +85,6 @@ def map_topic(lab: Lab, checkpoint: str) -> tuple[str, str]:
     return "", ""
 
 
-def _of_stage(topic: TopicSpec, reached: tuple[str, ...]) -> bool:
-    return (
-        topic.since in reached and (topic.subscribed or topic.source is None) and not topic.optional
-    )
-
-
 def _named(topics: list[TopicSpec], kind: str) -> str:
     return next((topic.name for topic in topics if topic.type == kind), "")
 
@@ -115,7 +114,12 @@ def topics(trial: Trial) -> Iterator[Fault]:
     for topic, kind in wanted.types.items():
         silent = [session for session in sessions if not recording.topic(topic, session)]
         if silent:
-            yield _silence(trial, topic, kind, silent)
+            text = f"nothing on {topic}{trial.when(silent)}"
+            cause = trial.causes.of_silence(topic, kind) if trial.causes is not None else None
+            if cause is None:
+                yield Fault(text, "silent-topic")
+            else:
+                yield Fault(text, cause.kind or "silent-topic", cause.prim, cause.reason)
         messages = recording.topic(topic)
         odd = next((message for message in messages if message.type != kind), None)
         if odd is not None:
@@ -123,14 +127,6 @@ def topics(trial: Trial) -> Iterator[Fault]:
         senders = list(dict.fromkeys(message.node for message in messages))
         if topic != wanted.transforms and len(senders) > 1:
             yield Fault(f"{len(senders)} nodes publish {topic}", "duplicate-publisher", senders[1])
-
-
-def _silence(trial: Trial, topic: str, kind: str, sessions: Sequence[int]) -> Fault:
-    text = f"nothing on {topic}{trial.when(sessions)}"
-    cause = trial.causes.of_silence(topic, kind) if trial.causes is not None else None
-    if cause is None:
-        return Fault(text, "silent-topic")
-    return Fault(text, cause.kind or "silent-topic", cause.prim, cause.reason)
 
 
 def clock(trial: Trial) -> Iterator[Fault]:
@@ -193,7 +189,13 @@ def tree(trial: Trial) -> Iterator[Fault]:
 
 def _tree_faults(trial: Trial, session: int) -> Iterator[Fault]:
     messages = trial.recording.topic(trial.wanted.transforms, session)
-    parents = _parents(trial, messages)
+    # The parents of each frame, with the node that publishes them and its last time.
+    parents: dict[str, dict[tuple[str, str], float]] = {}
+    for message in messages:
+        for transform in message.transforms:
+            parents.setdefault(transform.child, {})[transform.parent, message.node] = message.at
+    for transform, node in trial.recording.static:
+        parents.setdefault(transform.child, {})[transform.parent, node] = math.inf
     for child, several in parents.items():
         own = next((node for parent, node in several if parent == child), None)
         if own is not None:
@@ -209,19 +211,12 @@ def _tree_faults(trial: Trial, session: int) -> Iterator[Fault]:
         yield from _loose_frames(trial, up, session)
 
 
-def _parents(trial: Trial, messages: Sequence[Message]) -> dict[str, dict[tuple[str, str], float]]:
-    """Return the parents of each frame, with the node that publishes them and its last time."""
-    parents: dict[str, dict[tuple[str, str], float]] = {}
-    for message in messages:
-        for transform in message.transforms:
-            parents.setdefault(transform.child, {})[transform.parent, message.node] = message.at
-    for transform, node in trial.recording.static:
-        parents.setdefault(transform.child, {})[transform.parent, node] = math.inf
-    return parents
-
-
 def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[Fault]:
-    named = _named_frames(trial, session)
+    named = {trial.wanted.base: ""}  # the frames that are spoken of, with a node that does so
+    for topic in trial.wanted.types:
+        for message in trial.recording.topic(topic, session):
+            if message.frame:
+                named.setdefault(message.frame, message.node)
     for frame in (*up, *sorted(named)):
         top, steps = frame, 0
         while top in up and steps <= len(up):
@@ -231,13 +226,3 @@ def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[Fa
             text = f"{frame} does not hang below {trial.wanted.root}"
             yield Fault(text, kind, named.get(frame, ""))
             return
-
-
-def _named_frames(trial: Trial, session: int) -> dict[str, str]:
-    """Return the frames that are spoken of, with a node that does so."""
-    named = {trial.wanted.base: ""}
-    for topic in trial.wanted.types:
-        for message in trial.recording.topic(topic, session):
-            if message.frame:
-                named.setdefault(message.frame, message.node)
-    return named

@@ -167,21 +167,15 @@ def is_about(driven: float, commanded: float) -> bool:
 PLACE = (0.02, math.radians(2.0))  # of a sensor, between TF and where it is
 
 
-def _frames_at(trial: Trial, message: Message) -> dict[str, tuple[str, Transform]]:
+def in_root(trial: Trial, message: Message) -> Affine | None:
+    """Return where TF has the frame of a message, or None where it does not have it."""
+    static = {frame.child: (frame.parent, frame) for frame, _ in trial.recording.static}
     latest: dict[str, tuple[str, Transform]] = {}
     for sent in trial.recording.topic(trial.wanted.transforms, message.session):
         if sent.at > message.at and latest:
             break
-        for transform in sent.transforms:
-            latest[transform.child] = (transform.parent, transform)
-    static = trial.recording.static
-    kept = {transform.child: (transform.parent, transform) for transform, _ in static}
-    return {**kept, **latest}
-
-
-def in_root(trial: Trial, message: Message) -> Affine | None:
-    """Return where TF has the frame of a message, or None where it does not have it."""
-    frames = _frames_at(trial, message)
+        latest |= {frame.child: (frame.parent, frame) for frame in sent.transforms}
+    frames = static | latest
     frame, place = message.frame, HERE
     for _ in range(len(frames)):
         if frame not in frames:

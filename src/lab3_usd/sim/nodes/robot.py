@@ -5,8 +5,6 @@ CN is core nodes, RN ROS 2 nodes, WR wheeled robots.
 
 from __future__ import annotations
 
-from typing import Any
-
 from lab3_usd.model.dry_run import Affine
 from lab3_usd.model.transforms import Vector, cross, dot, length
 from lab3_usd.sim.execution.recording import Message, Odometry
@@ -56,7 +54,10 @@ def differential_controller(node: Running, world: World) -> bool:
         )
     v = _within(known["maxLinearSpeed"], node.number("linearVelocity", world))
     w = _within(known["maxAngularSpeed"], node.number("angularVelocity", world))
-    v = _linear_ramp(known, v, dt)
+    before, up, down = known["v"], known["maxAcceleration"], known["maxDeceleration"]
+    if up and down:
+        step = (up if abs(v) > abs(before) and v * before >= 0 else down) * dt
+        v = float(max(before - step, min(v, before + step)))
     turn = known["maxAngularAcceleration"]
     if turn:
         w = max(known["w"] - turn * dt, min(w, known["w"] + turn * dt))
@@ -84,14 +85,6 @@ def _within(limit: float, value: float) -> float:
     return max(-limit, min(limit, value))
 
 
-def _linear_ramp(known: dict[str, Any], v: float, dt: float) -> float:
-    before, up, down = known["v"], known["maxAcceleration"], known["maxDeceleration"]
-    if not up or not down:
-        return v
-    step = (up if abs(v) > abs(before) and v * before >= 0 else down) * dt
-    return float(max(before - step, min(v, before + step)))
-
-
 @computes("IsaacArticulationController")
 def articulation_controller(node: Running, world: World) -> bool:
     """CN/python/nodes/OgnIsaacArticulationController.py:41-300."""
@@ -103,8 +96,8 @@ def articulation_controller(node: Running, world: World) -> bool:
         known["names"], known["joints"] = None, None
         if known["machine"] is None:
             known.clear()  # it is looked for again at the next tick
-            where = f"at or below {path}" if path else "without a target"
-            return node.fails(f"there is no articulation with joints {where}", "no-articulation")
+            place = f"at or below {path}" if path else "without a target"
+            return node.fails(f"there is no articulation with joints {place}", "no-articulation")
     joints = _joints(node, world, known["machine"])
     return joints is not None and _command(node, world, joints)
 
@@ -117,20 +110,17 @@ def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None
         named = [machine.articulated.get(str(name)) for name in names]
         known["joints"] = None if None in named else named
         if known["joints"] is None:
-            _say_unknown(node, machine, str(names[named.index(None)]))
+            name = str(names[named.index(None)])
+            if name in machine.joints:
+                node.fails(f"'{name}' is excluded from the articulation", "excluded-joint")
+            else:
+                node.fails(f"the robot has no joint '{name}' that turns", "unknown-joint")
     every = list(machine.articulated.values())
     indices = node.items("jointIndices", world)
     if any(indices) and not known["names"]:
         known["joints"] = [every[int(index)] for index in indices if int(index) < len(every)]
     joints: list[Joint] | None = known["joints"]
     return every if joints is None and not known["names"] else joints
-
-
-def _say_unknown(node: Running, machine: Machine, name: str) -> None:
-    if name in machine.joints:
-        node.fails(f"'{name}' is excluded from the articulation", "excluded-joint")
-    else:
-        node.fails(f"the robot has no joint '{name}' that turns", "unknown-joint")
 
 
 def _command(node: Running, world: World, joints: list[Joint]) -> bool:
@@ -173,12 +163,12 @@ def compute_odometry(node: Running, world: World) -> bool:
         node.memory.update(path=path, start=now.inverse())
     start: Affine = node.memory["start"]
     velocity, turning = world.machines.velocity(path)
-    there = start.then(now)
+    pose = start.then(now)
     unit = world.scene.meters_per_unit
     back = now.inverse()
     node.outputs.update(
-        position=tuple(x * unit for x in there.origin),
-        orientation=xyzw(there),
+        position=tuple(x * unit for x in pose.origin),
+        orientation=xyzw(pose),
         linearVelocity=back.turn(velocity),
         globalLinearVelocity=velocity,
         angularVelocity=turning,

@@ -129,16 +129,11 @@ def _machine(base: str, bodies: dict[str, Prim], ends: dict[str, list[Joint]]) -
             waiting.append(neighbour)
             if joint.kind != FIXED:
                 moving[joint.name] = joint
-    _lock(closing, parents)
-    return Machine(base, bodies[base].world.rigid(), rest, parents, moving, held)
-
-
-def _lock(closing: list[Joint], parents: dict[str, Joint]) -> None:
-    """Lock the joints of bodies that another, fixed joint holds as well."""
-    for joint in closing:
+    for joint in closing:  # which holds these bodies as well, so that their own is locked
         for body in joint.bodies:
             if body in parents and parents[body] is not joint:
                 parents[body].locked = True
+    return Machine(base, bodies[base].world.rigid(), rest, parents, moving, held)
 
 
 _UPRIGHT = 0.5  # an axle that stands steeper rolls nowhere
