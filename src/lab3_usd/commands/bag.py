@@ -47,17 +47,17 @@ def command(recording: Path, checkpoint: str | None, stage: Path | None, form: s
     from lab3_usd.sim.bag.judge import differences, judge_recording
 
     lab = load_lab()
-    known = [*lab.checkpoints]
+    numbers = [*lab.checkpoints]
     names = [recording.name, stage.name if stage is not None else ""]
-    named = next(filter(None, (checkpoint_of(name, lab) for name in names)), known[-1])
-    asked = named if checkpoint is None else checkpoint_number(checkpoint, known)
-    behaviour = judge_recording(recording, lab, asked, whole=checkpoint is not None)
+    named = next(filter(None, (checkpoint_of(name, lab) for name in names)), numbers[-1])
+    number = named if checkpoint is None else checkpoint_number(checkpoint, numbers)
+    behaviour = judge_recording(recording, lab, number, whole=checkpoint is not None)
     if stage is not None and behaviour.verdict != "unreadable":
         from msgspec.structs import replace
 
         from lab3_usd.sim.dry_run import dry_run
 
-        dry = dry_run(stage, lab, asked).behaviour
+        dry = dry_run(stage, lab, number).behaviour
         if dry.verdict == "unreadable":
             raise UsageError(f"--stage {stage}: {dry.not_simulated[0].reason}")
         behaviour = replace(behaviour, differences=differences(behaviour, dry))

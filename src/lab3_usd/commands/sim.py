@@ -149,10 +149,10 @@ def command(stage: Path, **options: Any) -> None:
 
     use_configured_lab(stage)
     lab = load_lab()
-    known = [*lab.checkpoints]
+    numbers = [*lab.checkpoints]
     given = options["checkpoint"]
-    named = checkpoint_of(stage.name, lab) or known[-1]
-    checkpoint = named if given is None else checkpoint_number(given, known)
+    named = checkpoint_of(stage.name, lab) or numbers[-1]
+    checkpoint = named if given is None else checkpoint_number(given, numbers)
     check_live(options)
     _check_outputs(options["page"], options["bag"])
     if options["live"]:

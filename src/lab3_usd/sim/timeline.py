@@ -67,9 +67,12 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
         seen_by.near / unit,
         seen_by.far / unit,
     )
-    known, sensor = world.surroundings, writer.product.sensor
-    own = [*known.carried(sensor, world.machines), *known.beside(sensor, world.machines)]
-    seen = sweep(beam, (*known.around(at), *own))
+    surroundings, sensor = world.surroundings, writer.product.sensor
+    own = [
+        *surroundings.carried(sensor, world.machines),
+        *surroundings.beside(sensor, world.machines),
+    ]
+    seen = sweep(beam, (*surroundings.around(at), *own))
     ranges = [distance if distance < 0 else distance * unit for distance in seen]
     if writer.covered < 1.0:
         first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count

@@ -128,7 +128,7 @@ def bound_readers(unpacker: Unpacker, topics: int) -> Iterator[None]:
 
 def _bound_parser(parse: Callable[[str], Any], most: int) -> Callable[[str], Any]:
     """Return what parses each text once, and no more than so many times."""
-    known: dict[str, Any] = {}
+    profiles: dict[str, Any] = {}
     times = 0
 
     def parsed(text: str) -> Any:
@@ -136,9 +136,9 @@ def _bound_parser(parse: Callable[[str], Any], most: int) -> Callable[[str], Any
         times += 1
         if times > most:
             raise RecordingError(too_many())
-        if text not in known:
-            known[text] = parse(text if len(text) <= LARGEST_PROFILE else "")
-        return known[text]
+        if text not in profiles:
+            profiles[text] = parse(text if len(text) <= LARGEST_PROFILE else "")
+        return profiles[text]
 
     return parsed
 

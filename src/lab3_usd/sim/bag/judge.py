@@ -52,7 +52,7 @@ class Recorded(Struct, frozen=True):
     gathered: Gathered
     topics: Topics
     trial: Trial
-    asked: tuple[TopicSpec, ...]
+    reached: tuple[TopicSpec, ...]
     map_frame: str
     goal: GoalSpec | None
 
@@ -67,7 +67,7 @@ def unreadable(recorded: Recorded) -> Iterator[Fault]:
 
 def qos(recorded: Recorded) -> Iterator[Fault]:
     """Each topic is offered with the durability that is asked for, by as many as are asked for."""
-    for topic in recorded.asked:
+    for topic in recorded.reached:
         for tally in recorded.gathered.of_topic(topic.name):
             offered = [offer.durability for offer in tally.offered]
             odd = next((name for name in offered if topic.durability not in {None, name}), None)
@@ -82,7 +82,7 @@ def qos(recorded: Recorded) -> Iterator[Fault]:
 def rates(recorded: Recorded) -> Iterator[Fault]:
     """What is to stream comes more than once in a while, and its stamps go on."""
     is_short = recorded.gathered.timeline.arrived < SHORT
-    for topic in recorded.asked:
+    for topic in recorded.reached:
         for tally in recorded.gathered.of_topic(topic.name):
             if topic.rate is not None and tally.count and not (any(tally.rates()) or is_short):
                 yield Fault(f"{topic.name} comes only once", "single-message")
@@ -93,7 +93,7 @@ def rates(recorded: Recorded) -> Iterator[Fault]:
 
 def headers(recorded: Recorded) -> Iterator[Fault]:
     """The headers name the frames that are asked for."""
-    for topic in recorded.asked:
+    for topic in recorded.reached:
         wanted = [(topic.fields or {})[name] for name in _FRAMES if name in (topic.fields or {})]
         for tally in recorded.gathered.of_topic(topic.name):
             odd = [frame for frame in tally.frames if frame not in wanted]
@@ -191,13 +191,13 @@ def localization(recorded: Recorded) -> Iterator[Fault]:
 
 def goal(recorded: Recorded) -> Iterator[Fault]:
     """The last goal is reached."""
-    goals, asked = recorded.gathered.goals, recorded.goal
-    if asked is None:
+    goals, expected = recorded.gathered.goals, recorded.goal
+    if expected is None:
         return
     if not goals:
         yield Fault("no goal was sent", "no-goal-sent")
-    elif [*goals.values()][-1] != asked.succeeded:
-        name = asked.name([*goals.values()][-1])
+    elif [*goals.values()][-1] != expected.succeeded:
+        name = expected.name([*goals.values()][-1])
         yield Fault(f"the last of {len(goals)} goals is {name}", "goal-not-reached")
 
 
@@ -313,9 +313,9 @@ def _judged(
     drive = legs(gathered.commands, gathered.seconds, wanted.limits)
     gathered.recording.path = list(path(gathered.places, drive))
     trial = Trial(gathered.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
-    asked = reached_topics(lab, checkpoint)
+    reached = reached_topics(lab, checkpoint)
     map_frame = map_topic(lab, checkpoint)[1]
-    recorded = Recorded(gathered, topics, trial, asked, map_frame, lab.ros.goal)
+    recorded = Recorded(gathered, topics, trial, reached, map_frame, lab.ros.goal)
     checks = tuple(_checks(recorded, _left_out(recorded, lab, checkpoint, whole=whole)))
     return Behaviour(
         "",
@@ -345,8 +345,8 @@ def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> 
     came = gathered.of_topic(map_name) or robot or seen
     if not map_name or not (whole or came):
         names.add("localization")
-    reached = goal is not None and goal.since in lab.until(checkpoint)
-    if not reached or not (whole or gathered.goals):
+    has_goal = goal is not None and goal.since in lab.until(checkpoint)
+    if not has_goal or not (whole or gathered.goals):
         names.add("goal")
     return frozenset(names)
 

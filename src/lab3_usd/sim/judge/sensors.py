@@ -47,8 +47,8 @@ def scan(trial: Trial) -> Iterator[Fault]:
     if not messages:
         return
     rate = rate_of(messages)
-    known = _lasts(trial, messages)
-    if known and wanted.scan_rate and abs(rate - wanted.scan_rate) > 0.2 * wanted.scan_rate:
+    is_long = _lasts(trial, messages)
+    if is_long and wanted.scan_rate and abs(rate - wanted.scan_rate) > 0.2 * wanted.scan_rate:
         text = f"{rate:.1f} scans a second, not {wanted.scan_rate}"
         yield Fault(text, "wrong-scan-rate", messages[0].node)
     if all(distance < 0 for distance in messages[-1].data.ranges):

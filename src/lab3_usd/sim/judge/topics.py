@@ -34,22 +34,22 @@ _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
     """Return what somebody at the other end of ROS is to see of a stage of this checkpoint."""
     reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
-    asked = [
+    required = [
         topic
         for topic in lab.topics.values()
         if topic.since in reached
         and (topic.subscribed or topic.source is None)
         and not topic.optional
     ]
-    names = {part: _named(asked, kind) for part, kind in _PARTS.items()}
+    names = {part: _named(required, kind) for part, kind in _PARTS.items()}
     odometry = [topic for topic in lab.topics.values() if topic.type == _PARTS["odometry"]]
     frames = odometry[0].fields or {} if odometry else {}
     lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
     view = camera.looks if camera else None
     return Interface(
-        types={topic.name: topic.type for topic in asked if not topic.subscribed},
+        types={topic.name: topic.type for topic in required if not topic.subscribed},
         domain=lab.ros.system.domain,
-        commands=_named(asked, _COMMANDS),
+        commands=_named(required, _COMMANDS),
         **names,
         root=frames.get(_PARENT, ""),
         base=frames.get(_CHILD, ""),
@@ -91,8 +91,8 @@ def _named(topics: list[TopicSpec], kind: str) -> str:
 
 def _rate(sensor: SensorSpec | None) -> float:
     """Return the rate that is asked of a sensor, 0 where none is."""
-    asked = None if sensor is None else sensor.attributes.get(_RATE)
-    return 0.0 if asked is None else float(asked.value)
+    rate = None if sensor is None else sensor.attributes.get(_RATE)
+    return 0.0 if rate is None else float(rate.value)
 
 
 def _limits(lab: Lab) -> tuple[float, float]:

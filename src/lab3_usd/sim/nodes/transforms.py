@@ -247,8 +247,8 @@ def compute_transform_tree(node: Running, world: World) -> bool:
 @computes("ROS2PublishTransformTree")
 def publish_transform_tree(node: Running, world: World) -> bool:
     """RN/nodes/OgnROS2PublishTransformTree.cpp:60-300: where from is decided once, at creation."""
-    known = node.memory
-    if "endpoint" not in known:
+    memory = node.memory
+    if "endpoint" not in memory:
         if not node.items("parentFrames", world):
             parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
             if not targets or not set(targets) <= world.scene.prims.keys():
@@ -256,17 +256,17 @@ def publish_transform_tree(node: Running, world: World) -> bool:
                 return node.fails(
                     "no frames reach it, and it has no target prims", "no-frames-input"
                 )
-            known["tree"] = pose_tree(world, parents[0] if parents else "", targets)
+            memory["tree"] = pose_tree(world, parents[0] if parents else "", targets)
         return opened_endpoint(node, world)[0] is not None
-    if known["endpoint"] is None:
-        known.clear()
+    if memory["endpoint"] is None:
+        memory.clear()
         return False
-    if "tree" in known:
+    if "tree" in memory:
         transforms = tuple(
             Transform(pair.parent, pair.child, _metres(pair.pose(world), world), pair.turn(world))
-            for pair in known["tree"].pairs
+            for pair in memory["tree"].pairs
         )
-        return _send_tree(node, world, known["endpoint"], transforms)
+        return _send_tree(node, world, memory["endpoint"], transforms)
     arrays = [
         node.items(name, world)
         for name in ("parentFrames", "childFrames", "translations", "orientations")
@@ -277,7 +277,7 @@ def publish_transform_tree(node: Running, world: World) -> bool:
         Transform(str(parent), str(child), _metres(Affine(HERE.rows, at), world), (q[3], *q[:3]))
         for parent, child, at, q in zip(*arrays, strict=True)
     )
-    return _send_tree(node, world, known["endpoint"], transforms)
+    return _send_tree(node, world, memory["endpoint"], transforms)
 
 
 def _metres(place: Affine, world: World) -> Vector:

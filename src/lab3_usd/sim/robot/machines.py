@@ -247,7 +247,9 @@ class Machines:
         every = [point for corners in points.values() for point in corners]
         if not every or not machine.joints:
             return
-        _bound(machine, every)
+        xs, ys = [corner[0] for corner in every], [corner[1] for corner in every]
+        machine.middle = u, v = ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2)
+        machine.radius = max(math.hypot(x - u, y - v) for x, y in zip(xs, ys, strict=True))
         machine.pulled = is_pulled(self.scene)
         if not machine.pulled:
             return
@@ -286,14 +288,6 @@ def is_pulled(scene: Scene) -> bool:
     """
     first = next((prim.values for prim in scene.prims.values() if prim.type == SCENE), {})
     return is_felt(first, scene.meters_per_unit) and is_down(first)
-
-
-def _bound(machine: Machine, points: list[Vector]) -> None:
-    """Note the circle that a machine takes up on the ground."""
-    xs, ys = [point[0] for point in points], [point[1] for point in points]
-    machine.middle = ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2)
-    u, v = machine.middle
-    machine.radius = max(math.hypot(x - u, y - v) for x, y in zip(xs, ys, strict=True))
 
 
 def _wheel_at(
