@@ -25,7 +25,7 @@ from places import REPOSITORY
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
-from lab3_usd.sim.execution.record import RATE, command_frames, fixed_drive
+from lab3_usd.sim.execution.drive import RATE, command_frames, fixed_drive
 from lab3_usd.spec.load.loader import load_lab
 
 LONGEST, WIDEST = 60, 100  # lines, characters

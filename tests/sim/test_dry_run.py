@@ -11,7 +11,7 @@ from layerings import one_text_file
 from pxr import Usd
 from second_author import Style
 
-from lab3_usd.sim.execution.record import Odometry
+from lab3_usd.sim.execution.recording import Odometry
 from lab3_usd.sim.judge.checks import CHECKS, judge
 from lab3_usd.stage.write.builder import build_checkpoint
 
@@ -19,20 +19,20 @@ WHEELS = 0.033 / 0.025  # the wheel of the model by that of the controller
 
 
 def test_the_built_stage_behaves() -> None:
-    evidence = driven(correct_stage("05"), the_lab().catalog)
-    verdicts = judge(evidence)
+    trial = driven(correct_stage("05"), the_lab().catalog)
+    verdicts = judge(trial)
     assert [verdict for verdict in verdicts if verdict.verdict != "ok"] == []
     assert [verdict.name for verdict in verdicts] == list(CHECKS)
-    assert evidence.recording.not_simulated == {}
+    assert trial.recording.not_simulated == {}
 
 
 def test_it_goes_as_far_as_its_wheels_say() -> None:
-    evidence = driven(correct_stage("05"), the_lab().catalog)
-    _, before, poses = next(evidence.stretches("ahead"))
+    trial = driven(correct_stage("05"), the_lab().catalog)
+    _, before, poses = next(trial.stretches("ahead"))
     moved = (len(poses) - 1) / 60  # a command reaches the wheels in the next frame
     assert poses[-1].x - before.x == pytest.approx(0.15 * moved * WHEELS, rel=1e-6)
     assert poses[-1].y - before.y == pytest.approx(0.0, abs=1e-6)
-    _, before, poses = next(evidence.stretches("left"))
+    _, before, poses = next(trial.stretches("left"))
     assert poses[-1].heading == pytest.approx(0.8 * (len(poses) - 1) / 60 * WHEELS, rel=1e-6)
 
 

@@ -17,18 +17,11 @@ from lab3_usd.check.explanations import EXPLAINED_BY
 from lab3_usd.check.registry import all_rules
 from lab3_usd.model.dry_run import Affine, about
 from lab3_usd.model.fault import FaultKind
-from lab3_usd.sim.execution.record import (
-    Leg,
-    Message,
-    Odometry,
-    Pose,
-    Recording,
-    Session,
-    drive_of,
-)
+from lab3_usd.sim.execution.drive import Leg, Session, drive_of
+from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Recording
 from lab3_usd.sim.judge.checks import CHECKS
-from lab3_usd.sim.judge.evidence import Evidence, Fault
 from lab3_usd.sim.judge.motion import odometry
+from lab3_usd.sim.judge.trial import Fault, Trial
 from lab3_usd.sim.timeline import record
 from lab3_usd.stage.read.scene import read_scene
 
@@ -50,8 +43,8 @@ def test_the_dry_run_knows_no_rule() -> None:
     assert words & {*all_rules(), *EXPLAINED_BY.values()} == set()
 
 
-def shown(evidence: Evidence) -> set[tuple[str, FaultKind]]:
-    return {(name, fault.kind) for name, look in CHECKS.items() for fault in look(evidence)}
+def shown(trial: Trial) -> set[tuple[str, FaultKind]]:
+    return {(name, fault.kind) for name, look in CHECKS.items() for fault in look(trial)}
 
 
 @pytest.mark.parametrize("kind", STAGES)
@@ -65,8 +58,8 @@ def test_a_stage_shows_its_kind_of_fault(kind: FaultKind) -> None:
 def test_wheels_in_the_wrong_order_turn_an_arc_the_wrong_way() -> None:
     stage = broken("02", [{"swap": [f"{NAMES}.inputs:input0", f"{NAMES}.inputs:input1"]}])
     drive = drive_of("0.1,0.5,2", INTERFACE.limits)
-    evidence = record(read_scene(stage), the_lab().catalog, drive, INTERFACE)
-    assert ("follows", "wrong-arc") in shown(evidence)
+    trial = record(read_scene(stage), the_lab().catalog, drive, INTERFACE)
+    assert ("follows", "wrong-arc") in shown(trial)
 
 
 def odometry_faults(x: float, y: float, turned: float) -> list[Fault]:
@@ -82,7 +75,7 @@ def odometry_faults(x: float, y: float, turned: float) -> list[Fault]:
     data = Odometry("base_footprint", (x, y, 0.0), orientation, (0.0,) * 3, (0.0,) * 3)
     message = Message("", 2.0, "odom", data, topic="/odom", at=2.0)
     run = Recording(2.0, [message], poses)
-    return list(odometry(Evidence(run, (Session((Leg("idle", 2.0),)),), INTERFACE)))
+    return list(odometry(Trial(run, (Session((Leg("idle", 2.0),)),), INTERFACE)))
 
 
 def test_odometry_is_held_against_the_way_of_the_robot() -> None:

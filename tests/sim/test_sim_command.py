@@ -25,7 +25,7 @@ from lab3_usd.cli import main
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
 from lab3_usd.report.behaviour.text import LOOKS
-from lab3_usd.sim.execution.record import drive_of
+from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.judge.checks import CHECKS
 from lab3_usd.sim.judge.topics import interface
 

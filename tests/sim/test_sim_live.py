@@ -26,7 +26,7 @@ from lab3_usd.commands import sim as live_run
 from lab3_usd.commands.sim import closing_lines
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.sim.bag.writer import serialized
-from lab3_usd.sim.execution.record import Message, Profile, Transform
+from lab3_usd.sim.execution.recording import Message, Profile, Transform
 from lab3_usd.sim.execution.world import STATIC
 from lab3_usd.sim.timeline import Player, player_of
 from lab3_usd.stage.read.scene import read_scene

@@ -14,7 +14,7 @@ from breaking import correct_stage, the_lab
 
 from lab3_usd.model.dry_run import Graph, Input, Node, Scene
 from lab3_usd.sim.execution.program import compile_graphs, type_of
-from lab3_usd.sim.execution.record import Message, Odometry, Profile, Scan, Transform, View
+from lab3_usd.sim.execution.recording import Message, Odometry, Profile, Scan, Transform, View
 from lab3_usd.sim.execution.running import Running, function_of, functions
 from lab3_usd.sim.execution.world import Endpoint, Network, World, profile_of, trimmed, world_of
 from lab3_usd.sim.robot.machines import Machines

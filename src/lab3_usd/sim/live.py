@@ -24,7 +24,8 @@ from rosbags.interfaces import Nodetype
 
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.bag.writer import STORE, TWIST, serialized
-from lab3_usd.sim.execution.record import RATE, Message, Profile
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.recording import Message, Profile
 from lab3_usd.sim.execution.world import Twist
 from lab3_usd.sim.timeline import Player, unknown_in
 
@@ -147,19 +148,14 @@ def _wire_topic(topic: str) -> str:
     return f"rt{topic}"
 
 
-def _wire_name(kind: str) -> str:
-    """Return the name of a message type on the wire: `geometry_msgs::msg::dds_::Twist_`."""
-    package, _, name = kind.split("/")
-    return f"{package}::msg::dds_::{name}_"
-
-
 @cache
 def wire_type(kind: str) -> type[IdlStruct]:
-    """Return the type of DDS that a message type of ROS 2 is on the wire."""
+    """Return the DDS type of a message type, such as `geometry_msgs::msg::dds_::Twist_`."""
     _, fields = STORE.fielddefs[kind]
-    name = _wire_name(kind)
+    package, _, message = kind.split("/")
+    name = f"{message}_"
     made = {field: _field(*described) for field, described in fields}
-    return make_idl_struct(name.rpartition(":")[2], name.replace("::", "."), made)
+    return make_idl_struct(name, f"{package}.msg.dds_.{name}", made)
 
 
 def _field(node: Nodetype, of: Any) -> Any:

@@ -25,7 +25,7 @@ from lab3_usd.report.html.templates import (
     text_of,
 )
 from lab3_usd.report.options import NAME, tool_version
-from lab3_usd.report.picture.model import Box, Picture
+from lab3_usd.report.picture.model import Box
 from lab3_usd.report.picture.svg import stylesheet, svg
 from lab3_usd.report.pictures.graph_picture import stage_pictures
 from lab3_usd.spec.lab import Lab
@@ -139,7 +139,8 @@ def near_svg(replay: Replay, *, still: bool = False) -> str:
     odometry = [moment.odometry for moment in replay.moments if moment.odometry is not None]
     start, edge = replay.moments[0].robot, min(replay.radius, FAR)
     estimates = [(x, y) for x, y, _ in odometry if _near((x, y), start)]
-    ends = [(x + dx, y + dy) for x, y in (*_path(replay), *estimates) for dx, dy in _around(edge)]
+    corners = ((edge, edge), (-edge, -edge))
+    ends = [(x + dx, y + dy) for x, y in (*_path(replay), *estimates) for dx, dy in corners]
     box = _box(ends, least=0.8, edge=0.05)
     parts = [
         _grid(box),
@@ -168,10 +169,6 @@ def _path(replay: Replay) -> list[tuple[float, float]]:
 
 def _near(point: Sequence[float], start: Sequence[float]) -> bool:
     return math.hypot(point[0] - start[0], point[1] - start[1]) < FAR
-
-
-def _around(edge: float) -> Iterator[tuple[float, float]]:
-    yield from ((edge, edge), (-edge, -edge))
 
 
 def _box(points: Iterable[tuple[float, float]], least: float, edge: float = EDGE) -> Extent:
@@ -297,9 +294,8 @@ def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
     """Return the page; without a replay it says why there is none."""
     style = palette_style() + text_of("sim.css") + text_of("maps.css") + stylesheet()
     script = text_of("sim.js")
-    has_moments = replay is not None and bool(replay.moments)
-    shown = furthest(replay) if replay is not None and has_moments else 0
     computed = replay.computed if replay is not None else {}
+    replay = replay if replay is not None and replay.moments else None
     graphs = _graph_drawings(Path(behaviour.stage), lab, computed)
     return (
         environment()
@@ -317,14 +313,12 @@ def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
             rate=rate,
             leg_text=leg_text,
             summary=sum_text(behaviour),
-            replay=replay if has_moments else None,
-            shown=shown,
+            replay=replay,
+            shown=furthest(replay) if replay is not None else 0,
             moments=replay.moments if replay is not None else (),
-            room=own_markup(room_svg(replay)) if replay is not None and has_moments else "",
-            near=own_markup(near_svg(replay)) if replay is not None and has_moments else "",
-            chart=own_markup(chart_svg(replay.moments))
-            if replay is not None and has_moments
-            else "",
+            room=own_markup(room_svg(replay)) if replay is not None else "",
+            near=own_markup(near_svg(replay)) if replay is not None else "",
+            chart=own_markup(chart_svg(replay.moments)) if replay is not None else "",
             tree=list(tree_lines(behaviour.frames)),
             graphs=[(title, own_markup(drawn)) for title, drawn in graphs],
             tool=f"{NAME} {tool_version()}",
@@ -368,16 +362,12 @@ def _graph_drawings(path: Path, lab: Lab, computed: Mapping[str, int]) -> Iterat
         return
     for number, picture in enumerate(pictures):
         if picture.kind == "graph":
-            yield picture.title, _counted(picture, computed, f"g{number}-")
+            counts = "".join(_count_svg(box, computed.get(box.key)) for box in picture.boxes)
+            drawing = svg(picture, f"g{number}-").removesuffix("</svg>")
+            yield picture.title, f"{drawing}{counts}</svg>"
 
 
-def _counted(picture: Picture, computed: Mapping[str, int], ids: str) -> str:
-    counts = "".join(_count(box, computed.get(box.key)) for box in picture.boxes)
-    drawn = svg(picture, ids)
-    return drawn.removesuffix("</svg>") + counts + "</svg>"
-
-
-def _count(box: Box, times: int | None) -> str:
+def _count_svg(box: Box, times: int | None) -> str:
     text = "not simulated" if times is None else f"{times} times" if times else "never"
     kind = "fired" if times else "fired none"
     x, y = box.x + box.w, box.y - _ABOVE

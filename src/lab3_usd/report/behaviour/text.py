@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import textwrap
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from msgspec.structs import asdict
@@ -91,7 +91,12 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
     looks = LOOKS_OF_A_RECORDING if behaviour.recording else LOOKS
     for check in behaviour.checks:
         lines += _check(check, looks, width, color=color)
-    lines += ["", *_drive(behaviour, width), *_remarks(behaviour, width), sum_text(behaviour)]
+    legs = "; ".join(map(leg_text, behaviour.legs)) or "no command is asked for"
+    remarks = (f"drive: {behaviour.seconds:.1f} s; {legs}", *map(printable, _remarks(behaviour)))
+    lines.append("")
+    for remark in remarks:
+        lines += textwrap.wrap(remark, max(width, 40), subsequent_indent="  ")
+    lines.append(sum_text(behaviour))
     return "\n".join(lines) + "\n"
 
 
@@ -99,27 +104,24 @@ def _topics(behaviour: Behaviour) -> Iterator[str]:
     rows: list[tuple[str, ...]] = [("topic", "type", "rate", "frame")]
     rows += [(topic.name, topic.type, rate(topic.hz), topic.frame) for topic in behaviour.topics]
     if behaviour.recording:
-        more = [("arrival", "QoS"), *(_as_offered(topic) for topic in behaviour.topics)]
-        rows = [(*row, *cells) for row, cells in zip(rows, more, strict=True)]
-    yield from _table([tuple(map(printable, row)) for row in rows])
+        offers = [("arrival", "QoS"), *map(_offer, behaviour.topics)]
+        rows = [(*row, *offer) for row, offer in zip(rows, offers, strict=True)]
+    rows = [tuple(map(printable, row)) for row in rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = (cell.ljust(wide) for cell, wide in zip(row, widths, strict=True))
+        yield "  ".join(cells).rstrip()
     if not behaviour.topics:
         yield "nothing is published"
 
 
-def _as_offered(topic: Topic) -> tuple[str, str]:
+def _offer(topic: Topic) -> tuple[str, str]:
     """Return at what rate a topic arrived, and how it was offered."""
     counted = Counter(topic.qos)
     qos = (
         f"{number} x {profile}" if number > 1 else profile for profile, number in counted.items()
     )
     return rate(topic.arrival_hz or 0.0), "; ".join(qos)
-
-
-def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = (cell.ljust(wide) for cell, wide in zip(row, widths, strict=True))
-        yield "  ".join(cells).rstrip()
 
 
 def _check(check: Check, looks: Mapping[str, str], width: int, *, color: bool) -> Iterator[str]:
@@ -136,23 +138,15 @@ def _check(check: Check, looks: Mapping[str, str], width: int, *, color: bool) -
         yield f"{lead}{named}{see}".rstrip()
 
 
-def _drive(behaviour: Behaviour, width: int) -> Iterator[str]:
-    legs = "; ".join(map(leg_text, behaviour.legs)) or "no command is asked for"
-    text = f"drive: {behaviour.seconds:.1f} s; {legs}"
-    yield from textwrap.wrap(text, max(width, 40), subsequent_indent="  ")
-
-
-def _remarks(behaviour: Behaviour, width: int) -> Iterator[str]:
-    unknowns = behaviour.not_simulated
-    lines = [f"not simulated: {unknown.prim}: {unknown.reason}" for unknown in unknowns]
+def _remarks(behaviour: Behaviour) -> Iterator[str]:
+    yield from behaviour.remarks
+    for unknown in behaviour.not_simulated:
+        yield f"not simulated: {unknown.prim}: {unknown.reason}"
     if behaviour.differences is not None:
-        lines += [
-            f"unlike the dry run: {difference.name} {difference.message}"
-            for difference in behaviour.differences
-        ]
-        lines += [] if behaviour.differences else ["topics and frames are those of the dry run"]
-    for remark in (*behaviour.remarks, *lines):
-        yield from textwrap.wrap(printable(remark), max(width, 40), subsequent_indent="  ")
+        for difference in behaviour.differences:
+            yield f"unlike the dry run: {difference.name} {difference.message}"
+        if not behaviour.differences:
+            yield "topics and frames are those of the dry run"
 
 
 VERSION = 1
@@ -165,12 +159,7 @@ def render_json(behaviour: Behaviour) -> str:
 
 def behaviour_json(behaviour: Behaviour) -> dict[str, Any]:
     """Return the behaviour as plain data, keys in the order of the schema."""
-    more = (
-        []
-        if behaviour.differences is None
-        else [asdict(difference) for difference in behaviour.differences]
-    )
-    return {
+    document = {
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},
         **(
@@ -180,27 +169,28 @@ def behaviour_json(behaviour: Behaviour) -> dict[str, Any]:
         ),
         "seconds": round(behaviour.seconds, 3),
         "verdict": behaviour.verdict,
-        "topics": [_topic(topic) for topic in behaviour.topics],
+        "topics": [_topic_json(topic) for topic in behaviour.topics],
         "frames": [asdict(frame) for frame in behaviour.frames],
-        "checks": [_check_json(check) for check in behaviour.checks],
+        "checks": [
+            {
+                "name": check.name,
+                "verdict": check.verdict,
+                "prim": check.prim,
+                "message": check.text,
+                "rule": explaining_rule(check),
+            }
+            for check in behaviour.checks
+        ],
         "path": [list(row) for row in behaviour.path],
         "not_simulated": [asdict(unknown) for unknown in behaviour.not_simulated],
-        **({} if behaviour.differences is None else {"differences": more}),
     }
+    if behaviour.differences is not None:
+        document["differences"] = [asdict(difference) for difference in behaviour.differences]
+    return document
 
 
-def _topic(topic: Topic) -> dict[str, Any]:
+def _topic_json(topic: Topic) -> dict[str, Any]:
     """Return a topic; only a recording has a rate of arrival and QoS."""
     fields = asdict(topic)
     arrival, qos = fields.pop("arrival_hz"), fields.pop("qos")
     return fields if arrival is None else {**fields, "arrival_hz": arrival, "qos": list(qos)}
-
-
-def _check_json(check: Check) -> dict[str, str]:
-    return {
-        "name": check.name,
-        "verdict": check.verdict,
-        "prim": check.prim,
-        "message": check.text,
-        "rule": explaining_rule(check),
-    }

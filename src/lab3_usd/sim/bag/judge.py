@@ -19,20 +19,21 @@ from lab3_usd.model.dry_run import HERE, Behaviour, Check, Difference, Place, To
 from lab3_usd.sim.bag.files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.dry_run import driven_legs, is_asked, path_rows
-from lab3_usd.sim.execution.record import RATE, Leg, Pose, Session, leg_name
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
+from lab3_usd.sim.execution.recording import Pose
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
 from lab3_usd.sim.judge.checks import verdict
-from lab3_usd.sim.judge.evidence import (
+from lab3_usd.sim.judge.sensors import SHORT
+from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
+from lab3_usd.sim.judge.trial import (
     PHYSICAL,
-    Evidence,
     Fault,
     Interface,
+    Trial,
     angle,
     displacement,
     is_about,
 )
-from lab3_usd.sim.judge.sensors import SHORT
-from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
@@ -50,8 +51,8 @@ class Recorded(Struct, frozen=True):
 
     gathered: Gathered
     topics: Topics
-    evidence: Evidence
-    asked: tuple[TopicSpec, ...]
+    trial: Trial
+    reached: tuple[TopicSpec, ...]
     map_frame: str
     goal: GoalSpec | None
 
@@ -66,7 +67,7 @@ def unreadable(recorded: Recorded) -> Iterator[Fault]:
 
 def qos(recorded: Recorded) -> Iterator[Fault]:
     """Each topic is offered with the durability that is asked for, by as many as are asked for."""
-    for topic in recorded.asked:
+    for topic in recorded.reached:
         for tally in recorded.gathered.of_topic(topic.name):
             offered = [offer.durability for offer in tally.offered]
             odd = next((name for name in offered if topic.durability not in {None, name}), None)
@@ -81,7 +82,7 @@ def qos(recorded: Recorded) -> Iterator[Fault]:
 def rates(recorded: Recorded) -> Iterator[Fault]:
     """What is to stream comes more than once in a while, and its stamps go on."""
     is_short = recorded.gathered.timeline.arrived < SHORT
-    for topic in recorded.asked:
+    for topic in recorded.reached:
         for tally in recorded.gathered.of_topic(topic.name):
             if topic.rate is not None and tally.count and not (any(tally.rates()) or is_short):
                 yield Fault(f"{topic.name} comes only once", "single-message")
@@ -92,7 +93,7 @@ def rates(recorded: Recorded) -> Iterator[Fault]:
 
 def headers(recorded: Recorded) -> Iterator[Fault]:
     """The headers name the frames that are asked for."""
-    for topic in recorded.asked:
+    for topic in recorded.reached:
         wanted = [(topic.fields or {})[name] for name in _FRAMES if name in (topic.fields or {})]
         for tally in recorded.gathered.of_topic(topic.name):
             odd = [frame for frame in tally.frames if frame not in wanted]
@@ -130,13 +131,13 @@ def _root(recorded: Recorded) -> str:
 
 def odometry(recorded: Recorded) -> Iterator[Fault]:
     """The speeds of odometry are those of the way that it tells."""
-    evidence, messages = (
-        recorded.evidence,
-        recorded.evidence.recording.topic(recorded.topics.wanted.odometry, 0),
+    trial, messages = (
+        recorded.trial,
+        recorded.trial.recording.topic(recorded.topics.wanted.odometry, 0),
     )
     times = [message.at for message in messages if message.data is not None]
     end = 0.0
-    for leg in evidence.drive[0].legs:
+    for leg in trial.drive[0].legs:
         start, end = end, end + leg.seconds
         if leg.name not in {"ahead", "back", "left", "right"} or not times:
             continue
@@ -147,7 +148,7 @@ def odometry(recorded: Recorded) -> Iterator[Fault]:
         ]
         if not inside:
             continue
-        stretch = next((s for s in evidence.stretches(leg.name) if s.leg is leg), None)
+        stretch = next((s for s in trial.stretches(leg.name) if s.leg is leg), None)
         if stretch is None:
             continue
         ahead, _, turned = displacement(stretch.before, stretch.poses[-1])
@@ -166,10 +167,10 @@ def odometry(recorded: Recorded) -> Iterator[Fault]:
 
 def way(recorded: Recorded) -> Iterator[Fault]:
     """All in all the robot goes about as far as it is commanded."""
-    evidence = recorded.evidence
-    most = evidence.wanted.limits[0] or math.inf
-    commanded = sum(min(abs(leg.forward), most) * leg.seconds for leg in evidence.drive[0].legs)
-    poses = evidence.recording.path
+    trial = recorded.trial
+    most = trial.wanted.limits[0] or math.inf
+    commanded = sum(min(abs(leg.forward), most) * leg.seconds for leg in trial.drive[0].legs)
+    poses = trial.recording.path
     driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(poses))
     if commanded > LEAST and not is_about(driven, commanded):
         yield Fault(f"told to go {commanded:.1f} m in all, went {driven:.1f} m", "wrong-distance")
@@ -190,13 +191,13 @@ def localization(recorded: Recorded) -> Iterator[Fault]:
 
 def goal(recorded: Recorded) -> Iterator[Fault]:
     """The last goal is reached."""
-    goals, asked = recorded.gathered.goals, recorded.goal
-    if asked is None:
+    goals, expected = recorded.gathered.goals, recorded.goal
+    if expected is None:
         return
     if not goals:
         yield Fault("no goal was sent", "no-goal-sent")
-    elif [*goals.values()][-1] != asked.succeeded:
-        name = asked.name([*goals.values()][-1])
+    elif [*goals.values()][-1] != expected.succeeded:
+        name = expected.name([*goals.values()][-1])
         yield Fault(f"the last of {len(goals)} goals is {name}", "goal-not-reached")
 
 
@@ -231,17 +232,15 @@ def _topics(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
         if topic is None:
             yield Difference(expected.name, "comes in the dry run only")
             continue
-        for text in _parts(topic, expected):
+        if topic.type != expected.type:
+            text = f"is {topic.type}, in the dry run {expected.type}"
             yield Difference(expected.name, text)
-
-
-def _parts(topic: Topic, expected: Topic) -> Iterator[str]:
-    if topic.type != expected.type:
-        yield f"is {topic.type}, in the dry run {expected.type}"
-    if abs(topic.hz - expected.hz) > RATES * max(topic.hz, expected.hz):
-        yield f"comes at {topic.hz:.1f} Hz, in the dry run at {expected.hz:.1f}"
-    if topic.frame not in expected.frame.split(", "):
-        yield f"is in '{topic.frame}', in the dry run in '{expected.frame}'"
+        if abs(topic.hz - expected.hz) > RATES * max(topic.hz, expected.hz):
+            text = f"comes at {topic.hz:.1f} Hz, in the dry run at {expected.hz:.1f}"
+            yield Difference(expected.name, text)
+        if topic.frame not in expected.frame.split(", "):
+            text = f"is in '{topic.frame}', in the dry run in '{expected.frame}'"
+            yield Difference(expected.name, text)
 
 
 def _frames(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
@@ -313,12 +312,10 @@ def _judged(
     gathered.recording.seconds = gathered.timeline.now
     drive = legs(gathered.commands, gathered.seconds, wanted.limits)
     gathered.recording.path = list(path(gathered.places, drive))
-    evidence = Evidence(
-        gathered.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL
-    )
-    asked = reached_topics(lab, checkpoint)
+    trial = Trial(gathered.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
+    reached = reached_topics(lab, checkpoint)
     map_frame = map_topic(lab, checkpoint)[1]
-    recorded = Recorded(gathered, topics, evidence, asked, map_frame, lab.ros.goal)
+    recorded = Recorded(gathered, topics, trial, reached, map_frame, lab.ros.goal)
     checks = tuple(_checks(recorded, _left_out(recorded, lab, checkpoint, whole=whole)))
     return Behaviour(
         "",
@@ -328,8 +325,8 @@ def _judged(
         tuple(_judged_topics(gathered)),
         tuple(gathered.frames),
         checks,
-        tuple(path_rows(evidence)),
-        legs=tuple(driven_legs(evidence)) if gathered.places else (),
+        tuple(path_rows(trial)),
+        legs=tuple(driven_legs(trial)) if gathered.places else (),
         remarks=tuple(_remarks(gathered)),
         recording=name,
     )
@@ -337,9 +334,9 @@ def _judged(
 
 def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> frozenset[str]:
     """Return the checks that nothing was recorded for, or that are not asked for."""
-    gathered, evidence = recorded.gathered, recorded.evidence
-    names = {name for name in SHARED if not is_asked(name, evidence)} | {"odometry"}
-    if not gathered.commands or not evidence.recording.path:
+    gathered, trial = recorded.gathered, recorded.trial
+    names = {name for name in SHARED if not is_asked(name, trial)} | {"odometry"}
+    if not gathered.commands or not trial.recording.path:
         names |= {*_MOVED}
     map_name, _ = map_topic(lab, checkpoint)
     seen = {frame.child for frame in gathered.frames if frame.parent == recorded.map_frame}
@@ -348,8 +345,8 @@ def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> 
     came = gathered.of_topic(map_name) or robot or seen
     if not map_name or not (whole or came):
         names.add("localization")
-    reached = goal is not None and goal.since in lab.until(checkpoint)
-    if not reached or not (whole or gathered.goals):
+    has_goal = goal is not None and goal.since in lab.until(checkpoint)
+    if not has_goal or not (whole or gathered.goals):
         names.add("goal")
     return frozenset(names)
 
@@ -361,12 +358,12 @@ def _checks(recorded: Recorded, left_out: frozenset[str]) -> Iterator[Check]:
         looked = False
         if name in SHARED and name not in left_out:
             looked = True
-            faults += SHARED[name](recorded.evidence)
+            faults += SHARED[name](recorded.trial)
         if name in CHECKS and (name == "odometry" or name not in left_out):
             looked = True
             faults += CHECKS[name](recorded)
         if looked:
-            yield verdict(name, faults, recorded.evidence)
+            yield verdict(name, faults, recorded.trial)
 
 
 def _judged_topics(gathered: Gathered) -> Iterator[Topic]:
@@ -401,25 +398,20 @@ def legs(
     commands: Sequence[tuple[float, _Command]], seconds: float, limits: tuple[float, float]
 ) -> tuple[Leg, ...]:
     """Return the legs of a drive: a command holds until the next, as in Isaac Sim."""
-    return tuple(_legs(commands, round(seconds * RATE), limits))
-
-
-def _legs(
-    commands: Sequence[tuple[float, _Command]], end: int, limits: tuple[float, float]
-) -> Iterator[Leg]:
-    first, current = 0, None
+    drive: list[Leg] = []
+    end, first = round(seconds * RATE), 0
+    current: _Command | None = None
     changes = [change for change in commands if round(change[0] * RATE) < end]
     for at, command in [*changes, (end / RATE, None)]:
-        if current is not None and command is not None and _same(current, command):
-            continue
+        if current is not None and command is not None:
+            steps = (abs(a - b) for a, b in zip(current, command, strict=True))
+            if all(step < _SAME for step in steps):
+                continue
         frame = max(first, round(at * RATE))
         if frame > first:
-            yield _leg(current, (frame - first) / RATE, limits)
+            drive.append(_leg(current, (frame - first) / RATE, limits))
         first, current = frame, command
-
-
-def _same(before: _Command, after: _Command) -> bool:
-    return all(abs(a - b) < _SAME for a, b in zip(before, after, strict=True))
+    return tuple(drive)
 
 
 def _leg(command: _Command | None, seconds: float, limits: tuple[float, float]) -> Leg:
@@ -442,8 +434,8 @@ def path(places: Sequence[tuple[float, Place]], drive: Sequence[Leg]) -> Iterato
             at = frame / RATE
             while ahead + 1 < len(places) and places[ahead + 1][0] <= at:
                 ahead += 1
-            here, there = places[ahead], places[min(ahead + 1, len(places) - 1)]
-            yield Pose(0, at, leg.name, *_between(here, there, at))
+            before, after = places[ahead], places[min(ahead + 1, len(places) - 1)]
+            yield Pose(0, at, leg.name, *_between(before, after, at))
 
 
 def _between(before: tuple[float, Place], after: tuple[float, Place], at: float) -> Place:

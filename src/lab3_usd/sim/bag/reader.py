@@ -14,8 +14,8 @@ from lab3_usd.errors import RecordingError
 from lab3_usd.model.dry_run import Affine, Frame, Place, heading, rotation
 from lab3_usd.sim.bag.files import Offered, Raw
 from lab3_usd.sim.bag.writer import STORE
-from lab3_usd.sim.execution.record import Message, Odometry, Recording, Scan, Transform, View
-from lab3_usd.sim.judge.evidence import Interface
+from lab3_usd.sim.execution.recording import Message, Odometry, Recording, Scan, Transform, View
+from lab3_usd.sim.judge.trial import Interface
 
 NEAR = 0.5  # seconds from the clock within which a stamp is of that clock
 _NANOSECONDS = 1e9
@@ -320,7 +320,7 @@ def gather(
         )
         if gathered.listed > most_listed:
             raise RecordingError(f"has more than {most_listed} transforms and goals")
-    gathered.recording.messages.sort(key=lambda profiles: profiles.at)
+    gathered.recording.messages.sort(key=lambda message: message.at)
     return gathered
 
 
@@ -328,7 +328,11 @@ def _take(gathered: Gathered, raw: Raw, topics: Topics, *, whole: bool) -> None:
     timeline = gathered.timeline
     timeline.arrive(raw.arrival)
     tally = gathered.tallies.setdefault((raw.topic, raw.type), Tally())
-    read = _read(raw, whole=whole)
+    read = (
+        decode(raw.type, raw.data)
+        if whole
+        else Decoded(header(raw.data) if has_header(raw.type) else None, None)
+    )
     if read is None:
         tally.unreadable += 1
         read = Decoded(None, None)
@@ -345,12 +349,6 @@ def _take(gathered: Gathered, raw: Raw, topics: Topics, *, whole: bool) -> None:
         frame = read.header.frame if read.header is not None else ""
         message = Message(raw.type, stamp or 0.0, frame, read.data, topic=raw.topic, at=at)
         _keep(gathered, message, topics)
-
-
-def _read(raw: Raw, *, whole: bool) -> Decoded | None:
-    if whole:
-        return decode(raw.type, raw.data)
-    return Decoded(header(raw.data) if has_header(raw.type) else None, None)
 
 
 def _count(tally: Tally, read: Decoded, stamp: float | None, moment: tuple[float, float]) -> None:
@@ -370,9 +368,12 @@ def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
     wanted, data = topics.wanted, message.data
     if message.topic == topics.goal and isinstance(data, tuple):
         gathered.listed += len(data)
-        _gathered_goals(gathered, data)
+        for goal in data[:MOST_NAMES]:
+            if goal.id in gathered.goals or len(gathered.goals) < MOST_NAMES:
+                gathered.goals[goal.id] = goal.status
         return
-    if _is_enough(gathered, message):
+    kept = len(gathered.recording.messages)
+    if message.at > DETAIL or kept >= MOST_KEPT or gathered.transforms > MOST_TRANSFORMS:
         gathered.until = min(gathered.until or DETAIL, gathered.timeline.now)
     if message.topic in {wanted.transforms, *topics.static} and isinstance(data, tuple):
         gathered.listed += len(data)
@@ -386,11 +387,6 @@ def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
         _keep_whole(gathered, message, wanted)
 
 
-def _is_enough(gathered: Gathered, message: Message) -> bool:
-    kept = len(gathered.recording.messages)
-    return message.at > DETAIL or kept >= MOST_KEPT or gathered.transforms > MOST_TRANSFORMS
-
-
 def _keep_whole(gathered: Gathered, message: Message, wanted: Interface) -> None:
     data = message.data
     if message.topic == wanted.commands:
@@ -402,12 +398,6 @@ def _keep_whole(gathered: Gathered, message: Message, wanted: Interface) -> None
         turned = heading(Affine(rotation(data.orientation)))
         x, y, _ = data.position
         gathered.places.append((message.at, (x, y, turned)))
-
-
-def _gathered_goals(gathered: Gathered, goals: tuple[Goal, ...]) -> None:
-    for goal in goals[:MOST_NAMES]:
-        if goal.id in gathered.goals or len(gathered.goals) < MOST_NAMES:
-            gathered.goals[goal.id] = goal.status
 
 
 def _links(

@@ -22,18 +22,9 @@ from ruamel.yaml import YAML
 
 from lab3_usd.model.dry_run import Quaternion
 from lab3_usd.model.transforms import Vector
-from lab3_usd.sim.execution.record import (
-    RATE,
-    Leg,
-    Message,
-    Odometry,
-    Profile,
-    Scan,
-    Transform,
-    View,
-    command_frames,
-)
-from lab3_usd.sim.judge.evidence import Evidence
+from lab3_usd.sim.execution.drive import RATE, Leg, command_frames
+from lab3_usd.sim.execution.recording import Message, Odometry, Profile, Scan, Transform, View
+from lab3_usd.sim.judge.trial import Trial
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 TWIST = "geometry_msgs/msg/Twist"
@@ -171,12 +162,12 @@ class Record(NamedTuple):
     profile: Profile = Profile()
 
 
-def write_bag(folder: Path, evidence: Evidence) -> int:
+def write_bag(folder: Path, trial: Trial) -> int:
     """Write a bag into a new folder, and return how many messages it holds.
 
     It has what came in the lab's domain, and the commands. Pictures are not in it.
     """
-    records = sorted((*_commands(evidence), *_messages(evidence)), key=lambda record: record[:2])
+    records = sorted(_records(trial), key=lambda record: record[:2])
     with Writer(folder, version=_WRITTEN, storage_plugin=StoragePlugin.MCAP) as writer:
         connections: dict[tuple[str, str], Any] = {}
         for record in records:
@@ -190,29 +181,21 @@ def write_bag(folder: Path, evidence: Evidence) -> int:
     return len(records)
 
 
-def _starts(evidence: Evidence) -> list[float]:
-    """Return when each session begins, in seconds since the first Play."""
+def _records(trial: Trial) -> Iterator[Record]:
+    """Yield the commands, then the messages, in seconds since the first Play."""
     starts = [0.0]
-    for session in evidence.drive:
+    for session in trial.drive:
         frames = sum(round(leg.seconds * RATE) for leg in session.legs)
         starts.append(starts[-1] + frames / RATE)
-    return starts
-
-
-def _messages(evidence: Evidence) -> Iterator[Record]:
-    starts = _starts(evidence)
-    for message in evidence.recording.messages:
+    for start, session in zip(starts, trial.drive, strict=False):
+        for frame, leg in command_frames(session):
+            time = nanoseconds(start + (frame + 1) / RATE)
+            yield Record(time, trial.wanted.commands, TWIST, command(leg))
+    for message in trial.recording.messages:
         data = None if message.away is not None else serialized(message)
         if data is not None:
             time = nanoseconds(starts[message.session] + message.at)
             yield Record(time, message.topic, message.type, data, message.profile)
-
-
-def _commands(evidence: Evidence) -> Iterator[Record]:
-    for start, session in zip(_starts(evidence), evidence.drive, strict=False):
-        for frame, leg in command_frames(session):
-            time = nanoseconds(start + (frame + 1) / RATE)
-            yield Record(time, evidence.wanted.commands, TWIST, command(leg))
 
 
 def _offered(profile: Profile) -> Qos:

@@ -132,17 +132,13 @@ def _connect(node: Running, nodes: dict[str, Running]) -> None:
             continue
         state = declared.get(name) or _UNSAVED
         if port.is_execution:
-            _follow(node, port, state, nodes)
+            for path, _, output in (wire.rpartition(".") for wire in state.sources):
+                source = nodes.get(path)
+                out = source.type.ports.get(output) if source is not None else None
+                if source is not None and out is not None and can_connect(out, port):
+                    source.follows.setdefault(out.short, []).append(node)
         else:
             _feed(node, port, state, nodes)
-
-
-def _follow(node: Running, port: Port, state: Input, nodes: dict[str, Running]) -> None:
-    for path, _, name in (wire.rpartition(".") for wire in state.sources):
-        source = nodes.get(path)
-        out = source.type.ports.get(name) if source is not None else None
-        if source is not None and out is not None and can_connect(out, port):
-            source.follows.setdefault(out.short, []).append(node)
 
 
 def _feed(node: Running, port: Port, state: Input, nodes: dict[str, Running]) -> None:
@@ -180,13 +176,9 @@ def _in_order(nodes: dict[str, Running]) -> list[Running]:
                 before[follower.path].add(node.path)
     ordered: dict[str, Running] = {}
     while len(ordered) < len(nodes):
-        ready = [
-            node_path
-            for node_path in nodes
-            if node_path not in ordered and before[node_path] <= ordered.keys()
-        ]
-        for path in ready or [next(node_path for node_path in nodes if node_path not in ordered)]:
-            ordered[path] = nodes[path]
+        waiting = [path for path in nodes if path not in ordered]
+        ready = [path for path in waiting if before[path] <= ordered.keys()]
+        ordered |= {path: nodes[path] for path in ready or waiting[:1]}
     return list(ordered.values())
 
 
@@ -196,28 +188,18 @@ def type_of(node: Node, catalog: Catalog) -> NodeType | None:
     if known is not None:
         return known
     modern = catalog.modern(node.type)
-    family, _, name = modern.rpartition(".")
-    if family not in _families(catalog):
+    extension, _, name = modern.rpartition(".")
+    extensions = {name.rpartition(".")[0] for name in (*catalog.types, *catalog.events)}
+    if extension not in extensions:
         return None
     if name.startswith(CONSTANT):
-        return _constant(node)
-    return _made(modern, _UNLISTED[name]) if name in _UNLISTED else None
-
-
-def _families(catalog: Catalog) -> frozenset[str]:
-    """Return what stands before the names of types: the extensions that are known at all."""
-    return frozenset(name.rpartition(".")[0] for name in (*catalog.types, *catalog.events))
-
-
-def _made(name: str, ports: dict[str, str]) -> NodeType:
-    made = {
-        name: Port(name, kind, _USD.get(kind, kind), _DEFAULTS.get(name))
-        for name, kind in ports.items()
+        kind = node.inputs["inputs:value"].type if "inputs:value" in node.inputs else "token"
+        constant = Port("inputs:value", kind, kind, output_only=True)
+        return NodeType(node.type, 1, node.type, node.type, node.type, {constant.name: constant})
+    if name not in _UNLISTED:
+        return None
+    ports = {
+        port: Port(port, kind, _USD.get(kind, kind), _DEFAULTS.get(port))
+        for port, kind in _UNLISTED[name].items()
     }
-    return NodeType(name, 1, name, name, name, made)
-
-
-def _constant(node: Node) -> NodeType:
-    kind = node.inputs["inputs:value"].type if "inputs:value" in node.inputs else "token"
-    port = Port("inputs:value", kind, kind, output_only=True)
-    return NodeType(node.type, 1, node.type, node.type, node.type, {port.name: port})
+    return NodeType(modern, 1, modern, modern, modern, ports)

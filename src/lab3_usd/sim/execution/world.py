@@ -15,7 +15,8 @@ from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.transforms import Vector
-from lab3_usd.sim.execution.record import RATE, Message, Profile
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.recording import Message, Profile
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.lidar import Beam, Surroundings
 from lab3_usd.sim.robot.machines import Machines

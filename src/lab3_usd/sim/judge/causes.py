@@ -10,9 +10,9 @@ from msgspec import Struct
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
 from lab3_usd.sim.execution.program import Program
-from lab3_usd.sim.execution.record import Message
+from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.judge.evidence import Cause
+from lab3_usd.sim.judge.trial import Cause
 from lab3_usd.sim.robot.machine import Joint, Machine
 
 _RADIUS = "wheelRadius"
@@ -31,7 +31,9 @@ class RunCauses(Struct, frozen=True):
     def of_silence(self, topic: str, message: str) -> Cause | None:
         """Return why no message of this type comes on a topic."""
         for node in self.program.nodes.values():
-            if _message(node) == message and SUBSCRIBER not in node.type.role:
+            kind = node.values.get(_TYPE) if _TYPE in node.values else ""
+            sent = node.type.message.get(str(kind or ""), node.type.message.get("", ""))
+            if sent == message and SUBSCRIBER not in node.type.role:
                 return self._elsewhere(node, topic) or self._broken(node)
         return None
 
@@ -86,9 +88,6 @@ class RunCauses(Struct, frozen=True):
 
     def of_motion(self) -> Cause | None:
         """Return why commands do not move the robot as they should."""
-        return self._of_robot() or self._of_commands()
-
-    def _of_robot(self) -> Cause | None:
         robot = self.robot
         if robot is None:
             return Cause("", "the stage has no robot with joints that turn", "no-driven-robot")
@@ -101,7 +100,7 @@ class RunCauses(Struct, frozen=True):
         if not robot.wheels:
             return Cause(robot.base, "no wheel of the robot touches the ground", "no-wheel-contact")
         causes = (_of_joint(joint, robot.base) for joint in robot.joints.values())
-        return next(filter(None, causes), None)
+        return next(filter(None, causes), None) or self._of_commands()
 
     def _of_commands(self) -> Cause | None:
         nodes = self.program.nodes.values()
@@ -125,9 +124,3 @@ def _of_joint(joint: Joint, site: str) -> Cause | None:
     if joint.reach < math.radians(FAR):
         return Cause(site, f"{joint.name} cannot turn freely", "limited-joint")
     return None
-
-
-def _message(node: Running) -> str:
-    """Return the type of the messages that a node would send or hear."""
-    kind = node.values.get(_TYPE) if _TYPE in node.values else ""
-    return node.type.message.get(str(kind or ""), node.type.message.get("", ""))

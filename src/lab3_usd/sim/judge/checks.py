@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from lab3_usd.model.dry_run import Check, Verdict
-from lab3_usd.sim.judge.evidence import Evidence, Fault
 from lab3_usd.sim.judge.motion import again, follows, limits, moving_frames, odometry, rest
 from lab3_usd.sim.judge.sensors import camera, mounted, scan
 from lab3_usd.sim.judge.topics import clock, stamps, topics, tree
+from lab3_usd.sim.judge.trial import Fault, Trial
 
-CHECKS: dict[str, Callable[[Evidence], Iterator[Fault]]] = {
+CHECKS: dict[str, Callable[[Trial], Iterator[Fault]]] = {
     "topics": topics,
     "rest": rest,
     "follows": follows,
@@ -28,19 +28,19 @@ CHECKS: dict[str, Callable[[Evidence], Iterator[Fault]]] = {
 SENSED = ("topics", "scan")  # what the assumed profile of a lidar bears on
 
 
-def judge(evidence: Evidence) -> list[Check]:
+def judge(trial: Trial) -> list[Check]:
     """Return a verdict for each thing that is looked at.
 
     Where something is not simulated, nothing is a fault: it could be what is missing.
     """
-    return [verdict(name, list(look(evidence)), evidence) for name, look in CHECKS.items()]
+    return [verdict(name, list(look(trial)), trial) for name, look in CHECKS.items()]
 
 
-def verdict(name: str, faults: list[Fault], evidence: Evidence) -> Check:
-    """Return the verdict of what was found to be wrong."""
+def verdict(name: str, faults: list[Fault], trial: Trial) -> Check:
+    """Return the verdict of a check from its faults."""
     if not faults:
         return Check(name, "ok")
-    unknown = evidence.recording.not_simulated or (name in SENSED and evidence.recording.assumed)
+    unknown = trial.recording.not_simulated or (name in SENSED and trial.recording.assumed)
     known = not unknown and any(fault.sure for fault in faults)
     leading = next((fault for fault in faults if fault.prim), faults[0])
     text = "; ".join(fault.message for fault in faults)

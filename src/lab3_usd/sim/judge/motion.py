@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from lab3_usd.model.dry_run import Affine, rotation
 from lab3_usd.model.fault import FaultKind
-from lab3_usd.sim.execution.record import RATE, Message, Odometry, Pose
-from lab3_usd.sim.judge.evidence import (
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.recording import Message, Odometry, Pose
+from lab3_usd.sim.judge.trial import (
     SIZE,
     SOON,
-    Evidence,
     Fault,
     Stretch,
+    Trial,
     agree,
     angle,
     displacement,
@@ -23,44 +24,53 @@ from lab3_usd.sim.judge.evidence import (
 )
 
 
-def rest(evidence: Evidence) -> Iterator[Fault]:
+def rest(trial: Trial) -> Iterator[Fault]:
     """It stands still without a command, after one, and when commanded sideways."""
-    for leg, before, poses in evidence.stretches("idle", "sideways"):
-        if _moves(evidence, displacement(before, poses[-1])):
+    for leg, before, poses in trial.stretches("idle", "sideways"):
+        if _moves(trial, displacement(before, poses[-1])):
             kind: FaultKind = "moves-uncommanded" if leg.name == "idle" else "moves-sideways"
-            yield evidence.motion_fault(f"moves while told {leg.name}", kind)
-    poses = [pose for pose in evidence.recording.path if not pose.session]
+            yield trial.motion_fault(f"moves while told {leg.name}", kind)
+    poses = [pose for pose in trial.recording.path if not pose.session]
     for at, (pose, following) in enumerate(pairwise(poses), start=1):
         if pose.leg != "stop" and following.leg == "stop":
             later = poses[at + SOON : at + 2 * SOON + 1]
-            if later and _moves(evidence, displacement(later[0], later[-1])):
-                yield evidence.motion_fault(f"does not stop after {pose.leg}", "does-not-stop")
+            if later and _moves(trial, displacement(later[0], later[-1])):
+                yield trial.motion_fault(f"does not stop after {pose.leg}", "does-not-stop")
                 return
 
 
-def _moves(evidence: Evidence, way: tuple[float, float, float]) -> bool:
+def _moves(trial: Trial, way: tuple[float, float, float]) -> bool:
     ahead, left, turned = way
-    near, turn = evidence.tolerance.still
+    near, turn = trial.tolerance.still
     return math.hypot(ahead, left) > near or abs(turned) > turn
 
 
-def follows(evidence: Evidence) -> Iterator[Fault]:
+def follows(trial: Trial) -> Iterator[Fault]:
     """It goes ahead, back and to the left as commanded, in sense and size."""
-    if not any(leg.command and any(leg.command[::2]) for leg in evidence.drive[0].legs):
+    if not any(leg.command and any(leg.command[::2]) for leg in trial.drive[0].legs):
         return
-    if evidence.stands():
-        yield evidence.motion_fault("does not move", "does-not-move")
+    if trial.stands():
+        yield trial.motion_fault("does not move", "does-not-move")
         return
     for names, look in ((("ahead", "back"), _straight), (("left", "right"), _turn)):
-        for stretch in evidence.stretches(*names):
-            fault = look(evidence, stretch)
+        for stretch in trial.stretches(*names):
+            fault = look(trial, stretch)
             if fault is not None:
                 yield fault
                 break
-    yield from _arcs(evidence)
+    for leg, before, poses in trial.stretches("arc"):
+        pairs = zip([before, *poses], poses, strict=False)
+        way = sum(math.hypot(later.x - pose.x, later.y - pose.y) for pose, later in pairs)
+        length, turn = abs(leg.forward) * leg.seconds, leg.turn * leg.seconds
+        turned = _turned(before, poses)
+        if not is_about(way, length) or not is_about(turned, turn):
+            text = f"told to go {length:.2f} m and turn {math.degrees(turn):.0f} degrees,"
+            text += f" did {way:.2f} m and {math.degrees(turned):.0f}"
+            yield trial.motion_fault(text, "wrong-arc")
+            return
 
 
-def _straight(evidence: Evidence, stretch: Stretch) -> Fault | None:
+def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
     leg, before, poses = stretch
     ahead, left, turned = displacement(before, poses[-1])
     commanded = leg.forward * leg.seconds
@@ -68,54 +78,38 @@ def _straight(evidence: Evidence, stretch: Stretch) -> Fault | None:
         text = f"told to go {commanded:.2f} m, a wall stops it after {ahead:.2f} m"
         return Fault(text, "wall-ahead", sure=False)
     if not is_about(ahead, commanded):
-        return evidence.motion_fault(
+        return trial.motion_fault(
             f"told to go {commanded:.2f} m, went {ahead:.2f} m", "wrong-distance"
         )
-    if abs(left) > evidence.tolerance.slip[0] or abs(turned) > evidence.tolerance.slip[1]:
-        return evidence.motion_fault(f"told to go {leg.name}, went aside", "sideways-drift")
+    if abs(left) > trial.tolerance.slip[0] or abs(turned) > trial.tolerance.slip[1]:
+        return trial.motion_fault(f"told to go {leg.name}, went aside", "sideways-drift")
     return None
 
 
-def _turn(evidence: Evidence, stretch: Stretch) -> Fault | None:
+def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
     leg, before, poses = stretch
     ahead, left, _ = displacement(before, poses[-1])
-    commanded, turned = leg.turn * leg.seconds, _turned(stretch)
+    commanded, turned = leg.turn * leg.seconds, _turned(before, poses)
     if not is_about(turned, commanded):
         text = f"told {math.degrees(abs(commanded)):.0f} degrees {leg.name}, turned"
         sense = -1.0 if leg.name == "right" else 1.0
-        return evidence.motion_fault(f"{text} {math.degrees(sense * turned):.1f}", "wrong-turn")
-    if math.hypot(ahead, left) > evidence.tolerance.slip[0]:
-        return evidence.motion_fault("told to turn, went away", "turn-off-centre")
+        return trial.motion_fault(f"{text} {math.degrees(sense * turned):.1f}", "wrong-turn")
+    if math.hypot(ahead, left) > trial.tolerance.slip[0]:
+        return trial.motion_fault("told to turn, went away", "turn-off-centre")
     return None
 
 
-def _turned(stretch: Stretch) -> float:
-    _, before, poses = stretch
+def _turned(before: Pose, poses: Sequence[Pose]) -> float:
     pairs = zip([before, *poses], poses, strict=False)
     return sum(angle(following.heading - pose.heading) for pose, following in pairs)
 
 
-def _arcs(evidence: Evidence) -> Iterator[Fault]:
-    for stretch in evidence.stretches("arc"):
-        leg, before, poses = stretch
-        way = sum(
-            math.hypot(following.x - pose.x, following.y - pose.y)
-            for pose, following in zip([before, *poses], poses, strict=False)
-        )
-        commanded = (abs(leg.forward) * leg.seconds, leg.turn * leg.seconds)
-        if not is_about(way, commanded[0]) or not is_about(_turned(stretch), commanded[1]):
-            asked, turned = (math.degrees(radians) for radians in (commanded[1], _turned(stretch)))
-            text = f"told to go {commanded[0]:.2f} m and turn {asked:.0f} degrees,"
-            yield evidence.motion_fault(f"{text} did {way:.2f} m and {turned:.0f}", "wrong-arc")
-            return
-
-
-def limits(evidence: Evidence) -> Iterator[Fault]:
+def limits(trial: Trial) -> Iterator[Fault]:
     """Commands beyond the robot's limits are cut down to them."""
-    if evidence.stands():
+    if trial.stands():
         return
-    for name, limit in zip(("fast", "spin"), evidence.wanted.limits, strict=True):
-        for leg, before, poses in evidence.stretches(name):
+    for name, limit in zip(("fast", "spin"), trial.wanted.limits, strict=True):
+        for leg, before, poses in trial.stretches(name):
             ahead, left, turned = displacement(before, poses[-1])
             driven = math.hypot(ahead, left) if name == "fast" else abs(turned)
             commanded = limit * leg.seconds
@@ -123,24 +117,24 @@ def limits(evidence: Evidence) -> Iterator[Fault]:
             if not is_about(driven, commanded) and not stopped:
                 unit = "m" if name == "fast" else "rad"
                 text = f"told to go {name}, does {driven / leg.seconds:.2f} of {limit} {unit}/s"
-                yield evidence.motion_fault(text, "wrong-speed-limit")
+                yield trial.motion_fault(text, "wrong-speed-limit")
                 break
 
 
-def again(evidence: Evidence) -> Iterator[Fault]:
+def again(trial: Trial) -> Iterator[Fault]:
     """After Stop and Play it drives again, also where ROS_DOMAIN_ID is another."""
-    if evidence.stands():
+    if trial.stands():
         return
-    for number, session in enumerate(evidence.drive):
-        poses = [pose for pose in evidence.recording.path if pose.session == number]
+    for number, session in enumerate(trial.drive):
+        poses = [pose for pose in trial.recording.path if pose.session == number]
         leg = session.legs[-1]
         if not number or leg.command is None or not poses:
             continue
         start = next(pose for pose in poses if pose.leg == leg.name)
         ahead, left, _ = displacement(start, poses[-1])
-        if not is_about(ahead, leg.forward * leg.seconds) or abs(left) > evidence.tolerance.slip[0]:
-            text = f"does not follow {evidence.wanted.commands}{evidence.when([number])}"
-            yield evidence.motion_fault(text, "no-drive-after-restart")
+        if not is_about(ahead, leg.forward * leg.seconds) or abs(left) > trial.tolerance.slip[0]:
+            text = f"does not follow {trial.wanted.commands}{trial.when([number])}"
+            yield trial.motion_fault(text, "no-drive-after-restart")
 
 
 ODOMETRY = (0.02, math.radians(2.0))
@@ -148,12 +142,12 @@ SPEED = 0.03  # m/s and rad/s between what odometry says and what is
 SETTLED = 8  # frames after which a leg is driven evenly
 
 
-def odometry(evidence: Evidence) -> Iterator[Fault]:
+def odometry(trial: Trial) -> Iterator[Fault]:
     """/odom starts at 0, agrees with the motion, and names the frames."""
-    wanted = evidence.wanted
+    wanted = trial.wanted
     messages = [
         message
-        for message in evidence.recording.topic(wanted.odometry, 0)
+        for message in trial.recording.topic(wanted.odometry, 0)
         if isinstance(message.data, Odometry)
     ]
     if not messages:
@@ -163,13 +157,13 @@ def odometry(evidence: Evidence) -> Iterator[Fault]:
     if frames != (wanted.root, wanted.base):
         text = f"odometry names {frames[0]} and {frames[1]}, not {wanted.root} and {wanted.base}"
         yield Fault(text, "wrong-odometry-frame", first.node)
-    origin = evidence.recording.path[0]
+    origin = trial.recording.path[0]
     for message in messages[:: max(1, len(messages) // 40)]:
-        fault = _odometry_fault(message.data, origin, evidence.pose(message))
+        fault = _odometry_fault(message.data, origin, trial.pose(message))
         if fault:
             yield Fault(fault, "wrong-odometry-pose", message.node)
             return
-    yield from _velocity_faults(evidence, messages)
+    yield from _velocity_faults(trial, messages)
 
 
 def _odometry_fault(data: Odometry, origin: Pose, pose: Pose) -> str:
@@ -184,8 +178,8 @@ def _odometry_fault(data: Odometry, origin: Pose, pose: Pose) -> str:
     return ""
 
 
-def _velocity_faults(evidence: Evidence, messages: list[Message]) -> Iterator[Fault]:
-    for leg, _, poses in evidence.stretches("ahead", "back", "left", "right", "fast"):
+def _velocity_faults(trial: Trial, messages: list[Message]) -> Iterator[Fault]:
+    for leg, _, poses in trial.stretches("ahead", "back", "left", "right", "fast"):
         if len(poses) < SETTLED:
             continue
         earlier, later = poses[-4], poses[-3]
@@ -203,17 +197,15 @@ def _velocity_faults(evidence: Evidence, messages: list[Message]) -> Iterator[Fa
             return
 
 
-def moving_frames(evidence: Evidence) -> Iterator[Fault]:
+def moving_frames(trial: Trial) -> Iterator[Fault]:
     """TF moves the base as odometry does."""
-    wanted = evidence.wanted
+    wanted = trial.wanted
     messages = [
-        message
-        for message in evidence.recording.topic(wanted.odometry, 0)
-        if message.data is not None
+        message for message in trial.recording.topic(wanted.odometry, 0) if message.data is not None
     ]
     for message in messages[len(messages) // 4 :: max(1, len(messages) // 4)]:
-        asked = Message("", message.stamp, wanted.base, at=message.at, session=message.session)
-        place = in_root(evidence, asked)
+        base = Message("", message.stamp, wanted.base, at=message.at, session=message.session)
+        place = in_root(trial, base)
         if place is None or not isinstance(message.data, Odometry):
             continue
         estimate = Affine(rotation(message.data.orientation), message.data.position)

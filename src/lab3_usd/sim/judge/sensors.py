@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lab3_usd.model.transforms import length, minus
-from lab3_usd.sim.execution.record import Message, Scan, View
-from lab3_usd.sim.judge.evidence import Evidence, Fault, agree, in_root
+from lab3_usd.sim.execution.recording import Message, Scan, View
+from lab3_usd.sim.judge.trial import Fault, Trial, agree, in_root
 
 WALL = 0.03  # metres between a scan and the walls
 SHORT = 2.0  # seconds of a recording in which a stream may come once
@@ -14,17 +14,17 @@ AHEAD = 0.5  # between directions of length 1
 MISSED = 0.1  # the part of a scan that may be elsewhere
 
 
-def mounted(evidence: Evidence) -> Iterator[Fault]:
+def mounted(trial: Trial) -> Iterator[Fault]:
     """Lidar and camera go with the robot."""
-    wanted = evidence.wanted
+    wanted = trial.wanted
     for topic in (wanted.scan, wanted.image):
-        messages = evidence.recording.topic(topic, 0)
+        messages = trial.recording.topic(topic, 0)
         places = []
         for message in (messages[1], messages[-1]) if len(messages) > 1 else ():
             base = Message("", 0.0, wanted.base, at=message.at, session=message.session)
-            there, here = in_root(evidence, message), in_root(evidence, base)
-            if there is not None and here is not None:
-                places.append(here.inverse().then(there))
+            sensor_place, base_place = in_root(trial, message), in_root(trial, base)
+            if sensor_place is not None and base_place is not None:
+                places.append(base_place.inverse().then(sensor_place))
         if len(places) > 1 and not agree(*places):
             text = f"{messages[0].frame} does not go with {wanted.base}"
             yield Fault(text, "loose-sensor", messages[0].node)
@@ -36,29 +36,29 @@ def rate_of(messages: Sequence[Message]) -> float:
     return (len(messages) - 1) / passed if passed else 0.0
 
 
-def scan(evidence: Evidence) -> Iterator[Fault]:
+def scan(trial: Trial) -> Iterator[Fault]:
     """Scans come at their rate, and show the walls where TF puts the lidar."""
-    wanted = evidence.wanted
+    wanted = trial.wanted
     messages = [
         message
-        for message in evidence.recording.topic(wanted.scan, 0)
+        for message in trial.recording.topic(wanted.scan, 0)
         if isinstance(message.data, Scan)
     ]
     if not messages:
         return
     rate = rate_of(messages)
-    known = _lasts(evidence, messages)
-    if known and wanted.scan_rate and abs(rate - wanted.scan_rate) > 0.2 * wanted.scan_rate:
+    is_long = _lasts(trial, messages)
+    if is_long and wanted.scan_rate and abs(rate - wanted.scan_rate) > 0.2 * wanted.scan_rate:
         text = f"{rate:.1f} scans a second, not {wanted.scan_rate}"
         yield Fault(text, "wrong-scan-rate", messages[0].node)
     if all(distance < 0 for distance in messages[-1].data.ranges):
         yield Fault("no ray comes back", "no-ray-returns", messages[-1].node)
     for message in (messages[:2][-1], messages[len(messages) // 2], messages[-1]):
-        place = in_root(evidence, message)
-        if place is None or evidence.walls is None:
+        place = in_root(trial, message)
+        if place is None or trial.walls is None:
             continue
         seen = message.data.ranges
-        expected = evidence.walls(evidence.start.then(place), message.data)
+        expected = trial.walls(trial.start.then(place), message.data)
         off = sum(
             abs(measured - wall) > WALL + 0.02 * abs(wall)
             for measured, wall in zip(seen, expected, strict=True)
@@ -69,19 +69,19 @@ def scan(evidence: Evidence) -> Iterator[Fault]:
             return
 
 
-def _lasts(evidence: Evidence, *streams: Sequence[Message]) -> bool:
+def _lasts(trial: Trial, *streams: Sequence[Message]) -> bool:
     """Whether streams show their rates: of one message in a short recording nothing is known."""
-    return evidence.recording.seconds > SHORT or all(len(stream) > 1 for stream in streams)
+    return trial.recording.seconds > SHORT or all(len(stream) > 1 for stream in streams)
 
 
-def camera(evidence: Evidence) -> Iterator[Fault]:
+def camera(trial: Trial) -> Iterator[Fault]:
     """Image and info belong together, in the frame of the camera, upright and looking ahead."""
-    wanted = evidence.wanted
-    images, infos = (evidence.recording.topic(topic, 0) for topic in (wanted.image, wanted.info))
+    wanted = trial.wanted
+    images, infos = (trial.recording.topic(topic, 0) for topic in (wanted.image, wanted.info))
     if images and infos:
-        least = wanted.image_rate if _lasts(evidence, images, infos) else 0.0
+        least = wanted.image_rate if _lasts(trial, images, infos) else 0.0
         yield from _pairs(images, infos, least)
-        yield from _view(evidence, images[-1])
+        yield from _view(trial, images[-1])
 
 
 def _pairs(images: Sequence[Message], infos: Sequence[Message], least: float) -> Iterator[Fault]:
@@ -105,19 +105,19 @@ def _pairs(images: Sequence[Message], infos: Sequence[Message], least: float) ->
         yield Fault(text, "image-info-rates-differ", info.node)
 
 
-def _view(evidence: Evidence, image: Message) -> Iterator[Fault]:
-    place = in_root(evidence, image)
+def _view(trial: Trial, image: Message) -> Iterator[Fault]:
+    place = in_root(trial, image)
     if place is None or not isinstance(image.data, View) or image.data.place is None:
         return
-    there = evidence.start.inverse().then(image.data.place)
-    if not agree(place, there):
+    actual = trial.start.inverse().then(image.data.place)
+    if not agree(place, actual):
         text = f"TF does not have {image.frame} where the camera is"
         yield Fault(text, "misplaced-camera-frame", image.node)
-    wanted = evidence.wanted
-    base = in_root(evidence, Message("", 0.0, wanted.base, at=image.at, session=image.session))
+    wanted = trial.wanted
+    base = in_root(trial, Message("", 0.0, wanted.base, at=image.at, session=image.session))
     if base is not None and any(wanted.looks):
-        seen = base.inverse().then(there)
-        if length(minus(seen.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
+        view = base.inverse().then(actual)
+        if length(minus(view.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
             yield Fault("the camera does not look ahead", "camera-not-ahead", image.node)
-        elif length(minus(seen.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
+        elif length(minus(view.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
             yield Fault("the camera is not upright", "camera-not-upright", image.node)

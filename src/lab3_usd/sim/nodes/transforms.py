@@ -12,7 +12,7 @@ from msgspec import Struct
 from lab3_usd.model.dry_run import HERE, Affine, Prim, Quaternion, Scene
 from lab3_usd.model.physics import EXCLUDED
 from lab3_usd.model.transforms import Vector
-from lab3_usd.sim.execution.record import Message, Transform
+from lab3_usd.sim.execution.recording import Message, Transform
 from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import Endpoint, World, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
@@ -95,13 +95,13 @@ def _expanded(scene: Scene, prim: Prim, parent: str) -> Iterator[tuple[Prim, str
         if parts:
             parents = _joint_parents(scene, prim)
             for part in parts:
-                if part.path != parent:
-                    yield (
-                        part,
-                        parents.get(part.path, "")
-                        if LINK in part.apis
-                        else _link_above(scene, part),
-                    )
+                if part.path == parent:
+                    continue
+                if LINK in part.apis:
+                    yield part, parents.get(part.path, "")
+                else:
+                    links = (up.path for up in scene.above(part.path) if LINK in up.apis)
+                    yield part, next(links, "")
             return
     yield prim, ""
 
@@ -116,11 +116,6 @@ def _joint_parents(scene: Scene, robot: Prim) -> dict[str, str]:
         if ends[0] and ends[1]:
             parents[ends[1][0]] = ends[0][0]
     return parents
-
-
-def _link_above(scene: Scene, prim: Prim) -> str:
-    above = (up.path for up in scene.above(prim.path) if up is not prim and LINK in up.apis)
-    return next(above, "")
 
 
 def frame_name(prim: Prim) -> str:
@@ -153,10 +148,7 @@ _WORLD = "world"
 
 def pose_tree(world: World, parent: str, targets: Sequence[str]) -> Tree:
     """Expand the targets: an articulation stands for its links, all else for itself (:177-357)."""
-    return Tree(tuple(_pairs(world, parent, targets)))
-
-
-def _pairs(world: World, parent: str, targets: Sequence[str]) -> Iterator[Pair]:
+    pairs: list[Pair] = []
     prims, names = world.scene.prims, dict[str, str]()
     parent = parent if parent in prims else ""
 
@@ -181,7 +173,8 @@ def _pairs(world: World, parent: str, targets: Sequence[str]) -> Iterator[Pair]:
                 prim.type == "Camera",
             )
             if above or pair.parent != pair.child or BODY not in prims[path].apis:  # :280, :324
-                yield pair
+                pairs.append(pair)
+    return Tree(tuple(pairs))
 
 
 def _links(machine: Machine) -> dict[str, str]:
@@ -254,18 +247,26 @@ def compute_transform_tree(node: Running, world: World) -> bool:
 @computes("ROS2PublishTransformTree")
 def publish_transform_tree(node: Running, world: World) -> bool:
     """RN/nodes/OgnROS2PublishTransformTree.cpp:60-300: where from is decided once, at creation."""
-    known = node.memory
-    if "endpoint" not in known:
-        return _decide(node, world)
-    if known["endpoint"] is None:
-        known.clear()
+    memory = node.memory
+    if "endpoint" not in memory:
+        if not node.items("parentFrames", world):
+            parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
+            if not targets or not set(targets) <= world.scene.prims.keys():
+                # Tried again at the next tick: there is no publisher yet.
+                return node.fails(
+                    "no frames reach it, and it has no target prims", "no-frames-input"
+                )
+            memory["tree"] = pose_tree(world, parents[0] if parents else "", targets)
+        return opened_endpoint(node, world)[0] is not None
+    if memory["endpoint"] is None:
+        memory.clear()
         return False
-    if "tree" in known:
+    if "tree" in memory:
         transforms = tuple(
             Transform(pair.parent, pair.child, _metres(pair.pose(world), world), pair.turn(world))
-            for pair in known["tree"].pairs
+            for pair in memory["tree"].pairs
         )
-        return _send_tree(node, world, known["endpoint"], transforms)
+        return _send_tree(node, world, memory["endpoint"], transforms)
     arrays = [
         node.items(name, world)
         for name in ("parentFrames", "childFrames", "translations", "orientations")
@@ -276,19 +277,7 @@ def publish_transform_tree(node: Running, world: World) -> bool:
         Transform(str(parent), str(child), _metres(Affine(HERE.rows, at), world), (q[3], *q[:3]))
         for parent, child, at, q in zip(*arrays, strict=True)
     )
-    return _send_tree(node, world, known["endpoint"], transforms)
-
-
-def _decide(node: Running, world: World) -> bool:
-    known = node.memory
-    if not node.items("parentFrames", world):
-        parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
-        if not targets or not set(targets) <= world.scene.prims.keys():
-            # Tried again at the next tick: there is no publisher yet.
-            return node.fails("no frames reach it, and it has no target prims", "no-frames-input")
-        known["tree"] = pose_tree(world, parents[0] if parents else "", targets)
-    endpoint, _ = opened_endpoint(node, world)
-    return endpoint is not None
+    return _send_tree(node, world, memory["endpoint"], transforms)
 
 
 def _metres(place: Affine, world: World) -> Vector:

@@ -129,16 +129,11 @@ def _machine(base: str, bodies: dict[str, Prim], ends: dict[str, list[Joint]]) -
             waiting.append(neighbour)
             if joint.kind != FIXED:
                 moving[joint.name] = joint
-    _lock(closing, parents)
-    return Machine(base, bodies[base].world.rigid(), rest, parents, moving, held)
-
-
-def _lock(closing: list[Joint], parents: dict[str, Joint]) -> None:
-    """Lock the joints of bodies that another, fixed joint holds as well."""
-    for joint in closing:
+    for joint in closing:  # which holds these bodies as well, so that their own is locked
         for body in joint.bodies:
             if body in parents and parents[body] is not joint:
                 parents[body].locked = True
+    return Machine(base, bodies[base].world.rigid(), rest, parents, moving, held)
 
 
 _UPRIGHT = 0.5  # an axle that stands steeper rolls nowhere
@@ -252,7 +247,9 @@ class Machines:
         every = [point for corners in points.values() for point in corners]
         if not every or not machine.joints:
             return
-        _bound(machine, every)
+        xs, ys = [corner[0] for corner in every], [corner[1] for corner in every]
+        machine.middle = u, v = ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2)
+        machine.radius = max(math.hypot(x - u, y - v) for x, y in zip(xs, ys, strict=True))
         machine.pulled = is_pulled(self.scene)
         if not machine.pulled:
             return
@@ -291,14 +288,6 @@ def is_pulled(scene: Scene) -> bool:
     """
     first = next((prim.values for prim in scene.prims.values() if prim.type == SCENE), {})
     return is_felt(first, scene.meters_per_unit) and is_down(first)
-
-
-def _bound(machine: Machine, points: list[Vector]) -> None:
-    """Note the circle that a machine takes up on the ground."""
-    xs, ys = [point[0] for point in points], [point[1] for point in points]
-    machine.middle = ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2)
-    u, v = machine.middle
-    machine.radius = max(math.hypot(x - u, y - v) for x, y in zip(xs, ys, strict=True))
 
 
 def _wheel_at(

@@ -1,7 +1,4 @@
-"""What there is to judge.
-
-A recording, the drive, what is asked for over ROS, and where TF has a frame.
-"""
+"""A trial: the recording of a drive, what is asked for over ROS, and where TF has a frame."""
 
 from __future__ import annotations
 
@@ -14,16 +11,8 @@ from msgspec import Struct
 from lab3_usd.model.dry_run import HERE, Affine, Segment, rotation
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import length, minus
-from lab3_usd.sim.execution.record import (
-    RATE,
-    Leg,
-    Message,
-    Pose,
-    Recording,
-    Scan,
-    Session,
-    Transform,
-)
+from lab3_usd.sim.execution.drive import RATE, Leg, Session
+from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Transform
 
 SIZE = (0.6, 1.5)  # how much of a command a robot that follows it may do
 SOON = 6  # frames in which a robot may come to rest
@@ -107,8 +96,8 @@ class Stretch(NamedTuple):
     poses: Sequence[Pose]
 
 
-class Evidence(Struct):
-    """What there is to judge; `walls` gives the scan that is to be expected at a place."""
+class Trial(Struct):
+    """A recording with what it is judged by; `walls` returns the expected scan at a place."""
 
     recording: Recording
     drive: Sequence[Session]
@@ -178,28 +167,22 @@ def is_about(driven: float, commanded: float) -> bool:
 PLACE = (0.02, math.radians(2.0))  # of a sensor, between TF and where it is
 
 
-def _frames_at(evidence: Evidence, message: Message) -> dict[str, tuple[str, Transform]]:
+def in_root(trial: Trial, message: Message) -> Affine | None:
+    """Return where TF has the frame of a message, or None where it does not have it."""
+    static = {frame.child: (frame.parent, frame) for frame, _ in trial.recording.static}
     latest: dict[str, tuple[str, Transform]] = {}
-    for sent in evidence.recording.topic(evidence.wanted.transforms, message.session):
+    for sent in trial.recording.topic(trial.wanted.transforms, message.session):
         if sent.at > message.at and latest:
             break
-        for transform in sent.transforms:
-            latest[transform.child] = (transform.parent, transform)
-    static = evidence.recording.static
-    kept = {transform.child: (transform.parent, transform) for transform, _ in static}
-    return {**kept, **latest}
-
-
-def in_root(evidence: Evidence, message: Message) -> Affine | None:
-    """Return where TF has the frame of a message, or None where it does not have it."""
-    frames = _frames_at(evidence, message)
+        latest |= {frame.child: (frame.parent, frame) for frame in sent.transforms}
+    frames = static | latest
     frame, place = message.frame, HERE
     for _ in range(len(frames)):
         if frame not in frames:
             break
         frame, transform = frames[frame]
         place = Affine(rotation(transform.rotation), transform.translation).then(place)
-    return place if frame == evidence.wanted.root else None
+    return place if frame == trial.wanted.root else None
 
 
 def agree(first: Affine, second: Affine) -> bool:
