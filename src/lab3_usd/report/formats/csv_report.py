@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
 
 from lab3_usd.model.finding import Report
 from lab3_usd.report.entries import Entry, crashes, entries
@@ -34,19 +33,16 @@ COLUMNS = (
 def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return the table with its heading; lines end in CR LF."""
     del rules, options
+    rows = [_row(entry) for entry in entries(report)]
+    rows += [
+        {"path": path, "rule": crash.rule, "severity": "crash", "message": crash.error}
+        for path, crash in crashes(report)
+    ]
     table = io.StringIO(newline="")
     writer = csv.DictWriter(table, COLUMNS)
     writer.writeheader()
-    for row in _rows(report):
-        writer.writerow({column: safe_cell(text) for column, text in row.items()})
+    writer.writerows({name: safe_cell(text) for name, text in row.items()} for row in rows)
     return table.getvalue()
-
-
-def _rows(report: Report) -> Iterator[dict[str, str]]:
-    for entry in entries(report):
-        yield _row(entry)
-    for path, crash in crashes(report):
-        yield {"path": path, "rule": crash.rule, "severity": "crash", "message": crash.error}
 
 
 def _row(entry: Entry) -> dict[str, str]:

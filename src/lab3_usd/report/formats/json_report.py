@@ -8,7 +8,7 @@ from typing import Any, Literal
 from msgspec import to_builtins
 from msgspec.structs import asdict
 
-from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
+from lab3_usd.model.finding import Crash, Finding, Report, StageResult
 from lab3_usd.report.entries import Summary, fault_id, summarize
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import truncated_values
@@ -37,8 +37,16 @@ def report_json(report: Report, *, requirements: bool = False) -> Json:
     document = _head()
     document["results"] = [_result(result, requirements=requirements) for result in report.results]
     if report.submissions:
-        document["submissions"] = [_submission(found) for found in report.submissions]
-    document["summary"] = _summary(summarize(report))
+        document["submissions"] = []
+    for submission in report.submissions:
+        entry: Json = {
+            "path": submission.path,
+            "findings": [finding_json(finding) for finding in submission.findings],
+            "checklist": [asdict(item) for item in submission.checklist],
+        }
+        _add_crashes(entry, submission.crashes)
+        document["submissions"].append(entry)
+    document["summary"] = asdict(summarize(report))
     return document
 
 
@@ -46,7 +54,7 @@ def error_report(message: str, kind: Literal["usage", "crash"]) -> Json:
     """Return the report of a run that came to nothing: wrong usage, or the tool itself failed."""
     document = _head()
     document["results"] = []
-    document["summary"] = _summary(Summary(0, 0, 0, 0, 0))
+    document["summary"] = asdict(Summary(0, 0, 0, 0, 0))
     document["error"] = {"kind": kind, "message": message}
     return document
 
@@ -96,20 +104,6 @@ def _result(result: StageResult, *, requirements: bool) -> Json:
     return document
 
 
-def _submission(submission: Submission) -> Json:
-    document: Json = {
-        "path": submission.path,
-        "findings": [finding_json(finding) for finding in submission.findings],
-        "checklist": [asdict(item) for item in submission.checklist],
-    }
-    _add_crashes(document, submission.crashes)
-    return document
-
-
 def _add_crashes(document: Json, crashes: tuple[Crash, ...]) -> None:
     if crashes:
         document["crashes"] = [{"rule": crash.rule, "error": crash.error} for crash in crashes]
-
-
-def _summary(summary: Summary) -> Json:
-    return asdict(summary)

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from lab3_usd.check.registry import Rule
 from lab3_usd.model.changes import TextChange
-from lab3_usd.model.finding import Finding, Report, site_of
+from lab3_usd.model.finding import Report, site_of
 from lab3_usd.report.entries import Entry, crashes, entries, fingerprinted, relative_path, site
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import visible
@@ -31,6 +31,18 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     names = dict(sorted(names.items()))
     index = {rule_id: position for position, rule_id in enumerate(names)}
     known = rules or {}
+    notifications = [
+        {
+            "level": "error",
+            "message": message(f"rule {crash.rule} crashed: {crash.error}"),
+            "associatedRule": {"id": crash.rule},
+            "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
+        }
+        for path, crash in crashes(report)
+    ]
+    invocation: Json = {"executionSuccessful": not notifications}
+    if notifications:
+        invocation["toolExecutionNotifications"] = notifications
     driver = {
         "name": NAME,
         "version": tool_version(),
@@ -40,7 +52,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     }
     run = {
         "tool": {"driver": driver},
-        "invocations": [_invocation(report, options.root)],
+        "invocations": [invocation],
         "columnKind": "unicodeCodePoints",
         "results": [
             {
@@ -86,16 +98,21 @@ def _descriptor(rule_id: str, name: str, rule: Rule | None) -> Json:
 def _result(entry: Entry, fingerprint_text: str, root: str | None) -> Json:
     finding = entry.finding
     text = f"{finding.message}. {finding.hint}" if finding.hint else finding.message
+    physical: Json = {"artifactLocation": file_uri(entry.file, root)}
+    if finding.line:
+        physical["region"] = {"startLine": finding.line}
+        if finding.column:
+            physical["region"]["startColumn"] = finding.column
+    logical = {
+        "name": finding.property or finding.prim.rpartition("/")[2],
+        "fullyQualifiedName": site(finding),
+        "kind": "property" if finding.property else "object",
+    }
     result = {
         "ruleId": finding.rule,
         "level": finding.severity,
         "message": message(text),
-        "locations": [
-            {
-                "physicalLocation": _physical(entry, root),
-                "logicalLocations": [_logical(finding)],
-            }
-        ],
+        "locations": [{"physicalLocation": physical, "logicalLocations": [logical]}],
         "partialFingerprints": {FINGERPRINT: fingerprint_text},
     }
     if finding.related:
@@ -103,8 +120,14 @@ def _result(entry: Entry, fingerprint_text: str, root: str | None) -> Json:
             {"logicalLocations": [{"fullyQualifiedName": prim, "kind": "object"}]}
             for prim in dict.fromkeys(finding.related)
         ]
-    properties = _properties(entry)
-    return {**result, "properties": properties} if properties else result
+    properties = {
+        "checkpoint": entry.checkpoint,
+        "expected": finding.expected,
+        "actual": finding.actual,
+        "handout": finding.handout,
+    }
+    known = {key: value for key, value in properties.items() if value is not None}
+    return {**result, "properties": known} if known else result
 
 
 def _fixes(entry: Entry, options: Options) -> Json:
@@ -132,46 +155,3 @@ def _replacement(change: TextChange) -> Json:
         "endColumn": 1,
     }
     return {"deletedRegion": region, "insertedContent": {"text": change.text}}
-
-
-def _physical(entry: Entry, root: str | None) -> Json:
-    place: Json = {"artifactLocation": file_uri(entry.file, root)}
-    finding = entry.finding
-    if finding.line:
-        place["region"] = {"startLine": finding.line}
-        if finding.column:
-            place["region"]["startColumn"] = finding.column
-    return place
-
-
-def _logical(finding: Finding) -> Json:
-    name = finding.property or finding.prim.rpartition("/")[2]
-    kind = "property" if finding.property else "object"
-    return {"name": name, "fullyQualifiedName": site(finding), "kind": kind}
-
-
-def _properties(entry: Entry) -> Json:
-    finding = entry.finding
-    known = {
-        "checkpoint": entry.checkpoint,
-        "expected": finding.expected,
-        "actual": finding.actual,
-        "handout": finding.handout,
-    }
-    return {key: value for key, value in known.items() if value is not None}
-
-
-def _invocation(report: Report, root: str | None) -> Json:
-    notifications = [
-        {
-            "level": "error",
-            "message": message(f"rule {crash.rule} crashed: {crash.error}"),
-            "associatedRule": {"id": crash.rule},
-            "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, root)}}],
-        }
-        for path, crash in crashes(report)
-    ]
-    invocation: Json = {"executionSuccessful": not notifications}
-    if notifications:
-        invocation["toolExecutionNotifications"] = notifications
-    return invocation
