@@ -21,22 +21,28 @@ def dot(picture: Picture) -> str:
     Dashed edges carry execution; missing parts are dotted and red.
     """
     names = {box.key: f"n{place}" for place, box in enumerate(picture.boxes)}
+    boxes = {box.key: box for box in picture.boxes}
     lines = [
         f"digraph {dot_string(picture.title)} {{",
         f"  graph [rankdir=LR, label={dot_string(f'{picture.title}: {picture.subtitle}')}];",
         '  node [shape=record, fontname="sans-serif", fontsize=11];',
         '  edge [fontname="sans-serif", fontsize=10];',
-        *(_node(box, names[box.key]) for box in picture.boxes),
-        *(_edge(curve, picture, names) for curve in picture.curves),
-        "}",
     ]
-    return "\n".join(lines) + "\n"
-
-
-def _node(box: Box, name: str) -> str:
-    style = ', style="dashed"' if box.state == "missing" else ""
-    colour = COLOURS[box.state]
-    return f'  {name} [label="{_record(box)}", color="{colour}", fontcolor="{colour}"{style}];'
+    for box in picture.boxes:
+        style = ', style="dashed"' if box.state == "missing" else ""
+        colour = COLOURS[box.state]
+        lines.append(
+            f'  {names[box.key]} [label="{_record(box)}",'
+            f' color="{colour}", fontcolor="{colour}"{style}];'
+        )
+    for curve in picture.curves:
+        source, target = (
+            names[end.key] + _cell_name(boxes[end.key], end.port)
+            for end in (curve.source, curve.target)
+        )
+        looks = ", ".join([f'color="{COLOURS[curve.state]}"', *_looks(curve)])
+        lines.append(f"  {source} -> {target} [{looks}];")
+    return "\n".join([*lines, "}"]) + "\n"
 
 
 def _record(box: Box) -> str:
@@ -54,20 +60,11 @@ def _record(box: Box) -> str:
 
 def _cell(row: Row, places: dict[str, int]) -> str:
     value = f" = {', '.join(row.value)}" if row.value else ""
-    should = f" (should be {', '.join(row.expected)})" if row.expected else ""
-    return f"<p{places[row.port]}> {celled(row.label + value + should)}"
+    expected = f" (expected be {', '.join(row.expected)})" if row.expected else ""
+    return f"<p{places[row.port]}> {celled(row.label + value + expected)}"
 
 
-def _edge(curve: Curve, picture: Picture, names: dict[str, str]) -> str:
-    boxes = {box.key: box for box in picture.boxes}
-    ends = [
-        names[end.key] + _place(boxes[end.key], end.port) for end in (curve.source, curve.target)
-    ]
-    looks = [f'color="{COLOURS[curve.state]}"', *_looks(curve)]
-    return f"  {ends[0]} -> {ends[1]} [{', '.join(looks)}];"
-
-
-def _place(box: Box, port: str) -> str:
+def _cell_name(box: Box, port: str) -> str:
     for place, row in enumerate(box.rows):
         if row.port == port:
             return f":p{place}"
