@@ -20,7 +20,6 @@ from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.contradictions.names import LabFault
 from lab3_usd.spec.contradictions.references import RULES
 from lab3_usd.spec.lab import CHECKPOINTS, RUBRIC, SUBMISSION, Lab
-from lab3_usd.spec.submission import ChecklistSpec
 from lab3_usd.spec.yaml_file import read_foreign_yaml, read_yaml, record, records
 
 # The columns of the table of grades that are no items; the last stands behind the items.
@@ -108,28 +107,34 @@ def load_items(
     data: Mapping[str, Mapping[str, Any]],
     asked: Mapping[str, tuple[Requirement, ...]],
     lines: Collection[str],
-    where: str,
+    file: str,
 ) -> tuple[Item, ...]:
     """Return the items of a rubric in their order.
 
     `asked` is everything that each checkpoint asks for, `lines` are the texts of the checklists.
 
     Raises:
-        SpecError: there is none, or one is wrong; the line names it, and opens with `where`.
+        SpecError: there is none, or one is wrong; the line names it, and opens with `file`.
     """
     if not data:
-        raise SpecError(f"{where}: 'items' is empty; a rubric needs at least one")
-    items = records(data, Item, where, "id")
+        raise SpecError(f"{file}: 'items' is empty; a rubric needs at least one")
+    items = records(data, Item, file, "id")
     for name, item in items.items():
-        _check_name(name, where)
-        place = f"{where}: {name}"
+        # The names head columns of the table of grades.
+        if not name or not name.isprintable() or name != name.strip():
+            raise SpecError(f"{file}: items: {name!r} is no name for an item")
+        if name.casefold() in COLUMNS:
+            raise SpecError(
+                f"{file}: items: '{name}' is a column of grades.csv; choose another name"
+            )
+        place = f"{file}: {name}"
         if bool(item.checkpoint) == bool(item.checklist):
             raise SpecError(f"{place}: give either 'checkpoint' or 'checklist'")
         _check_needs(item, tuple(data), place)
-        if item.checklist:
-            _check_line(item, lines, place)
-        else:
+        if not item.checklist:
             _check_requirements(item, asked, place)
+        elif item.checklist not in lines:
+            raise SpecError(f"{place}: no checklist of the handout has the line '{item.checklist}'")
     return tuple(items.values())
 
 
@@ -141,14 +146,6 @@ def one_of(value: str, known: Collection[str], place: str) -> None:
     """
     if value not in known:
         raise SpecError(f"{place}: {value!r} is not known; known are {', '.join(known)}")
-
-
-def _check_name(name: str, where: str) -> None:
-    """Refuse what can head no column of the table of grades."""
-    if not name or not name.isprintable() or name != name.strip():
-        raise SpecError(f"{where}: items: {name!r} is no name for an item")
-    if name.casefold() in COLUMNS:
-        raise SpecError(f"{where}: items: '{name}' is a column of grades.csv; choose another name")
 
 
 def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
@@ -165,11 +162,6 @@ def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
                 f"which stands below it; an item may only need items above it, so move '{name}' up"
             )
         raise SpecError(f"{place}: needs '{name}', {why}")
-
-
-def _check_line(item: Item, lines: Collection[str], place: str) -> None:
-    if item.checklist not in lines:
-        raise SpecError(f"{place}: no checklist of the handout has the line '{item.checklist}'")
 
 
 def _check_requirements(
@@ -210,15 +202,15 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     if path is None and not file.is_file():
         raise SpecError(f"{lab.title} has no {RUBRIC}; name a rubric with --rubric")
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
-    where = file.name
-    content = record(data, _RubricFile, where)
+    name = file.name
+    content = record(data, _RubricFile, name)
     asked = everything_asked(lab)
     for kind in content.weights:
-        one_of(kind, REQUIREMENT_KINDS, f"{where}: weights")
+        one_of(kind, REQUIREMENT_KINDS, f"{name}: weights")
     lines = [line.text for line in lab.submission.checklist]
-    items = load_items(content.items, asked, lines, where)
+    items = load_items(content.items, asked, lines, name)
     for number, cap in enumerate(content.caps, start=1):
-        _check_cap(cap, content.items, asked, f"{where}: cap {number}")
+        _check_cap(cap, content.items, asked, f"{name}: cap {number}")
     rubric = Rubric(
         title=content.title,
         digest="",
@@ -235,16 +227,9 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
             for item in items
         },
     )
-    return replace(rubric, digest=_digest(rubric))
-
-
-def _digest(rubric: Rubric) -> str:
-    """Return what tells the rubric from others, the order of its items and caps included.
-
-    What the checkpoints ask for is no part of it: that is the lab's, not the rubric's.
-    """
-    content = to_builtins(replace(rubric, asked={}))
-    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+    # What the checkpoints ask for is no part of it: that is the lab's, not the rubric's.
+    content_of_rubric = json.dumps(to_builtins(replace(rubric, asked={})))
+    return replace(rubric, digest=hashlib.sha256(content_of_rubric.encode()).hexdigest())
 
 
 def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
@@ -277,9 +262,6 @@ def _check_cap(cap: Cap, items: Collection[str], checkpoints: Collection[str], p
     for pattern in cap.checkpoints:
         if not any(fnmatchcase(number, pattern) for number in checkpoints):
             one_of(pattern, checkpoints, place)
-
-
-_Asked = Mapping[str, tuple[Requirement, ...]]
 
 
 def scoring_faults(lab: Lab) -> Iterator[LabFault]:
@@ -318,31 +300,30 @@ def _checklist_faults(lab: Lab, asked: tuple[Requirement, ...]) -> Iterator[LabF
                 yield LabFault(SUBMISSION, f"{key}: rules", message, "see lab3 rules")
 
 
-def _sections_without_points(lab: Lab, rubric: Rubric, asked: _Asked) -> Iterator[LabFault]:
+def _sections_without_points(
+    lab: Lab, rubric: Rubric, asked: Mapping[str, tuple[Requirement, ...]]
+) -> Iterator[LabFault]:
     """Yield the sections of which no item counts any requirement."""
     lines = {line.text: line for line in lab.submission.checklist}
     paid = {
-        asked_requirement.handout
-        for counted in rubric.asked.values()
-        for asked_requirement in counted
+        requirement.handout
+        for requirements in rubric.asked.values()
+        for requirement in requirements
     }
     for item in rubric.items:
         line = lines.get(item.checklist)
-        paid |= _sections_of(line, asked[lab.last]) if line is not None else set()
+        patterns = () if line is None else line.requirements
+        paid |= {
+            requirement.handout
+            for requirement in asked[lab.last]
+            if any(fnmatchcase(requirement.id, pattern) for pattern in patterns)
+        }
     first: dict[str | None, tuple[str, Requirement]] = {}
     for checkpoint, requirements in asked.items():
-        for asked_requirement in requirements:
-            first.setdefault(asked_requirement.handout, (checkpoint, asked_requirement))
+        for requirement in requirements:
+            first.setdefault(requirement.handout, (checkpoint, requirement))
     for section, (checkpoint, requirement) in first.items():
         if section not in paid:
             message = f"no item counts section {section} of the handout"
-            other = f"checkpoint {checkpoint} asks for {requirement.id}"
-            yield LabFault(RUBRIC, "items", message, other, "warning")
-
-
-def _sections_of(line: ChecklistSpec, asked: tuple[Requirement, ...]) -> set[str | None]:
-    return {
-        requirement.handout
-        for requirement in asked
-        if any(fnmatchcase(requirement.id, pattern) for pattern in line.requirements)
-    }
+            hint = f"checkpoint {checkpoint} asks for {requirement.id}"
+            yield LabFault(RUBRIC, "items", message, hint, "warning")
