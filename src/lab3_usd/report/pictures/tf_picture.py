@@ -85,13 +85,13 @@ def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> It
     parents: dict[str, list[str]] = {}
     for parent, child in published:
         parents.setdefault(child, []).append(parent)
-    for pair in frames.edges:
+    for edge_of_lab in frames.edges:
         if (
-            pair not in published
+            edge_of_lab not in published
             and required
-            and frames.deeper_under not in _ancestors(pair[1], parents)
+            and frames.deeper_under not in _ancestors(edge_of_lab[1], parents)
         ):
-            yield DrawnEdge(*pair, (), "missing")
+            yield DrawnEdge(*edge_of_lab, (), "missing")
     order: list[Pair] = [pair for pair in frames.edges if pair in published]
     order += [pair for pair in published if pair not in frames.edges]
     for pair in order:
