@@ -167,7 +167,7 @@ def _from_tar(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
         with contextlib.suppress(*_DAMAGED):  # the names up to where it is damaged
             for name, member, _ in _tar_entries(archive, copy):
                 if not member.isdir():
-                    names.append(name)  # noqa: PERF401 - those before the damage count
+                    names.append(name)
     top = _common_top(names)
     for name, member, packed in _tar_entries(archive, copy):
         inside = prefix + name.removeprefix(top)

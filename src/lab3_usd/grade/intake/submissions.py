@@ -41,6 +41,40 @@ from lab3_usd.judge.folder import is_submission
 _CLASS = Limits(files=200_000, total_size=16 << 30, file_size=1 << 30)
 _PASSED_OVER = "its name begins with a dot"
 _LeftOut = list[tuple[tuple[str, ...], str]]  # parts of a path, and why it was not unpacked
+_SLUG = re.compile(r"[^A-Za-z0-9._-]+")
+_LONGEST_SLUG = 80
+_MOST_NAMED = 5
+Notify = Callable[[str], None]
+
+
+class StudentSubmission(Struct, frozen=True):
+    """What one student handed in.
+
+    `student` is the number or name that the platform gives, made unique where two claim the same
+    `number`; `folder` the name of the report folder, which no other student has.
+    """
+
+    student: str
+    name: str
+    folder: str
+    sources: tuple[Source, ...]
+    late: bool = False
+    number: str = ""
+
+
+class ClassLocation(Struct, frozen=True):
+    """Where submissions lie: a folder, or the address of one.
+
+    `given` is how the user calls it, and `name` whose it is when it is a single submission.
+    `left_out` is what is not there because it was not unpacked, by the entry that it belongs to,
+    and `empty_folder` replaces entries of which nothing was unpacked.
+    """
+
+    where: Path | str
+    given: str
+    name: str = ""
+    left_out: tuple[tuple[Entry, RefusedFile], ...] = ()
+    empty_folder: Path = Path()
 
 
 @contextmanager
@@ -81,7 +115,9 @@ def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:
     except (ArchiveError, TooLargeError) as error:
         raise UsageError(f"{given}: {str(error).removeprefix(f'{archive.name}: ')}") from error
     left_out = _left_out(copy)
-    _make_folders(folder, left_out)
+    for parts, _ in left_out:  # the folders of students of whom nothing was unpacked
+        with contextlib.suppress(OSError, ValueError):  # names that no file system takes
+            folder.joinpath(*parts[:-1][:2]).mkdir(parents=True, exist_ok=True)
     wrapper = _wrapper(folder, left_out)
     entries = tuple(_entries(left_out, wrapper))
     name = ARCHIVE_END.sub("", archive.name) or archive.name
@@ -93,7 +129,7 @@ def _left_out(copy: SubmissionCopy) -> _LeftOut:
 
     The last part is that of a file, and empty for a folder.
     """
-    found = []
+    left_out = []
     for path, reason in [
         *((file.path, file.reason) for file in copy.refused),
         *((path, _PASSED_OVER) for path in copy.hidden),
@@ -105,8 +141,8 @@ def _left_out(copy: SubmissionCopy) -> _LeftOut:
         if path.endswith("/"):
             own.append("")
         if any(own) and not is_leftover(own[0]):
-            found.append((tuple(own), reason))
-    return found
+            left_out.append((tuple(own), reason))
+    return left_out
 
 
 def _entries(left_out: _LeftOut, wrapper: str) -> Iterator[tuple[Entry, RefusedFile]]:
@@ -118,13 +154,6 @@ def _entries(left_out: _LeftOut, wrapper: str) -> Iterator[tuple[Entry, RefusedF
         if inside[0] and (reason != _PASSED_OVER or inside[0].startswith(".")):
             name = "/".join(inside[1:]) or inside[0]
             yield entry, RefusedFile(name.encode("utf-8", "backslashreplace").decode(), reason)
-
-
-def _make_folders(place: Path, left_out: _LeftOut) -> None:
-    """Make the folders of students of whom nothing was unpacked, and of what they lie in."""
-    for parts, _ in left_out:
-        with contextlib.suppress(OSError, ValueError):  # names that no file system takes
-            place.joinpath(*parts[:-1][:2]).mkdir(parents=True, exist_ok=True)
 
 
 def _wrapper(place: Path, left_out: _LeftOut) -> str:
@@ -150,48 +179,8 @@ def _is_student(name: str, is_folder: bool) -> bool:  # noqa: FBT001 - an entry'
     return is_submission_part((name, is_folder)) and (is_folder or is_archive(name))
 
 
-_SLUG = re.compile(r"[^A-Za-z0-9._-]+")
-_LONGEST_SLUG = 80
-_MOST_NAMED = 5
-Notify = Callable[[str], None]
-
-
-class StudentSubmission(Struct, frozen=True):
-    """What one student handed in.
-
-    `student` is the number or name that the platform gives, made unique where two claim the same
-    `number`; `folder` the name of the report folder, which no other student has.
-    """
-
-    student: str
-    name: str
-    folder: str
-    sources: tuple[Source, ...]
-    late: bool = False
-    number: str = ""
-
-
-class ClassLocation(Struct, frozen=True):
-    """Where submissions lie: a folder, or the address of one.
-
-    `given` is how the user calls it, and `name` whose it is when it is a single submission.
-    `left_out` is what is not there because it was not unpacked, by the entry that it belongs to,
-    and `empty_folder` replaces entries of which nothing was unpacked.
-    """
-
-    where: Path | str
-    given: str
-    name: str = ""
-    left_out: tuple[tuple[Entry, RefusedFile], ...] = ()
-    empty_folder: Path = Path()
-
-
-def _quiet(_line: str) -> None:
-    """Say nothing."""
-
-
 def find_submissions(
-    place: ClassLocation | Path | str, notify: Notify = _quiet
+    place: ClassLocation | Path | str, notify: Notify = lambda _line: None
 ) -> tuple[StudentSubmission, ...]:
     """Return every student's submission in a folder, in the order of the students.
 
@@ -201,18 +190,18 @@ def find_submissions(
     Raises:
         UsageError: there is no such folder, it cannot be read, or nothing in it is a submission.
     """
-    at = place if isinstance(place, ClassLocation) else ClassLocation(place, str(place))
+    location = place if isinstance(place, ClassLocation) else ClassLocation(place, str(place))
     parts = (
-        _at_address(at, at.where, notify)
-        if isinstance(at.where, str)
-        else _in(at, at.where, notify)
+        _at_address(location, location.where, notify)
+        if isinstance(location.where, str)
+        else _in_folder(location, location.where, notify)
     )
     if not parts:
-        raise UsageError(f"{at.given}: holds no submission: no folder, archive or stage")
+        raise UsageError(f"{location.given}: holds no submission: no folder, archive or stage")
     return tuple(_joined(parts))
 
 
-def _at_address(at: ClassLocation, address: str, notify: Notify) -> list[SubmissionPart]:
+def _at_address(location: ClassLocation, address: str, notify: Notify) -> list[SubmissionPart]:
     entries = entries_at(address)
     name = address.rstrip("/").rpartition("/")[2]
     if looks_like_submission(entries):
@@ -220,87 +209,71 @@ def _at_address(at: ClassLocation, address: str, notify: Notify) -> list[Submiss
     names = StudentNames({}, "")
     if (METADATA, False) in entries:
         names = names_in(read_at(address, METADATA))
-    return [
-        replace(part, source=_elsewhere(part.source, address))
-        for part in _parts(at, entries, names, notify)
-    ]
+    parts = []
+    for part in _parts(location, entries, names, notify):
+        source = replace(part.source, address=f"{address.rstrip('/')}/{part.source.path}")
+        if "::" in source.path.name:  # fsspec would read it as an address of its own
+            fault = "its name holds '::' and is no part of an address"
+            source = replace(part.source, fault=fault)
+        parts.append(replace(part, source=source))
+    return parts
 
 
-def _elsewhere(source: Source, address: str) -> Source:
-    if "::" in source.path.name:  # fsspec would read it as an address of its own
-        return replace(source, fault="its name holds '::' and is no part of an address")
-    return replace(source, address=f"{address.rstrip('/')}/{source.path}")
-
-
-def _in(at: ClassLocation, folder: Path, notify: Notify) -> list[SubmissionPart]:
+def _in_folder(location: ClassLocation, folder: Path, notify: Notify) -> list[SubmissionPart]:
     if not folder.is_dir():
-        raise UsageError(f"{at.given}: there is no such folder or archive of submissions")
+        raise UsageError(f"{location.given}: there is no such folder or archive of submissions")
     try:
         entries = entries_in(folder)
     except OSError as error:
-        raise UsageError(f"{at.given}: cannot be read ({error.strerror})") from error
+        raise UsageError(f"{location.given}: cannot be read ({error.strerror})") from error
     if is_submission(folder):
-        name = at.name or folder.resolve().name or "submission"
-        missing = tuple(_below(entry, refused) for entry, refused in at.left_out)
+        name = location.name or folder.resolve().name or "submission"
+        missing = tuple(
+            replace(refused, path=f"{entry}/{refused.path}") if is_folder else refused
+            for (entry, is_folder), refused in location.left_out
+        )
         return [SubmissionPart(name, name, Source(folder.resolve(), left_out=missing))]
     names = StudentNames({}, "")
     if (METADATA, False) in entries:
         names = read_metadata(folder / METADATA)
     left_out: dict[str, list[RefusedFile]] = {}
-    for (entry, _), refused in at.left_out:
+    for (entry, _), refused in location.left_out:
         left_out.setdefault(entry, []).append(refused)
-    return [
-        _placed(part, at, folder, left_out.get(part.source.path.name, []))
-        for part in _parts(at, entries, names, notify)
-    ]
-
-
-def _below(entry: Entry, refused: RefusedFile) -> RefusedFile:
-    name, is_folder = entry
-    return RefusedFile(f"{name}/{refused.path}", refused.reason) if is_folder else refused
-
-
-def _placed(
-    part: SubmissionPart, at: ClassLocation, folder: Path, left_out: list[RefusedFile]
-) -> SubmissionPart:
-    """Say where a part lies, and what of it is not there."""
-    path = folder / part.source.path.name
-    if not os.path.lexists(path):
-        path = at.empty_folder
-    return replace(part, source=replace(part.source, path=path, left_out=tuple(left_out)))
-
-
-def _parts(
-    at: ClassLocation, entries: list[Entry], names: StudentNames, notify: Notify
-) -> list[SubmissionPart]:
-    """Tell by their names whose the entries of a folder are."""
-    here = {name for name, _ in entries}
-    missing = dict.fromkeys(entry for entry, _ in at.left_out if entry[0] not in here)
-    every = sorted({name: (name, is_folder) for name, is_folder in missing}.values()) + entries
-    _notify_passed_over(at, every, notify)
-    ours = (entry for entry in sorted(every) if is_submission_part(entry))
-    parts = list(parts_of(ours, names.by_folder))
-    _notify_doubts(parts, notify)
-    if METADATA in here:
-        _notify_unnamed(every, names.by_folder, names.fault, notify)
+    parts = []
+    for part in _parts(location, entries, names, notify):
+        entry = part.source.path.name
+        path = folder / entry
+        if not os.path.lexists(path):
+            path = location.empty_folder
+        missing = tuple(left_out.get(entry, ()))
+        parts.append(replace(part, source=replace(part.source, path=path, left_out=missing)))
     return parts
 
 
-def _notify_passed_over(at: ClassLocation, entries: list[Entry], notify: Notify) -> None:
-    names = [
+def _parts(
+    location: ClassLocation, entries: list[Entry], names: StudentNames, notify: Notify
+) -> list[SubmissionPart]:
+    """Tell by their names whose the entries of a folder are, and notify of what is not clear."""
+    present = {name for name, _ in entries}
+    missing = dict.fromkeys(entry for entry, _ in location.left_out if entry[0] not in present)
+    every = sorted({name: (name, is_folder) for name, is_folder in missing}.values()) + entries
+    passed_over = [
         name
-        for name, is_folder in sorted(entries)
+        for name, is_folder in sorted(every)
         if not is_submission_part((name, is_folder)) and not is_leftover(name) and name != METADATA
     ]
-    if names:
-        notify(f"{at.given}: passed over, as nobody's submission: {_listed(names)}")
-
-
-def _notify_doubts(parts: list[SubmissionPart], notify: Notify) -> None:
+    if passed_over:
+        listed = _listed(passed_over)
+        notify(f"{location.given}: passed over, as nobody's submission: {listed}")
+    ours = (entry for entry in sorted(every) if is_submission_part(entry))
+    parts = list(parts_of(ours, names.by_folder))
     for part in parts:
         if part.doubt:
             file = _listed([part.source.path.name])
             notify(f"{file}: taken as of {part.name} ({part.student}); may be of {part.doubt}")
+    if METADATA in present:
+        _notify_unnamed(every, names.by_folder, names.fault, notify)
+    return parts
 
 
 def _notify_unnamed(
