@@ -105,13 +105,13 @@ class Rubric(Struct, frozen=True):
 
 def load_items(
     data: Mapping[str, Mapping[str, Any]],
-    asked: Mapping[str, tuple[Requirement, ...]],
+    required: Mapping[str, tuple[Requirement, ...]],
     lines: Collection[str],
     file: str,
 ) -> tuple[Item, ...]:
     """Return the items of a rubric in their order.
 
-    `asked` is everything that each checkpoint asks for, `lines` are the texts of the checklists.
+    `required` is everything that each checkpoint asks for, `lines` are the texts of the checklists.
 
     Raises:
         SpecError: there is none, or one is wrong; the line names it, and opens with `file`.
@@ -132,7 +132,7 @@ def load_items(
             raise SpecError(f"{place}: give either 'checkpoint' or 'checklist'")
         _check_needs(item, tuple(data), place)
         if not item.checklist:
-            _check_requirements(item, asked, place)
+            _check_requirements(item, required, place)
         elif item.checklist not in lines:
             raise SpecError(f"{place}: no checklist of the handout has the line '{item.checklist}'")
     return tuple(items.values())
@@ -165,10 +165,10 @@ def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
 
 
 def _check_requirements(
-    item: Item, asked: Mapping[str, tuple[Requirement, ...]], place: str
+    item: Item, required: Mapping[str, tuple[Requirement, ...]], place: str
 ) -> None:
-    one_of(item.checkpoint, asked, place)
-    requirements = asked[item.checkpoint]
+    one_of(item.checkpoint, required, place)
+    requirements = required[item.checkpoint]
     for key, patterns in (("groups", item.groups), ("requirements", item.requirements)):
         for pattern in patterns:
             name = "group" if key == "groups" else "id"
@@ -204,13 +204,13 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
     name = file.name
     content = record(data, _RubricFile, name)
-    asked = everything_asked(lab)
+    required = everything_asked(lab)
     for kind in content.weights:
         one_of(kind, REQUIREMENT_KINDS, f"{name}: weights")
     lines = [line.text for line in lab.submission.checklist]
-    items = load_items(content.items, asked, lines, name)
+    items = load_items(content.items, required, lines, name)
     for number, cap in enumerate(content.caps, start=1):
-        _check_cap(cap, content.items, asked, f"{name}: cap {number}")
+        _check_cap(cap, content.items, required, f"{name}: cap {number}")
     rubric = Rubric(
         title=content.title,
         digest="",
@@ -221,15 +221,15 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
         asked={
             item.id: tuple(
                 requirement
-                for requirement in asked.get(item.checkpoint, ())
+                for requirement in required.get(item.checkpoint, ())
                 if item.asks(requirement)
             )
             for item in items
         },
     )
     # What the checkpoints ask for is no part of it: that is the lab's, not the rubric's.
-    content_of_rubric = json.dumps(to_builtins(replace(rubric, asked={})))
-    return replace(rubric, digest=hashlib.sha256(content_of_rubric.encode()).hexdigest())
+    content_json = json.dumps(to_builtins(replace(rubric, asked={})))
+    return replace(rubric, digest=hashlib.sha256(content_json.encode()).hexdigest())
 
 
 def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
@@ -271,8 +271,8 @@ def scoring_faults(lab: Lab) -> Iterator[LabFault]:
             yield LabFault(
                 CHECKPOINTS, f"{RULES}: {rule}", "there is no such rule", "see lab3 rules"
             )
-    asked = everything_asked(lab)
-    yield from _checklist_faults(lab, asked[lab.last])
+    required = everything_asked(lab)
+    yield from _checklist_faults(lab, required[lab.last])
     if not (lab.folder / RUBRIC).is_file():
         message = "is missing, so that lab3 grade needs --rubric"
         yield LabFault(RUBRIC, "items", message, severity="warning")
@@ -283,16 +283,16 @@ def scoring_faults(lab: Lab) -> Iterator[LabFault]:
         key, _, message = str(error).removeprefix(f"{RUBRIC}: ").rpartition(": ")
         yield LabFault(RUBRIC, key or "items", message)
         return
-    yield from _sections_without_points(lab, rubric, asked)
+    yield from _sections_without_points(lab, rubric, required)
 
 
-def _checklist_faults(lab: Lab, asked: tuple[Requirement, ...]) -> Iterator[LabFault]:
+def _checklist_faults(lab: Lab, required: tuple[Requirement, ...]) -> Iterator[LabFault]:
     for line in lab.submission.checklist:
         key = f"checklist: {line.section}: '{line.text}'"
         for pattern in line.requirements:
-            if not any(fnmatchcase(requirement.id, pattern) for requirement in asked):
+            if not any(fnmatchcase(requirement.id, pattern) for requirement in required):
                 message = f"'{pattern}' fits no requirement of checkpoint {lab.last}"
-                groups = ", ".join(dict.fromkeys(requirement.group for requirement in asked))
+                groups = ", ".join(dict.fromkeys(requirement.group for requirement in required))
                 yield LabFault(SUBMISSION, f"{key}: requirements", message, f"groups: {groups}")
         for rule in line.rules:
             if rule not in all_rules():
@@ -301,7 +301,7 @@ def _checklist_faults(lab: Lab, asked: tuple[Requirement, ...]) -> Iterator[LabF
 
 
 def _sections_without_points(
-    lab: Lab, rubric: Rubric, asked: Mapping[str, tuple[Requirement, ...]]
+    lab: Lab, rubric: Rubric, required: Mapping[str, tuple[Requirement, ...]]
 ) -> Iterator[LabFault]:
     """Yield the sections of which no item counts any requirement."""
     lines = {line.text: line for line in lab.submission.checklist}
@@ -315,11 +315,11 @@ def _sections_without_points(
         patterns = () if line is None else line.requirements
         paid |= {
             requirement.handout
-            for requirement in asked[lab.last]
+            for requirement in required[lab.last]
             if any(fnmatchcase(requirement.id, pattern) for pattern in patterns)
         }
     first: dict[str | None, tuple[str, Requirement]] = {}
-    for checkpoint, requirements in asked.items():
+    for checkpoint, requirements in required.items():
         for requirement in requirements:
             first.setdefault(requirement.handout, (checkpoint, requirement))
     for section, (checkpoint, requirement) in first.items():

@@ -256,23 +256,25 @@ def _parts(
     """Tell by their names whose the entries of a folder are, and notify of what is not clear."""
     present = {name for name, _ in entries}
     missing = dict.fromkeys(entry for entry, _ in location.left_out if entry[0] not in present)
-    every = sorted({name: (name, is_folder) for name, is_folder in missing}.values()) + entries
+    all_entries = (
+        sorted({name: (name, is_folder) for name, is_folder in missing}.values()) + entries
+    )
     passed_over = [
         name
-        for name, is_folder in sorted(every)
+        for name, is_folder in sorted(all_entries)
         if not is_submission_part((name, is_folder)) and not is_leftover(name) and name != METADATA
     ]
     if passed_over:
         listed = _listed(passed_over)
         notify(f"{location.given}: passed over, as nobody's submission: {listed}")
-    ours = (entry for entry in sorted(every) if is_submission_part(entry))
+    ours = (entry for entry in sorted(all_entries) if is_submission_part(entry))
     parts = list(parts_of(ours, names.by_folder))
     for part in parts:
         if part.doubt:
             file = _listed([part.source.path.name])
             notify(f"{file}: taken as of {part.name} ({part.student}); may be of {part.doubt}")
     if METADATA in present:
-        _notify_unnamed(every, names.by_folder, names.fault, notify)
+        _notify_unnamed(all_entries, names.by_folder, names.fault, notify)
     return parts
 
 
