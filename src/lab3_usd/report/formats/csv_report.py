@@ -6,7 +6,7 @@ import csv
 import io
 
 from lab3_usd.model.finding import Report
-from lab3_usd.report.entries import Entry, crashes, entries
+from lab3_usd.report.entries import crashes, entries
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import safe_cell
 
@@ -33,7 +33,13 @@ COLUMNS = (
 def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return the table with its heading; lines end in CR LF."""
     del rules, options
-    rows = [_row(entry) for entry in entries(report)]
+    rows: list[dict[str, str]] = []
+    for entry in entries(report):
+        row = {"path": entry.path, "checkpoint": entry.checkpoint or ""}
+        for column in COLUMNS[2:-1]:
+            value = getattr(entry.finding, column)
+            row[column] = "" if value is None else str(value)
+        rows.append(row | {"related": " ".join(entry.finding.related)})
     rows += [
         {"path": path, "rule": crash.rule, "severity": "crash", "message": crash.error}
         for path, crash in crashes(report)
@@ -43,12 +49,3 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     writer.writeheader()
     writer.writerows({name: safe_cell(text) for name, text in row.items()} for row in rows)
     return table.getvalue()
-
-
-def _row(entry: Entry) -> dict[str, str]:
-    row = {"path": entry.path, "checkpoint": entry.checkpoint or ""}
-    for column in COLUMNS[2:-1]:
-        value = getattr(entry.finding, column)
-        row[column] = "" if value is None else str(value)
-    row["related"] = " ".join(entry.finding.related)
-    return row

@@ -9,7 +9,6 @@ from typing import Any
 from urllib.parse import quote
 
 from lab3_usd.check.registry import Rule
-from lab3_usd.model.changes import TextChange
 from lab3_usd.model.finding import Report, site_of
 from lab3_usd.report.entries import Entry, crashes, entries, fingerprinted, relative_path, site
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
@@ -132,26 +131,23 @@ def _result(entry: Entry, fingerprint_text: str, root: str | None) -> Json:
 
 def _fixes(entry: Entry, options: Options) -> Json:
     """Return the lines that the repair changes, file by file; nothing where there is none."""
-    lines = options.changes.get((entry.path, site_of(entry.finding)))
-    if not lines or entry.finding.fix is None:
+    changes = options.changes.get((entry.path, site_of(entry.finding)))
+    if not changes or entry.finding.fix is None:
         return {}
-    changes = [
-        {
-            "artifactLocation": file_uri(file, options.root),
-            "replacements": [_replacement(line) for line in lines if line.file == file],
+    replacements: dict[str, list[Json]] = {}
+    for change in changes:
+        region = {
+            "startLine": change.first + 1,
+            "startColumn": 1,
+            "endLine": change.last + 1,
+            "endColumn": 1,
         }
-        for file in dict.fromkeys(change.file for change in lines)
+        replacement = {"deletedRegion": region, "insertedContent": {"text": change.text}}
+        replacements.setdefault(change.file, []).append(replacement)
+    artifacts = [
+        {"artifactLocation": file_uri(file, options.root), "replacements": lines}
+        for file, lines in replacements.items()
     ]
     return {
-        "fixes": [{"description": message(entry.finding.fix.title), "artifactChanges": changes}]
+        "fixes": [{"description": message(entry.finding.fix.title), "artifactChanges": artifacts}]
     }
-
-
-def _replacement(change: TextChange) -> Json:
-    region = {
-        "startLine": change.first + 1,
-        "startColumn": 1,
-        "endLine": change.last + 1,
-        "endColumn": 1,
-    }
-    return {"deletedRegion": region, "insertedContent": {"text": change.text}}

@@ -63,7 +63,13 @@ def gallery(
     Among the others, later checkpoints come first, because they include the earlier ones.
     """
     all_shared = list(_shared_pictures(block, contents))
-    targets = {shared.id: _targets(shared, block_faults) for shared in all_shared}
+    targets: dict[str, dict[str, _PictureTarget]] = {}  # of each picture, by the id of the fault
+    for shared in all_shared:
+        targets[shared.id] = {}
+        for fault in block_faults:
+            target = _target_of(fault.finding, shared.picture)
+            if target is not None and set(fault.stages) & set(shared.stages):
+                targets[shared.id][fault.id] = target
     faults_and_topics = CHARACTERS_PER_FAULT * len(block_faults) + CHARACTERS_PER_TOPIC * len(
         topics(contents)
     )
@@ -118,16 +124,6 @@ def _shared_pictures(
         shown = tuple(stages[picture])
         lines = contents[shown[0]].tree if picture.kind == "frames" else ()
         yield _SharedPicture(f"{block.id}-g{number}", picture, shown, lines)
-
-
-def _targets(shared: _SharedPicture, block_faults: Sequence[Fault]) -> dict[str, _PictureTarget]:
-    """Return where in the picture each fault is, by the id of the fault."""
-    targets = {}
-    for fault in block_faults:
-        target = _target_of(fault.finding, shared.picture)
-        if target is not None and set(fault.stages) & set(shared.stages):
-            targets[fault.id] = target
-    return targets
 
 
 def _svg(

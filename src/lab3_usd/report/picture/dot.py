@@ -21,7 +21,10 @@ def dot(picture: Picture) -> str:
     Dashed edges carry execution; missing parts are dotted and red.
     """
     names = {box.key: f"n{place}" for place, box in enumerate(picture.boxes)}
-    boxes = {box.key: box for box in picture.boxes}
+    cells: dict[tuple[str, str], str] = {}
+    for box in picture.boxes:
+        for place, row in enumerate(box.rows):
+            cells.setdefault((box.key, row.port), f":p{place}")
     lines = [
         f"digraph {dot_string(picture.title)} {{",
         f"  graph [rankdir=LR, label={dot_string(f'{picture.title}: {picture.subtitle}')}];",
@@ -37,7 +40,7 @@ def dot(picture: Picture) -> str:
         )
     for curve in picture.curves:
         source, target = (
-            names[end.key] + _cell_name(boxes[end.key], end.port)
+            names[end.key] + cells.get((end.key, end.port), "")
             for end in (curve.source, curve.target)
         )
         looks = ", ".join([f'color="{COLOURS[curve.state]}"', *_looks(curve)])
@@ -62,13 +65,6 @@ def _cell(row: Row, places: dict[str, int]) -> str:
     value = f" = {', '.join(row.value)}" if row.value else ""
     expected = f" (expected be {', '.join(row.expected)})" if row.expected else ""
     return f"<p{places[row.port]}> {celled(row.label + value + expected)}"
-
-
-def _cell_name(box: Box, port: str) -> str:
-    for place, row in enumerate(box.rows):
-        if row.port == port:
-            return f":p{place}"
-    return ""
 
 
 def _looks(curve: Curve) -> Iterator[str]:

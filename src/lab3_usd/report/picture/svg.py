@@ -26,7 +26,6 @@ from lab3_usd.report.picture.model import (
     Bezier,
     Box,
     Curve,
-    LegendEntry,
     Picture,
     Row,
     State,
@@ -270,7 +269,10 @@ def _header_path(box: Box) -> str:
 
 
 def _row(box: Box, row: Row, ids: ElementIds) -> str:
-    content = "".join((*_texts(box, row), *_ports(box, row)))
+    content = "".join(_texts(box, row))
+    for side, x in (("in", box.x), ("out", box.x + box.w)):
+        if row.side in {side, "both"}:
+            content += port(x, box.y + row.y, execution=row.execution, wired=row.wired)
     place = ids.id(box.key, row.port)
     if not place and row.state == "ok":
         # Nobody asks for this row by its id: a page of many pictures stays small.
@@ -300,14 +302,6 @@ def _texts(box: Box, row: Row) -> Iterator[str]:
     for line in row.expected:
         yield text(EXPECTED + line, right, y, "v s")
         y += LINE
-
-
-def _ports(box: Box, row: Row) -> Iterator[str]:
-    y = box.y + row.y
-    if row.side in {"in", "both"}:
-        yield port(box.x, y, execution=row.execution, wired=row.wired)
-    if row.side in {"out", "both"}:
-        yield port(box.x + box.w, y, execution=row.execution, wired=row.wired)
 
 
 FAMILIES = {
@@ -405,14 +399,12 @@ def _legend(picture: Picture) -> Iterator[str]:
     y = picture.legend[0].y - LEGEND_LINE
     yield f'<path class="rule" d="M{number(MARGIN)} {number(y)}H{number(picture.width - MARGIN)}"/>'
     for entry in picture.legend:
-        yield _legend_symbol(entry)
+        if entry.kind in {"data", "execution"}:
+            dashes = " x" if entry.kind == "execution" else ""
+            yield f'<path class="w{dashes}" d="M{number(entry.x)} {number(entry.y)}h22"/>'
+        elif entry.kind in FAMILIES:
+            yield rect(entry.x + 4, entry.y - 7, (14, 14), f"f-{FAMILIES[entry.kind]}", 3)
+        else:
+            state = next(state for state in STATES if state == entry.kind)
+            yield mark(entry.x + 11, entry.y, state)
         yield text(entry.text, entry.x + ENTRY_TEXT, entry.y + 4, "h2")
-
-
-def _legend_symbol(entry: LegendEntry) -> str:
-    if entry.kind in {"data", "execution"}:
-        dashes = " x" if entry.kind == "execution" else ""
-        return f'<path class="w{dashes}" d="M{number(entry.x)} {number(entry.y)}h22"/>'
-    if entry.kind in FAMILIES:
-        return rect(entry.x + 4, entry.y - 7, (14, 14), f"f-{FAMILIES[entry.kind]}", 3)
-    return mark(entry.x + 11, entry.y, next(state for state in STATES if state == entry.kind))

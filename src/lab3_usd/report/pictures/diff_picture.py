@@ -13,12 +13,11 @@ from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import Node
 from lab3_usd.report.picture.canvas import on_canvas, position_missing
 from lab3_usd.report.picture.model import Box, Curve, End, Picture, Row, State, clip_end, sized
-from lab3_usd.report.pictures.graph_picture import MOST_LETTERS, laid_out
+from lab3_usd.report.pictures.graph_picture import MOST_LETTERS, laid_out, outside_boxes
 from lab3_usd.report.pictures.node_boxes import (
     MOST_LABEL,
     BoxSubject,
     SiteFindings,
-    absent_box,
     ends,
     findings_by_site,
     node_box,
@@ -68,7 +67,7 @@ def diff_picture(graph: GraphVersions, changes: Sequence[StageChange]) -> Pictur
         _with_old_values(_box(pair, key, curves, findings, touched), old_values)
         for key, pair in keys.items()
     ]
-    boxes += _outside(boxes, curves)
+    boxes += outside_boxes(None, boxes, curves)
     old_positions = {
         key: before.position
         for key, (before, _) in keys.items()
@@ -150,15 +149,6 @@ def _wires(nodes: Iterable[Node | None], key: Callable[[str], str]) -> Wires:
                 target = End(key(node.path), name)
                 wires[End(key(prim), output), target] = port is not None and port.is_execution
     return wires
-
-
-def _outside(boxes: Sequence[Box], curves: Sequence[Curve]) -> Iterator[Box]:
-    drawn = {box.key for box in boxes}
-    for key in dict.fromkeys(curve.source.key for curve in curves):
-        if key not in drawn:
-            away = [curve for curve in curves if curve.source.key == key]
-            ports = tuple(dict.fromkeys(curve.source.port for curve in away))
-            yield absent_box(key, ports, "not in this graph", away[0].state)
 
 
 def _counts_text(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from itertools import chain
 
 from msgspec.structs import replace
 
@@ -180,10 +179,17 @@ def graph_picture(
     if graph is not None:
         name, path = name or graph.name, graph.path
     boxes += _roleless_boxes(boxes, node_roles, curves, by_site, every_port=every_port)
-    boxes += _outside_boxes(graph, boxes, curves)
+    boxes += outside_boxes(graph, boxes, curves)
     boxes = list(position_missing(boxes, curves, spec_positions, frozenset(node_roles.nodes)))
     placed = laid_out(tuple(boxes), tuple(curves))
     subtitle = _counts_text(clip_end(path, MOST_LETTERS), boxes, curves)
+    # A line per finding on the graph itself; missing nodes are drawn instead.
+    remarks = [
+        Remark(STATE_OF[finding.severity], clip_end(finding.message, MOST_LETTERS))
+        for (prim, _), members in by_site.at.items()
+        for finding in members
+        if prim == path and finding.actual is not None
+    ]
     return on_canvas(
         Picture(
             clip_end(name, MOST_LETTERS),
@@ -191,7 +197,7 @@ def graph_picture(
             *placed,
             path=path,
             judged=spec is not None or bool(findings),
-            remarks=tuple(_remarks(path, by_site))[:MOST_REMARKS],
+            remarks=tuple(remarks[:MOST_REMARKS]),
         )
     )
 
@@ -246,7 +252,7 @@ def _ports_of(all_ends: Mapping[End, State], key: str) -> dict[str, State]:
     return {end.port: state for end, state in all_ends.items() if end.key == key}
 
 
-def _outside_boxes(
+def outside_boxes(
     graph: GraphModel | None, boxes: Sequence[Box], curves: Sequence[Curve]
 ) -> Iterator[Box]:
     """Yield a box for each source of a wire that is outside the graph."""
@@ -257,14 +263,6 @@ def _outside_boxes(
             away = [curve for curve in curves if curve.source.key == key]
             ports = tuple(dict.fromkeys(curve.source.port for curve in away))
             yield absent_box(key, ports, absent.get(key, "not in this graph"), away[0].state)
-
-
-def _remarks(path: str, findings: SiteFindings) -> Iterator[Remark]:
-    """Yield a line per finding on the graph itself; missing nodes are drawn instead."""
-    at_graph = (members for (prim, _), members in findings.at.items() if prim == path)
-    for finding in chain.from_iterable(at_graph):
-        if finding.actual is not None:
-            yield Remark(STATE_OF[finding.severity], clip_end(finding.message, MOST_LETTERS))
 
 
 def _counts_text(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> str:
