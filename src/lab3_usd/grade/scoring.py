@@ -64,8 +64,13 @@ def grade(
     grades: dict[str, ItemGrade] = {}
     lost: dict[str, LostRequirement] = {}
     for item in rubric.items:
-        if item.checklist:
-            graded = _by_checklist(item, states.get(item.checklist, "not shown"))
+        state = states.get(item.checklist, "not shown")
+        if item.checklist and state == "met":
+            graded = ItemGrade(item.id, "full", item.points, item.points, 0.0)
+        elif item.checklist and state == "not met":
+            graded = ItemGrade(item.id, "none", 0.0, item.points, 0.0)
+        elif item.checklist:
+            graded = ItemGrade(item.id, "open", 0.0, 0.0, 0.0, "for a person to judge")
         else:
             needed = [grades[name] for name in item.needs]
             known = dict(lost) if item.optional else lost
@@ -86,14 +91,6 @@ def _by_checkpoint(results: Iterable[StageResult]) -> dict[str, StageResult]:
     for result in sorted(results, key=order):
         kept.setdefault(result.checkpoint or "", result)
     return kept
-
-
-def _by_checklist(item: Item, state: str) -> ItemGrade:
-    if state == "met":
-        return ItemGrade(item.id, "full", item.points, item.points, 0.0)
-    if state == "not met":
-        return ItemGrade(item.id, "none", 0.0, item.points, 0.0)
-    return ItemGrade(item.id, "open", 0.0, 0.0, 0.0, "for a person to judge")
 
 
 def _by_requirements(

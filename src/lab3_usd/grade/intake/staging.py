@@ -143,7 +143,17 @@ def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) ->
     copy = SubmissionCopy(target, limits)
     taken = list(sources)
     for source in taken:
-        _take(source, copy, alone=len(taken) == 1)
+        if source.fault:
+            raise ArchiveError(f"{source.name or source.path.name}: {source.fault}")
+        for file in source.left_out:
+            copy.refuse(file.path, file.reason)
+        if os.path.isdir(source.path) and not source.path.is_symlink():  # noqa: PTH112 - never raises
+            root = source.path.resolve()
+            for path, name in _files_below(root, copy):
+                _take_file(path, source.name + name, copy, root=root)
+        else:
+            name = source.name or source.path.name
+            _take_file(source.path, name, copy, alone=len(taken) == 1)
     unread = [file for file in copy.refused if file.reason.startswith(_UNREAD)]
     if unread and not copy.digests:
         raise ArchiveError(f"{unread[0].path}: {unread[0].reason.removeprefix('it ')}")
@@ -159,19 +169,6 @@ def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) ->
         if path.startswith(start)
     }
     return StagedSubmission(folder, copy.digest(), refused, digests)
-
-
-def _take(source: Source, copy: SubmissionCopy, *, alone: bool) -> None:
-    if source.fault:
-        raise ArchiveError(f"{source.name or source.path.name}: {source.fault}")
-    for file in source.left_out:
-        copy.refuse(file.path, file.reason)
-    if os.path.isdir(source.path) and not source.path.is_symlink():  # noqa: PTH112 - never raises
-        root = source.path.resolve()
-        for path, name in _files_below(root, copy):
-            _take_file(path, source.name + name, copy, root=root)
-    else:
-        _take_file(source.path, source.name or source.path.name, copy, alone=alone)
 
 
 def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]:

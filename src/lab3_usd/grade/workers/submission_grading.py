@@ -24,7 +24,7 @@ from lab3_usd.grade.workers.messages import Json, Task, status_of
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.judge.results import with_findings
 from lab3_usd.judge.starter import Starter
-from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission, ordered
+from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.fence import BlockedAsset, Fence, fenced
@@ -76,7 +76,12 @@ def grade_submission(
         judged = _with_fence(judged, task.student, staged.refused, fence.found.values())
         checklist = judged.submission.checklist
         points = grade(setup.rubric, judged.results, checklist, late=task.late)
-        fence.closed = _not_pictured(judged.results)
+        # Stages without faults are not pictured, but for the last: its pictures show what they do.
+        fence.closed = {
+            result.path
+            for result in judged.results[:-1]
+            if all(finding.severity == "note" for finding in result.findings)
+        }
         report = Report(judged.results, (judged.submission,))
         reports = write_reports(report, setup.rubric, points, task.name)
     return {
@@ -111,15 +116,6 @@ def _inside(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.chdir(before)
-
-
-def _not_pictured(results: Sequence[StageResult]) -> set[str]:
-    """Name the stages without faults, but for the last: its pictures show what they show."""
-    return {
-        result.path
-        for result in results[:-1]
-        if all(finding.severity == "note" for finding in result.findings)
-    }
 
 
 def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name: str = "") -> Json:
