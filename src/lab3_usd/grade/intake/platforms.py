@@ -410,12 +410,10 @@ def parts_of(entries: Iterable[Entry], known: StudentsByFolder) -> Iterator[Subm
         elif is_folder:
             yield SubmissionPart(name, name, Source(Path(name)))
         else:
-            yield _of_file(Path(name))
-
-
-def _of_file(path: Path) -> SubmissionPart:
-    named = after_a_student(load_lab().files).match(path.name)
-    if named is not None and path.name.lower().endswith(_STAGE):
-        return SubmissionPart(named["name"], named["name"], Source(path, named["file"]))
-    student = ARCHIVE_END.sub("", path.name) or path.name
-    return SubmissionPart(student, student, Source(path, path.name))
+            stage = after_a_student(load_lab().files).match(name)
+            if stage is not None and name.lower().endswith(_STAGE):
+                source = Source(Path(name), stage["file"])
+                yield SubmissionPart(stage["name"], stage["name"], source)
+            else:
+                student = ARCHIVE_END.sub("", name) or name
+                yield SubmissionPart(student, student, Source(Path(name), name))

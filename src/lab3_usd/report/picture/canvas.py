@@ -35,18 +35,7 @@ def at_editor_positions(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed
     """
     if len(boxes) > MOST_BOXES or any(box.at is None for box in boxes):
         return None
-    placed = _apart(boxes)
-    if placed is None:
-        return None
-    paths = routed(placed, curves)
-    if paths is None:
-        return None
-    drawn = tuple(replace(curve, path=path) for curve, path in zip(curves, paths, strict=True))
-    return placed, drawn
-
-
-def _apart(boxes: Sequence[Box]) -> tuple[Box, ...] | None:
-    stretches = ((across, down) for across in FACTORS for down in FACTORS)
+    stretches = [(across, down) for across in FACTORS for down in FACTORS]
     for across, down in sorted(stretches, key=lambda pair: (pair[0] * pair[1], pair)):
         placed = tuple(
             replace(box, x=float(round(left * across)), y=float(round(top * down)))
@@ -54,8 +43,14 @@ def _apart(boxes: Sequence[Box]) -> tuple[Box, ...] | None:
             for left, top in [box.at or (0.0, 0.0)]
         )
         if not any(_too_close(first, second) for first, second in combinations(placed, 2)):
-            return placed
-    return None
+            break
+    else:
+        return None
+    paths = routed(placed, curves)
+    if paths is None:
+        return None
+    drawn = tuple(replace(curve, path=path) for curve, path in zip(curves, paths, strict=True))
+    return placed, drawn
 
 
 def _too_close(first: Box, second: Box) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from lab3_usd.report.picture.model import Box, Picture
 from lab3_usd.report.safe_text import visible
 
@@ -31,7 +29,14 @@ def mermaid(picture: Picture) -> str:
         label = " → ".join(coded(port) for port in ports if port)
         text = f'|"{label}"|' if label else ""
         lines.append(f"  {names[curve.source.key]} {arrow}{text} {names[curve.target.key]}")
-    return "\n".join([*lines, *_styles(picture, names)]) + "\n"
+    for state, style in STYLES.items():
+        boxes = [names[box.key] for box in picture.boxes if box.state == state]
+        wires = [str(place) for place, curve in enumerate(picture.curves) if curve.state == state]
+        if boxes:
+            lines += [f"  classDef {state} {style}", f"  class {','.join(boxes)} {state}"]
+        if wires:
+            lines.append(f"  linkStyle {','.join(wires)} {style}")
+    return "\n".join(lines) + "\n"
 
 
 def _label(box: Box) -> str:
@@ -41,17 +46,6 @@ def _label(box: Box) -> str:
             expected = f", should be {coded(', '.join(row.expected))}" if row.expected else ""
             parts.append(f"{coded(row.label)} = {coded(', '.join(row.value))}{expected}")
     return "<br/>".join(part for part in parts if part)
-
-
-def _styles(picture: Picture, names: dict[str, str]) -> Iterator[str]:
-    for state, style in STYLES.items():
-        boxes = [names[box.key] for box in picture.boxes if box.state == state]
-        curves = [str(place) for place, curve in enumerate(picture.curves) if curve.state == state]
-        if boxes:
-            yield f"  classDef {state} {style}"
-            yield f"  class {','.join(boxes)} {state}"
-        if curves:
-            yield f"  linkStyle {','.join(curves)} {style}"
 
 
 def coded(text: str) -> str:
