@@ -78,18 +78,16 @@ def _test(
 ) -> Json:
     """Return a test; its output is the findings, then the `rest`."""
     failed = earned < possible or any(finding.severity == "error" for finding in findings)
-    items = "\n".join(_item(finding) for finding in findings)
+    items = []
+    for finding in findings:
+        handout = f" \\(handout {text(finding.handout)}\\)" if finding.handout else ""
+        hint = f" {text(finding.hint)}" if finding.hint else ""
+        head = f"- **{text(finding.severity)} {text(finding.rule)}** {code(site(finding))}"
+        items.append(f"{head}: {text(finding.message)}{handout}{hint}")
     return {
         "name": name,
         "score": float(earned),
         "max_score": float(possible),
         "status": "failed" if failed else "passed",
-        "output": "\n\n".join(block for block in (items, rest) if block),
+        "output": "\n\n".join(block for block in ("\n".join(items), rest) if block),
     }
-
-
-def _item(finding: Finding) -> str:
-    handout = f" \\(handout {text(finding.handout)}\\)" if finding.handout else ""
-    hint = f" {text(finding.hint)}" if finding.hint else ""
-    head = f"- **{text(finding.severity)} {text(finding.rule)}** {code(site(finding))}"
-    return f"{head}: {text(finding.message)}{handout}{hint}"

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from msgspec import to_builtins
 from msgspec.structs import asdict
 
-from lab3_usd.model.finding import Crash, Finding, Report, StageResult
+from lab3_usd.model.finding import Crash, Finding, Report
 from lab3_usd.report.entries import Summary, fault_id, summarize
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import truncated_values
@@ -35,11 +35,26 @@ def dump(document: Json) -> str:
 def report_json(report: Report, *, requirements: bool = False) -> Json:
     """Return the report as plain data, keys in the order of the schema."""
     document = _head()
-    document["results"] = [_result(result, requirements=requirements) for result in report.results]
+    document["results"] = []
+    for result in report.results:
+        entry: Json = {
+            "path": result.path,
+            "checkpoint": result.checkpoint,
+            "verdict": result.verdict,
+            "score": {
+                "earned": float(result.score.earned),
+                "possible": float(result.score.possible),
+            },
+            "findings": [finding_json(finding) for finding in result.findings],
+        }
+        if requirements:
+            entry["requirements"] = [asdict(requirement) for requirement in result.requirements]
+        _add_crashes(entry, result.crashes)
+        document["results"].append(entry)
     if report.submissions:
         document["submissions"] = []
     for submission in report.submissions:
-        entry: Json = {
+        entry = {
             "path": submission.path,
             "findings": [finding_json(finding) for finding in submission.findings],
             "checklist": [asdict(item) for item in submission.checklist],
@@ -85,23 +100,6 @@ def finding_json(finding: Finding) -> Json:
 
 def _head() -> Json:
     return {"version": VERSION, "tool": {"name": NAME, "version": tool_version()}}
-
-
-def _result(result: StageResult, *, requirements: bool) -> Json:
-    document: Json = {
-        "path": result.path,
-        "checkpoint": result.checkpoint,
-        "verdict": result.verdict,
-        "score": {
-            "earned": float(result.score.earned),
-            "possible": float(result.score.possible),
-        },
-        "findings": [finding_json(finding) for finding in result.findings],
-    }
-    if requirements:
-        document["requirements"] = [asdict(requirement) for requirement in result.requirements]
-    _add_crashes(document, result.crashes)
-    return document
 
 
 def _add_crashes(document: Json, crashes: tuple[Crash, ...]) -> None:

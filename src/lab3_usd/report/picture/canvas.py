@@ -169,7 +169,11 @@ DIFF_ENTRIES = {
 
 def on_canvas(picture: Picture) -> Picture:
     """Return the picture moved to its position on the canvas, with legend and size."""
-    low, high = _extent(picture.boxes, picture.curves)
+    corners = [(box.x, box.y) for box in picture.boxes]
+    corners += [(box.x + box.w, box.y + box.h) for box in picture.boxes]
+    corners += [point for curve in picture.curves for point in points(curve.path)]
+    xs, ys = zip(*(corners or [(0.0, 0.0)]), strict=True)
+    low, high = (min(xs), min(ys)), (max(xs), max(ys))
     head = HEAD + REMARK_LINE * len(picture.remarks)
     texts = [text_width(picture.title, TITLE_SIZE, bold=True), text_width(picture.subtitle, 12.0)]
     texts += [ENTRY_TEXT + text_width(remark.text, 12.0, bold=True) for remark in picture.remarks]
@@ -188,15 +192,6 @@ def on_canvas(picture: Picture) -> Picture:
         width=width,
         height=last + LEGEND_LINE,
     )
-
-
-def _extent(boxes: Iterable[Box], curves: Iterable[Curve]) -> tuple[Point, Point]:
-    corners = [(box.x, box.y) for box in boxes]
-    corners += [(box.x + box.w, box.y + box.h) for box in boxes]
-    corners += [point for curve in curves for point in points(curve.path)]
-    corners = corners or [(0.0, 0.0)]
-    xs, ys = [point[0] for point in corners], [point[1] for point in corners]
-    return (min(xs), min(ys)), (max(xs), max(ys))
 
 
 def _moved(curve: Curve, across: float, down: float) -> Curve:

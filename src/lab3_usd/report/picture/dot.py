@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from lab3_usd.report.picture.model import Box, Curve, Picture, Row, State
+from lab3_usd.report.picture.model import Box, Picture, Row, State
 from lab3_usd.report.safe_text import dot_string, printable
 
 COLOURS: dict[State, str] = {
@@ -43,7 +41,13 @@ def dot(picture: Picture) -> str:
             names[end.key] + cells.get((end.key, end.port), "")
             for end in (curve.source, curve.target)
         )
-        looks = ", ".join([f'color="{COLOURS[curve.state]}"', *_looks(curve)])
+        looks = f'color="{COLOURS[curve.state]}"'
+        if curve.state == "missing":
+            looks += ", style=dotted"
+        elif curve.dashed:
+            looks += ", style=dashed"
+        if curve.state != "ok":
+            looks += f', penwidth=2, label="{curve.state}"'
         lines.append(f"  {source} -> {target} [{looks}];")
     return "\n".join([*lines, "}"]) + "\n"
 
@@ -65,16 +69,6 @@ def _cell(row: Row, places: dict[str, int]) -> str:
     value = f" = {', '.join(row.value)}" if row.value else ""
     expected = f" (expected be {', '.join(row.expected)})" if row.expected else ""
     return f"<p{places[row.port]}> {celled(row.label + value + expected)}"
-
-
-def _looks(curve: Curve) -> Iterator[str]:
-    if curve.state == "missing":
-        yield "style=dotted"
-    elif curve.dashed:
-        yield "style=dashed"
-    if curve.state != "ok":
-        yield "penwidth=2"
-        yield f'label="{curve.state}"'
 
 
 def celled(text: str) -> str:

@@ -315,7 +315,11 @@ def layered(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed:
     for box in boxes:
         left, width = grid.lefts[rank[box.key]], grid.widths[rank[box.key]]
         placed[box.key] = replace(box, x=left, y=grid.tops[(box.key,)], w=width)
-    lanes = _return_lanes([curves[place] for place in sorted(against)], placed, grid)
+    # The height below everything at which each output's wires run backward.
+    lowest = max((box.y + box.h for box in placed.values()), default=0.0)
+    lowest = max([lowest, *grid.tops.values()])
+    returning = dict.fromkeys(curves[place].source for place in sorted(against))
+    lanes = {end: lowest + BELOW + LANE * number for number, end in enumerate(returning)}
     drawn = []
     for place, curve in enumerate(curves):
         if place in against:
@@ -385,16 +389,6 @@ def _forward_path(curve: Curve, boxes: Mapping[str, Box], grid: Grid) -> tuple[B
         left = grid.lefts[column]
         way += [(left, height), (left + grid.widths[column], height)]
     return through([*way, end])
-
-
-def _return_lanes(
-    curves: Sequence[Curve], boxes: Mapping[str, Box], grid: Grid
-) -> dict[End, float]:
-    """Return the height below everything at which each output's wires run backward."""
-    lowest = max((box.y + box.h for box in boxes.values()), default=0.0)
-    lowest = max([lowest, *grid.tops.values()])
-    outputs = list({curve.source: None for curve in curves})
-    return {end: lowest + BELOW + LANE * number for number, end in enumerate(outputs)}
 
 
 def _ends(curve: Curve, boxes: Mapping[str, Box]) -> tuple[Point, Point]:

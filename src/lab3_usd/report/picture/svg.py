@@ -25,7 +25,6 @@ from lab3_usd.report.picture.model import (
     STATES,
     Bezier,
     Box,
-    Curve,
     Picture,
     Row,
     State,
@@ -338,13 +337,18 @@ def _element(picture: Picture, ids: ElementIds, style: str) -> str:
         f' width="{width}" height="{height}" viewBox="0 0 {width} {height}">'
     )
     # Faulty wires lie on top, boxes above all wires, marks of wires above everything.
-    curves = sorted(picture.curves, key=lambda curve: curve.state != "ok")
+    wires = []
+    for curve in sorted(picture.curves, key=lambda curve: curve.state != "ok"):
+        state = "" if curve.state == "ok" else f" {curve.state}"
+        dashes = " x" if curve.dashed else ""
+        path = f'<path class="w{dashes}{state}" d="{path_data(curve.path)}"'
+        wires.append(f"{path}>{note(curve.note)}</path>" if curve.note else f"{path}/>")
     parts = [
         opening,
         style,
         rect(0, 0, (picture.width, picture.height), "canvas"),
         f"<g{ids.id(picture.path)}>{''.join(_head(picture))}</g>",
-        *(_wire(curve) for curve in curves),
+        *wires,
         *(box_svg(box, ids) for box in picture.boxes),
         *_marks(picture),
         *_legend(picture),
@@ -374,13 +378,6 @@ def _marks(picture: Picture) -> Iterator[str]:
             # A missing wire often runs beside the wrong one: their marks stand apart.
             place = on_longest(curve.path, 0.35 if curve.state == "missing" else 0.6)
             yield mark(*place, curve.state)
-
-
-def _wire(curve: Curve) -> str:
-    state = "" if curve.state == "ok" else f" {curve.state}"
-    dashes = " x" if curve.dashed else ""
-    path = f'<path class="w{dashes}{state}" d="{path_data(curve.path)}"'
-    return f"{path}>{note(curve.note)}</path>" if curve.note else f"{path}/>"
 
 
 def path_data(path: tuple[Bezier, ...]) -> str:
