@@ -86,21 +86,18 @@ def submissions_in(place: Path | str) -> Iterator[ClassLocation]:
     """
     with scratch_folder("lab3-class-") as scratch:
         path = place if isinstance(place, Path) else archive_at(place, scratch, _CLASS)
-        if path is None:
-            yield ClassLocation(place, str(place))
-        elif stat.S_ISDIR(_mode(path, str(place))):
-            yield ClassLocation(path, str(place))
+        try:
+            is_folder = path is not None and stat.S_ISDIR(path.stat().st_mode)
+        except (FileNotFoundError, NotADirectoryError) as error:
+            raise UsageError(
+                f"{place}: there is no such folder or archive of submissions"
+            ) from error
+        except OSError as error:
+            raise UsageError(f"{place}: cannot be read ({error.strerror})") from error
+        if path is None or is_folder:
+            yield ClassLocation(place if path is None else path, str(place))
         else:
             yield _unpacked(path, str(place), scratch)
-
-
-def _mode(path: Path, given: str) -> int:
-    try:
-        return path.stat().st_mode
-    except (FileNotFoundError, NotADirectoryError) as error:
-        raise UsageError(f"{given}: there is no such folder or archive of submissions") from error
-    except OSError as error:
-        raise UsageError(f"{given}: cannot be read ({error.strerror})") from error
 
 
 def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:
