@@ -785,4 +785,6 @@ def test_a_failure_of_ours_says_what_and_where() -> None:
 def test_a_failure_of_ours_names_files_by_their_place_in_the_submission(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="gone") as raised:
         (tmp_path / "work" / "gone.usda").read_bytes()
-    assert _failure_text(raised.value, tmp_path).endswith("No such file or directory: 'work/gone.usda'")
+    assert _failure_text(raised.value, tmp_path).endswith(
+        "No such file or directory: 'work/gone.usda'"
+    )
