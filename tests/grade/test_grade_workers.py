@@ -25,7 +25,7 @@ from lab3_usd.grade.workers import pool, worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Reply, Task, decode, encode, status_of
 from lab3_usd.grade.workers.pool import WorkerSlot, judge_in, run_tasks
 from lab3_usd.grade.workers.sandbox import fence_files
-from lab3_usd.grade.workers.worker_main import _how
+from lab3_usd.grade.workers.worker_main import _failure_text
 from lab3_usd.grade.workers.worker_process import (
     Worker,
     WorkerDiedError,
@@ -771,13 +771,13 @@ def test_what_usd_core_raises_over_a_file_is_no_failure_of_ours() -> None:
     layer = Sdf.Layer.CreateAnonymous()
     with pytest.raises(Tf.ErrorException) as raised:
         layer.ImportFromString("no layer")
-    assert _how(raised.value, Path()) == "crashed usd-core (ErrorException)"
+    assert _failure_text(raised.value, Path()) == "crashed usd-core (ErrorException)"
 
 
 def test_a_failure_of_ours_says_what_and_where() -> None:
     with pytest.raises(KeyError) as raised:
         {}["x"]
-    how = _how(raised.value, Path())
+    how = _failure_text(raised.value, Path())
     assert re.fullmatch(r"tool failed: KeyError at test_grade_workers\.py:\d+: 'x'", how)
     assert status_of(how) == "tool failed"
 
@@ -785,4 +785,6 @@ def test_a_failure_of_ours_says_what_and_where() -> None:
 def test_a_failure_of_ours_names_files_by_their_place_in_the_submission(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="gone") as raised:
         (tmp_path / "work" / "gone.usda").read_bytes()
-    assert _how(raised.value, tmp_path).endswith("No such file or directory: 'work/gone.usda'")
+    assert _failure_text(raised.value, tmp_path).endswith(
+        "No such file or directory: 'work/gone.usda'"
+    )
