@@ -69,16 +69,18 @@ def shown_graph(path: str, graphs: Iterable[str]) -> str:
 _SAID = "; the robot may drive all the same"
 
 
-def without_node(subject: GraphSubject, role: str) -> str:
+def note_if_harmless(subject: GraphSubject, role: str) -> str:
     """Return how to end the message about a missing node: '' where the graph needs it."""
     wires = [wire for wire in subject.spec.wires if wire.source.role == role]
-    is_made_up = bool(wires) and all(_is_made_up(subject, wire) for wire in wires)
-    return _SAID if is_made_up else ""
+    is_supplied_otherwise = bool(wires) and all(
+        _is_supplied_otherwise(subject, wire) for wire in wires
+    )
+    return _SAID if is_supplied_otherwise else ""
 
 
 def without_wire(subject: GraphSubject, wire: Wire | None) -> str:
     """Return how to end the message about a wire that is not there: '' where it is needed."""
-    return _SAID if wire is not None and _is_made_up(subject, wire) else ""
+    return _SAID if wire is not None and _is_supplied_otherwise(subject, wire) else ""
 
 
 def with_setting(subject: GraphSubject, role: str, setting: Setting, value: Value | None) -> str:
@@ -88,12 +90,12 @@ def with_setting(subject: GraphSubject, role: str, setting: Setting, value: Valu
     return _SAID if is_choice and _unchanged(subject, role) else ""
 
 
-def _is_made_up(subject: GraphSubject, wire: Wire) -> bool:
+def _is_supplied_otherwise(subject: GraphSubject, wire: Wire) -> bool:
     """Whether the input gets what the wire would bring, as a value or past the wire's node."""
     target, port = subject.roles.node_of[wire.target.role], wire.target.port
     if target is None:
         onward = [each for each in subject.spec.wires if each.source.role == wire.target.role]
-        return bool(onward) and all(_is_made_up(subject, each) for each in onward)
+        return bool(onward) and all(_is_supplied_otherwise(subject, each) for each in onward)
     sources = [source for source in target.sources(port) if is_live(subject.live_nodes, source)]
     if sources:
         return set(sources) <= _around(subject, wire.source.role)

@@ -201,7 +201,7 @@ def _behind(first: Node, idle: list[Node], subject: LintSubject) -> Iterator[Nod
     return (node for node in idle if node.path in reached and node is not first)
 
 
-def has_job(node: Node) -> bool:
+def has_side_effects(node: Node) -> bool:
     """Whether a node talks to ROS or moves joints: it is there for a purpose of its own."""
     return node.type is not None and (bool(node.type.role) or node.type.drives is not None)
 

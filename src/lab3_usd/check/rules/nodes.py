@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.hints import shown_graph, without_node
+from lab3_usd.check.hints import note_if_harmless, shown_graph
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
@@ -57,7 +57,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
     for spec in missing:
         there = absent.get(spec.role) or in_another_graph(spec, subject)
         why = "" if there is None else f": {there.path} is {there.reason}{_below(there, subject)}"
-        spared = without_node(subject, spec.role)
+        spared = note_if_harmless(subject, spec.role)
         fix: tuple[Edit, ...] = ()
         if there is None:
             fix = (AddNode(f"{graph.path}/{spec.role}", subject.spec.name, spec.role),)
