@@ -1,7 +1,4 @@
-"""Results of stages.
-
-Verdicts, findings in order and at their places, without those that a stage ignores on purpose.
-"""
+"""Results of stages: verdicts, and findings in order, at their places and not ignored there."""
 
 from __future__ import annotations
 
