@@ -7,7 +7,6 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -57,7 +56,7 @@ class Seconds(click.FloatRange):
         return seconds
 
 
-def _named(context: click.Context, parameter: click.Parameter, submissions: str) -> str:
+def _refuse_empty(context: click.Context, parameter: click.Parameter, submissions: str) -> str:
     """Refuse the empty name, which stands for the current folder and is never meant."""
     if not submissions.strip():
         raise click.BadParameter(
@@ -67,7 +66,7 @@ def _named(context: click.Context, parameter: click.Parameter, submissions: str)
 
 
 @click.command("grade")
-@click.argument("submissions", callback=_named)
+@click.argument("submissions", callback=_refuse_empty)
 @click.option(
     "--starter",
     required=True,
@@ -126,20 +125,27 @@ def command(submissions: str, **options: Any) -> None:
     from lab3_usd.grade.intake.remote import is_address
     from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 
+    has_affinity = hasattr(os, "sched_getaffinity")
+    processors = len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),
         starter=options["starter"],
         out=options["out"],
         rubric=options["rubric"],
         limits=Limits(seconds=options["timeout"], memory=options["memory"] * MEGABYTE),
-        jobs=options["jobs"] or _processors(),
+        jobs=options["jobs"] or processors,
         resume=options["resume"],
         runner=_runner(options["cluster"]),
         notify=lambda line: click.echo(f"lab3: {line}", err=True),
     )
-    rows = grade_class(settings, _progress())
+    is_terminal = sys.stderr.isatty()
+    rows = grade_class(
+        settings, Rate(sys.stderr).show if is_terminal else lambda _done, _total: None
+    )
     counts = Counter(row["status"] for row in rows)
-    click.echo(_summary(counts, options["out"]))
+    states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+    number = f"{counts.total()} submission{'s' * (counts.total() != 1)}"
+    click.echo(f"{number} ({states}): {options['out'] / 'index.html'}")
     if counts["tool failed"]:
         sys.exit(EXIT_CRASH)
 
@@ -154,27 +160,6 @@ def _runner(cluster: str | None) -> Any:
     return cluster_runner(cluster)
 
 
-def _processors() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _progress() -> Callable[[int, int], None]:
-    """Show how many are done, how fast, and how long it takes, on a terminal only."""
-    if not sys.stderr.isatty():
-        return lambda _done, _total: None
-
-    return Rate(sys.stderr).show
-
-
-def _summary(counts: Counter[str], out: Path) -> str:
-    states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-    number = counts.total()
-    counted = "1 submission" if number == 1 else f"{number} submissions"
-    return f"{counted} ({states}): {out / 'index.html'}"
-
-
 def line(done: int, total: int, seconds: float) -> str:
     """Return `grading [#####-----] 50/100  2.5/s  20 s left`."""
     filled = _WIDTH * done // max(total, 1)
@@ -183,9 +168,6 @@ def line(done: int, total: int, seconds: float) -> str:
     if not done or seconds <= 0:
         return text
     rate = done / seconds
-    return f"{text}  {rate:.1f}/s  {_duration((total - done) / rate)} left"
-
-
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest:02} s" if minutes else f"{rest} s"
+    minutes, rest = divmod(round((total - done) / rate), 60)
+    duration = f"{minutes} min {rest:02} s" if minutes else f"{rest} s"
+    return f"{text}  {rate:.1f}/s  {duration} left"
