@@ -41,7 +41,7 @@ import_rules(*GRAPH_FAMILIES, *STAGE_FAMILIES)
 
 
 class Judgement(Struct, frozen=True):
-    """What the rules say of a stage, before findings are given lines."""
+    """The results of the rules for a stage, before findings are given lines."""
 
     findings: tuple[Finding, ...]
     requirements: tuple[Requirement, ...]
@@ -101,7 +101,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     for rule in rules_of("outcome", *STAGE_FAMILIES):
         run.rule(rule, outcome)
     findings = tuple(with_named_nodes(run.findings, live))
-    graphs = {graph_subject.spec.name: graph_subject.roles.graph for graph_subject in subjects}
+    graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
     judged = with_other_faults(outcome.requirements, findings, graphs)
     return Judgement(findings, judged, tuple(run.crashes), tuple(run.not_judged))
 

@@ -67,7 +67,11 @@ def _verdicts(line: ChecklistSpec, given: ChecklistInput) -> Iterator[_Verdict]:
     for name in line.shown:
         yield _shown(name, given)
     for name in line.deliverables:
-        yield _deliverable(name, given)
+        deliverable, count = given.spec.deliverables[name], len(given.listing.found.get(name, ()))
+        expected = f"at least {deliverable.at_least} expected"
+        is_complete = count >= deliverable.at_least
+        reason = "" if is_complete else f"{deliverable.title}: {count} found, {expected}"
+        yield ("met" if is_complete else "not shown"), reason
     if line.person:
         yield "person", line.person
 
@@ -149,11 +153,3 @@ def _command(kind: str, target: str, given: ChecklistInput) -> str:
         if is_goal or (command.kind.name, command.target) == (kind, target):
             return command.line
     return f"{kind.replace('_', ' ')} {target}".strip()
-
-
-def _deliverable(name: str, given: ChecklistInput) -> _Verdict:
-    deliverable, count = given.spec.deliverables[name], len(given.listing.found.get(name, ()))
-    if count >= deliverable.at_least:
-        return "met", ""
-    expected = f"at least {deliverable.at_least} expected"
-    return "not shown", f"{deliverable.title}: {count} found, {expected}"

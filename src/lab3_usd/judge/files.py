@@ -146,7 +146,10 @@ def judge_maps(contents: FolderContents, maps: Path | None, stage: Path | None) 
         if subject.image_file in contents.refused:
             return RuleResults()
     if stage is not None and subject.size == (facts.width, facts.height):
-        agreements = _wall_agreements(stage, root / subject.image_file, facts, lab)
+        try:
+            agreements = tuple(_wall_agreements(stage, root / subject.image_file, facts, lab))
+        except Lab3Error:
+            agreements = ()  # what cannot be compared gives no figure
         subject = replace(subject, agreements=agreements)
     return run_family("maps", "M", subject, lab)
 
@@ -170,19 +173,12 @@ def _map_path(contents: FolderContents, facts: MapFacts) -> Path | None:
 
 def _wall_agreements(
     stage_path: Path, image: Path, facts: MapFacts, lab: Lab
-) -> tuple[Agreement, ...]:
+) -> Iterator[Agreement]:
     """Compare a map with the one that the stage's walls give.
 
     Nobody says whether the map's frame is the world's or begins where the robot starts, so both
-    are tried. What cannot be compared gives no figure.
+    are tried.
     """
-    try:
-        return tuple(_agreements(stage_path, image, facts, lab))
-    except Lab3Error:
-        return ()
-
-
-def _agreements(stage_path: Path, image: Path, facts: MapFacts, lab: Lab) -> Iterator[Agreement]:
     from lab3_usd.stage.read.opening import open_stage
     from lab3_usd.stage.slices import SliceOptions, slice_stage
 

@@ -1,6 +1,4 @@
-"""What is wrong with the nodes and wires of one graph.
-
-Each fault once, with the best explanation found.
+"""What is wrong with the nodes and wires of one graph: each fault once, best explained.
 
 A missing or retyped node silences the wires that touch it: the node's own finding speaks.
 """

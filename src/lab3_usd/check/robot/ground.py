@@ -129,8 +129,8 @@ def _boxes_below(subject: StageSubject) -> Iterator[Collider]:
 def moving_body(stage: StageModel, path: str, known: frozenset[str] = frozenset()) -> Prim | None:
     """Return the rigid body that what stands at a path moves with, None where it stays.
 
-    Kinematic bodies stay, and so do those that a fixed joint ties to what stays. `known` are bodies
-    that are being asked about already: they end the search where bodies are tied in a ring.
+    Kinematic bodies stay, and so do those that a fixed joint ties to what stays. `known` are the
+    bodies visited so far: they end the search where joints tie bodies in a ring.
     """
     while path:
         prim = stage.prim(path)

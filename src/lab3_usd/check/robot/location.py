@@ -33,7 +33,13 @@ def robot_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
     relocations: dict[str, str] = {}
     is_nowhere = expected not in stage.prims or not stage.unknown(expected)
     if stage.prim(expected) is None and is_nowhere:
-        root = _root_by_links(lab, stage) or _root_by_name(lab, stage) or expected
+        root = _root_by_links(lab, stage) or expected
+        if root == expected:
+            # The robot may be a prim of its name whose links a missing asset may hold.
+            name = expected.rpartition("/")[2]
+            namesakes = stage.named(lambda leaf: is_named(leaf, [name]))
+            paths = (prim.path for prim in namesakes if prim.active)
+            root = min((path for path in paths if stage.unknown_below(path)), default=expected)
         if root != expected:
             relocations[expected] = root
     if stage.prim(root) is not None:
@@ -54,13 +60,6 @@ def _root_by_links(lab: Lab, stage: StageModel) -> str | None:
         if count >= _LEAST_LINKS * len(links)
     )
     return offers[0][2] if offers else None
-
-
-def _root_by_name(lab: Lab, stage: StageModel) -> str | None:
-    """Return the first prim of the robot's name whose links an asset may hold that is missing."""
-    name = lab.scene.robot.path.rpartition("/")[2]
-    named = (prim for prim in stage.named(lambda leaf: is_named(leaf, [name])) if prim.active)
-    return min((prim.path for prim in named if stage.unknown_below(prim.path)), default=None)
 
 
 def _link_relocations(links: tuple[str, ...], root: str, stage: StageModel) -> dict[str, str]:
@@ -100,21 +99,16 @@ def lost_graphs(
     on_robot = [name for name in roles if robot and is_at_or_below(specs[name].path, robot)]
     stayed_behind = all(roles[name].graph is None for name in on_robot)
     for name in (name for name, players in roles.items() if players.graph is None):
-        above = _topmost_missing(stage, specs[name].path.rpartition("/")[0])
+        missing = ""  # the topmost prim above the graph that is not in the scene
+        path = specs[name].path.rpartition("/")[0]
+        while path:
+            missing = path if stage.prim(path) is None else missing
+            path = path.rpartition("/")[0]
         if name in on_robot and stayed_behind:
             lost[name] = robot
-        elif above and not stage.unresolved_above(above):
-            lost[name] = above
+        elif missing and not stage.unresolved_above(missing):
+            lost[name] = missing
     return lost
-
-
-def _topmost_missing(stage: StageModel, path: str) -> str:
-    missing = ""
-    while path:
-        if stage.prim(path) is None:
-            missing = path
-        path = path.rpartition("/")[0]
-    return missing
 
 
 def is_root_articulated(lab: Lab, stage: StageModel) -> bool:

@@ -245,14 +245,14 @@ def joint_names(node: Node, port: str, live: Nodes) -> tuple[str, ...] | None:
     """Return the names that reach an input as a list, None where they are unknown."""
     made = list(live_sources(node, port, live))
     if len(made) == 1 and made[0][0].type is not None and made[0][0].type.dynamic is not None:
-        value = _array(made[0][0], live)
+        value = _array_of(made[0][0], live)
     else:
         value = effective_value(node, port, live)
     is_known = isinstance(value, tuple) and all(isinstance(item, str) for item in value)
     return tuple(map(str, value)) if is_known and isinstance(value, tuple) else None
 
 
-def _array(maker: Node, live: Nodes) -> Value | None:
+def _array_of(maker: Node, live: Nodes) -> Value | None:
     """Return the list that a node makes of its numbered inputs."""
     dynamic = None if maker.type is None else maker.type.dynamic
     count = None if dynamic is None else effective_value(maker, INPUT + dynamic.count, live)

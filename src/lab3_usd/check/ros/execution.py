@@ -136,7 +136,7 @@ class Stop(Struct, frozen=True, eq=False):
 def stops(graph: GraphModel, subject: LintSubject) -> Iterator[Stop]:
     """Yield the nodes of an evaluated graph that no signal reaches, each with those behind it.
 
-    A node that waits for one of those is not told again.
+    A node that waits for one of those is not listed again.
     """
     live = subject.live
     idle = [
@@ -161,7 +161,7 @@ def stops(graph: GraphModel, subject: LintSubject) -> Iterator[Stop]:
 
 
 def _obstacle(node: Node, subject: LintSubject) -> tuple[str, str]:
-    """Return why the signals of nodes that run do not reach this one, and which node is it."""
+    """Return why signals of running nodes do not reach this one, and the node that holds them."""
     live = subject.live
     for port in signal_inputs(node):
         for source, out in live_sources(node, port, live):
