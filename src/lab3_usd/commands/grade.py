@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -125,23 +126,18 @@ def command(submissions: str, **options: Any) -> None:
     from lab3_usd.grade.intake.remote import is_address
     from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 
-    has_affinity = hasattr(os, "sched_getaffinity")
-    processors = len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),
         starter=options["starter"],
         out=options["out"],
         rubric=options["rubric"],
         limits=Limits(seconds=options["timeout"], memory=options["memory"] * MEGABYTE),
-        jobs=options["jobs"] or processors,
+        jobs=options["jobs"] or _processors(),
         resume=options["resume"],
         runner=_runner(options["cluster"]),
         notify=lambda line: click.echo(f"lab3: {line}", err=True),
     )
-    is_terminal = sys.stderr.isatty()
-    rows = grade_class(
-        settings, Rate(sys.stderr).show if is_terminal else lambda _done, _total: None
-    )
+    rows = grade_class(settings, _progress())
     counts = Counter(row["status"] for row in rows)
     states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
     number = f"{counts.total()} submission{'s' * (counts.total() != 1)}"
@@ -158,6 +154,20 @@ def _runner(cluster: str | None) -> Any:
     from lab3_usd.grade.workers.cluster import cluster_runner
 
     return cluster_runner(cluster)
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _progress() -> Callable[[int, int], None]:
+    """Show how many are done, how fast, and how long it takes, on a terminal only."""
+    if not sys.stderr.isatty():
+        return lambda _done, _total: None
+
+    return Rate(sys.stderr).show
 
 
 def line(done: int, total: int, seconds: float) -> str:
