@@ -11,7 +11,7 @@ from lab3_usd.check.ros.execution import (
     Stop,
     array_items,
     feeds,
-    has_job,
+    has_side_effects,
     is_wired,
     stops,
     unmet_needs,
@@ -57,7 +57,7 @@ def never_computes(subject: LintSubject) -> Iterator[Problem]:
 def _matters(stop: Stop, subject: LintSubject) -> bool:
     """Whether a node with a job waits, or a node that runs takes data from one that does."""
     nodes = (stop.node, *stop.waiting)
-    if any(has_job(node) for node in nodes):
+    if any(has_side_effects(node) for node in nodes):
         return True
     return any(subject.runs(target.path) for node in nodes for target in feeds(node, subject))
 
@@ -205,7 +205,7 @@ def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
         yield Problem(
             node.path,
             f"{subject.title(node)} is outside every graph and never executes",
-            severity="error" if has_job(node) else None,
+            severity="error" if has_side_effects(node) else None,
         )
     for graph in subject.graphs():
         for prim in graph.absent if graph.active else ():
@@ -225,7 +225,7 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:enabled = 0` on a ROS2 Camera Helper.
     """
     for node in subject.live.values():
-        if has_job(node) and effective_value(node, ENABLED, subject.live) is False:
+        if has_side_effects(node) and effective_value(node, ENABLED, subject.live) is False:
             yield Problem(node.path, f"{subject.title(node)} is switched off", property=ENABLED)
         gate = shut_gate(node, subject.live, subject.lab)
         waiting = feeds(node, subject) if gate is not None else []
@@ -340,7 +340,7 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
     connected = [entry for entry in context_inputs(subject) if entry.contexts]
     unset = [entry for entry in context_inputs(subject) if not entry.is_set]
     for entry in unset if connected else ():
-        if has_job(entry.node) and subject.runs(entry.node.path):
+        if has_side_effects(entry.node) and subject.runs(entry.node.path):
             context = connected[0].contexts[0].path
             count = len(connected)
             yield Problem(

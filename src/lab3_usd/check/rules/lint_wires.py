@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.execution import has_job, is_nothing
+from lab3_usd.check.ros.execution import has_side_effects, is_nothing
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.ros.topics import did_you_mean, likely_name
 from lab3_usd.check.ros.wires import Connection, connections, find_cycles, why_dead
@@ -262,4 +262,6 @@ def _has_pace(wire: Connection) -> bool:
     if kind is None:
         return False
     limits = [wire.node.value(port) for port in kind.step_limits]
-    return (has_job(wire.node) and kind.role != "service" and not kind.drives) or any(limits)
+    return (has_side_effects(wire.node) and kind.role != "service" and not kind.drives) or any(
+        limits
+    )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.hints import shown_graph, without_node
+from lab3_usd.check.hints import note_if_harmless, shown_graph
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
@@ -59,7 +59,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
         reason = ""
         if present is not None:
             reason = f": {present.path} is {present.reason}{_below(present, subject)}"
-        harmless_note = without_node(subject, spec.role)
+        harmless_note = note_if_harmless(subject, spec.role)
         fix: tuple[Edit, ...] = ()
         if present is None:
             fix = (AddNode(f"{graph.path}/{spec.role}", subject.spec.name, spec.role),)
