@@ -43,7 +43,7 @@ PLAIN: Mapping[str, str] = {
     "graph_name": "Clock",
     "next_graph": "/World/Drive",
     "next_graph_name": "Drive",
-    "last_graph_name": "Odometry",
+    "tree_graph_name": "Odometry",
     "stages": "stages",
     "maps": "maps",
     "shown": "output",
@@ -129,9 +129,11 @@ def _menu(asset: str) -> str:
 
 def _of_graphs(lab: Lab) -> Iterator[tuple[str, str]]:
     graphs = list(lab.graphs.values())
-    for word, number in (("graph", 0), ("next_graph", 1), ("last_graph", len(graphs))):
+    for word, number in (("graph", 0), ("next_graph", 1)):
         yield word, _at([graph.path for graph in graphs], number)
         yield f"{word}_name", _at([graph.name for graph in graphs], number)
+    with_tree = (point.graphs for point in lab.checkpoints.values() if point.frames)
+    yield "tree_graph_name", _at(next(with_tree, tuple(lab.graphs)), len(graphs))
 
 
 def _of_files(lab: Lab) -> Iterator[tuple[str, str]]:
