@@ -75,6 +75,12 @@ def test_a_transform_published_twice_is_of_the_graph_that_publishes_the_tree() -
     assert "`ROS_OdomTF` was copied" in rules_in(extended)["T04"].manual
 
 
+def test_a_map_that_is_not_given_is_of_a_stage_that_localizes() -> None:
+    later = replace(LAB.checkpoints["08"], id="99", file="later", new=("ROS_Clock",))
+    extended = replace(LAB, checkpoints={**LAB.checkpoints, "99": later})
+    assert LAB.checkpoints["08"].file in rules_in(extended)["M10"].manual
+
+
 def test_a_hint_names_the_sensor_and_its_link() -> None:
     hints = {
         lab.title: finding_of(all_rules()["L01"], Problem("/a", "missing"), lab).hint

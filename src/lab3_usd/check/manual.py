@@ -59,7 +59,7 @@ PLAIN: Mapping[str, str] = {
     "above": "map",
     **{f"stage{n}": f"stage_{n}.usda" for n in range(_LAST_STAGE + 1)},
     **{f"stem{n}": f"stage_{n}" for n in range(_LAST_STAGE + 1)},
-    "last_stage": "stage_9.usda",
+    "map_stage": "stage_9.usda",
 }
 
 
@@ -142,7 +142,8 @@ def _of_files(lab: Lab) -> Iterator[tuple[str, str]]:
     for number in range(_LAST_STAGE + 1):
         yield f"stem{number}", _at(stems, number)
         yield f"stage{number}", f"{_at(stems, number)}{ending}"
-    yield "last_stage", f"{stems[-1]}{ending}"
+    on_map = [p.file for p in lab.checkpoints.values() if p.localization and not p.new]
+    yield "map_stage", f"{(on_map or stems)[-1]}{ending}"
     yield "stages", folders.stages
     yield "maps", folders.maps
     yield "shown", _at(folders.shown, 0)
