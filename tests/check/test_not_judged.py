@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -17,8 +17,8 @@ from missing_assets import (
     rover_of_a_missing_asset,
 )
 from pxr import Sdf, Usd
-from scene_changes import ROBOT
-from scene_stages import model_of
+from scene_changes import CAMERA, LIDAR, ROBOT, Change, hide_place, refer, retype, several
+from scene_stages import built, model_of, told
 
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.registry import Rule
@@ -194,3 +194,28 @@ def test_other_reports_are_the_same_with_and_without_what_was_not_judged(
         for entries in ((), (OPEN,))
     }
     assert len(texts) == 1
+
+
+def without_type(sensor: str) -> Change:
+    return several(retype(sensor, ""), refer(sensor, "sensor.usd"))
+
+
+@pytest.mark.parametrize(("checkpoint", "sensor"), [("03", LIDAR), ("04", CAMERA)])
+@pytest.mark.parametrize("hidden", [hide_place, without_type])
+def test_place_and_type_of_a_sensor_may_be_in_a_missing_asset(
+    checkpoint: str, sensor: str, hidden: Callable[[str], Change]
+) -> None:
+    stage = built(checkpoint)
+    hidden(sensor)(stage)
+    assert told(stage, checkpoint) == [("F02", sensor, None)]
+
+
+@pytest.mark.parametrize(
+    ("checkpoint", "sensor", "rule"), [("03", LIDAR, "L03"), ("04", CAMERA, "C03")]
+)
+def test_a_type_that_is_written_is_judged_beside_a_missing_asset(
+    checkpoint: str, sensor: str, rule: str
+) -> None:
+    stage = built(checkpoint)
+    several(retype(sensor, "Xform"), refer(sensor, "sensor.usd"))(stage)
+    assert (rule, sensor, None) in told(stage, checkpoint)
