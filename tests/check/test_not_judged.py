@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -27,12 +27,15 @@ from scene_changes import (
     Change,
     aim,
     clear,
+    hide_place,
     refer,
     remove,
+    retype,
+    several,
     weld,
     without_api,
 )
-from scene_stages import built, model_of
+from scene_stages import built, model_of, told
 
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.registry import Rule
@@ -284,3 +287,28 @@ def test_the_links_of_a_missing_robot_are_not_judged_and_no_finding() -> None:
         "S05": len(LINKS),
         "S06": 2,
     }
+
+
+def without_type(sensor: str) -> Change:
+    return several(retype(sensor, ""), refer(sensor, "sensor.usd"))
+
+
+@pytest.mark.parametrize(("checkpoint", "sensor"), [("03", LIDAR), ("04", CAMERA)])
+@pytest.mark.parametrize("hidden", [hide_place, without_type])
+def test_place_and_type_of_a_sensor_may_be_in_a_missing_asset(
+    checkpoint: str, sensor: str, hidden: Callable[[str], Change]
+) -> None:
+    stage = built(checkpoint)
+    hidden(sensor)(stage)
+    assert told(stage, checkpoint) == [("F02", sensor, None)]
+
+
+@pytest.mark.parametrize(
+    ("checkpoint", "sensor", "rule"), [("03", LIDAR, "L03"), ("04", CAMERA, "C03")]
+)
+def test_a_type_that_is_written_is_judged_beside_a_missing_asset(
+    checkpoint: str, sensor: str, rule: str
+) -> None:
+    stage = built(checkpoint)
+    several(retype(sensor, "Xform"), refer(sensor, "sensor.usd"))(stage)
+    assert (rule, sensor, None) in told(stage, checkpoint)

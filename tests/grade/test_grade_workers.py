@@ -213,32 +213,30 @@ def test_an_idle_worker_that_is_killed_costs_nobody_a_point(odd: PoolSettings) -
     assert (second["status"], second["broken"]) == ("graded", {})
 
 
-def test_a_worker_that_is_killed_at_its_work_is_replaced_once(
-    odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("once", "always", "end"),
+    [
+        ("once", "killed", "ended by SIGKILL"),
+        ("crashes once", "crashes", "crashed usd-core (SIGSEGV)"),
+    ],
+)
+def test_a_file_at_which_a_worker_ended_is_read_once_more(
+    odd: PoolSettings,
+    temporary: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    once: str,
+    always: str,
+    end: str,
 ) -> None:
     monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
     slot = WorkerSlot(odd)
     try:
-        _, once = judge_in(slot, task("once"), never_stopped)
-        _, always = judge_in(slot, task("killed"), never_stopped)
+        _, well = judge_in(slot, task(once), never_stopped)
+        _, ended = judge_in(slot, task(always), never_stopped)
     finally:
         slot.stop()
-    assert (once["status"], once["broken"]) == ("graded", {})
-    assert always["broken"] == {"second.usda": "ended by SIGKILL"}
-
-
-def test_a_file_at_which_a_worker_crashed_is_read_once_more(
-    odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
-    slot = WorkerSlot(odd)
-    try:
-        _, once = judge_in(slot, task("crashes once"), never_stopped)
-        _, always = judge_in(slot, task("crashes"), never_stopped)
-    finally:
-        slot.stop()
-    assert (once["status"], once["broken"]) == ("graded", {})
-    assert always["broken"] == {"second.usda": "crashed usd-core (SIGSEGV)"}
+    assert (well["status"], well["broken"]) == ("graded", {})
+    assert ended["broken"] == {"second.usda": end}
 
 
 def test_workers_that_never_begin_are_the_tools_fault(

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 from lab3_usd.stage.write.starter import build_starter
@@ -15,15 +16,20 @@ from lab3_usd.stage.write.starter import build_starter
 LAB = load_lab()
 
 
-@cache
-def built() -> Path:
-    """Build the stages and the starter once, and return their folder."""
+def build_all(lab: Lab) -> Path:
+    """Build the stages and the starter of the lab in force, and return their folder."""
     folder = Path(mkdtemp(prefix="built"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    plan = plan_files(LAB, folder / "work", list(LAB.checkpoints), "usda")
-    build_files(LAB, None, plan, BuildOptions())
+    build_files(
+        lab, None, plan_files(lab, folder / "work", list(lab.checkpoints), "usda"), BuildOptions()
+    )
     build_starter(folder / "starter.usda")
     return folder
+
+
+@cache
+def built() -> Path:
+    return build_all(LAB)
 
 
 def starter() -> Path:

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import atexit
 import shutil
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 from unittest.mock import patch
 
+from grade_files import build_all
 from places import TESTS
 from pxr import Sdf
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
-from lab3_usd.stage.write.starter import build_starter
 
 MINI = TESTS / "labs" / "mini"
 LAB = load_lab(MINI)
@@ -35,13 +32,8 @@ def copied(folder: Path) -> Path:
 @cache
 def built() -> Path:
     """Build the stages and the starter once, and return their folder."""
-    folder = Path(mkdtemp(prefix="mini"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     with in_force():
-        plan = plan_files(LAB, folder / "work", list(LAB.checkpoints), "usda")
-        build_files(LAB, None, plan, BuildOptions())
-        build_starter(folder / "starter.usda")
-    return folder
+        return build_all(LAB)
 
 
 def starter() -> Path:

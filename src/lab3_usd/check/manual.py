@@ -43,7 +43,7 @@ PLAIN: Mapping[str, str] = {
     "graph_name": "Clock",
     "next_graph": "/World/Drive",
     "next_graph_name": "Drive",
-    "last_graph_name": "Odometry",
+    "tree_graph_name": "Odometry",
     "stages": "stages",
     "maps": "maps",
     "shown": "output",
@@ -59,7 +59,7 @@ PLAIN: Mapping[str, str] = {
     "above": "map",
     **{f"stage{n}": f"stage_{n}.usda" for n in range(_LAST_STAGE + 1)},
     **{f"stem{n}": f"stage_{n}" for n in range(_LAST_STAGE + 1)},
-    "last_stage": "stage_9.usda",
+    "map_stage": "stage_9.usda",
 }
 
 
@@ -83,9 +83,11 @@ def in_words_of(lab: Lab | None, manual: str) -> str:
 def _words(lab: Lab) -> Mapping[str, str]:
     words = [*_of_robot(lab), *_of_sensors(lab), *_of_files(lab)]
     graphs = list(lab.graphs.values())
-    for name, number in (("graph", 0), ("next_graph", 1), ("last_graph", len(graphs))):
+    for name, number in (("graph", 0), ("next_graph", 1)):
         words.append((name, _at([graph.path for graph in graphs], number)))
         words.append((f"{name}_name", _at([graph.name for graph in graphs], number)))
+    with_tree = (point.graphs for point in lab.checkpoints.values() if point.frames)
+    words.append(("tree_graph_name", _at(next(with_tree, tuple(lab.graphs)), len(graphs))))
     for name, message in _MESSAGES.items():
         topics = (topic for topic, spec in lab.topics.items() if spec.type == message)
         words.append((name, next(topics, "")))
@@ -137,7 +139,8 @@ def _of_files(lab: Lab) -> Iterator[tuple[str, str]]:
     for number in range(_LAST_STAGE + 1):
         yield f"stem{number}", _at(stems, number)
         yield f"stage{number}", f"{_at(stems, number)}{ending}"
-    yield "last_stage", f"{stems[-1]}{ending}"
+    on_map = [p.file for p in lab.checkpoints.values() if p.localization and not p.new]
+    yield "map_stage", f"{(on_map or stems)[-1]}{ending}"
     yield "stages", folders.stages
     yield "maps", folders.maps
     yield "shown", _at(folders.shown, 0)

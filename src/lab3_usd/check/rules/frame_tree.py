@@ -96,7 +96,7 @@ def transform_published_twice(view: TfView) -> Iterator[Problem]:
     Fix: delete one of the publishers, most often a copy of the whole graph. If two target prims
     have one frame name, remove one of them.
 
-    Example: `{last_graph_name}` was copied to `/World`, and both publish `{root} -> {base}`.
+    Example: `{tree_graph_name}` was copied to `/World`, and both publish `{root} -> {base}`.
     """
     subject = view.subject
     twice: dict[str, list[tuple[Edge, list[Edge]]]] = {}

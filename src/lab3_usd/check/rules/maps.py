@@ -257,7 +257,7 @@ def map_not_given(subject: MapSubject) -> Iterator[Problem]:
 
     Fix: check the whole submission folder, or name the folder of the map with `--maps`.
 
-    Example: `lab3 check {last_stage}`.
+    Example: `lab3 check {map_stage}`.
     """
     if not subject.given:
         yield Problem(subject.file, "not handed in, so not checked")
