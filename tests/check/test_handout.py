@@ -210,9 +210,9 @@ class TestGraph:
         found: dict[str, Mapping[str, tuple[str, ...]]] = {}
         for name, prim in named_nodes(stages[number], graph).items():
             targets = {
-                getrelationship.GetName(): tuple(str(path) for path in getrelationship.GetTargets())
-                for getrelationship in prim.GetRelationships()
-                if getrelationship.GetTargets()
+                relationship.GetName(): tuple(str(path) for path in relationship.GetTargets())
+                for relationship in prim.GetRelationships()
+                if relationship.GetTargets()
             }
             if targets:
                 found[name] = targets

@@ -99,12 +99,10 @@ class TestGraph:
 
     def test_it_has_the_targets_of_the_sheet(self, path: str, stages: list[Usd.Stage]) -> None:
         found = {
-            f"{node.GetName()}.{getrelationship.GetName()}": tuple(
-                map(str, getrelationship.GetTargets())
-            )
+            f"{node.GetName()}.{relationship.GetName()}": tuple(map(str, relationship.GetTargets()))
             for node in stages[-1].GetPrimAtPath(path).GetChildren()
-            for getrelationship in node.GetRelationships()
-            if getrelationship.GetTargets()
+            for relationship in node.GetRelationships()
+            if relationship.GetTargets()
         }
         assert found == TARGETS[path]
 

@@ -101,10 +101,10 @@ def stages(tmp_path_factory: pytest.TempPathFactory) -> list[Usd.Stage]:
 def properties(stages: list[Usd.Stage]) -> list[Usd.Property]:
     everything = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
     found = [
-        getauthoredproperty
+        authored
         for stage in stages
         for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything)
-        for getauthoredproperty in prim.GetAuthoredProperties()
+        for authored in prim.GetAuthoredProperties()
     ]
     assert len(found) > 500
     return found

@@ -136,8 +136,8 @@ def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 def properties(prim: Usd.Prim) -> dict[str, Any]:
     """What the composed prim says, with asset paths as what they lead to."""
     values: dict[str, Any] = {
-        getrelationship.GetName(): [str(path) for path in getrelationship.GetTargets()]
-        for getrelationship in prim.GetRelationships()
+        relationship.GetName(): [str(path) for path in relationship.GetTargets()]
+        for relationship in prim.GetRelationships()
     }
     for attribute in prim.GetAttributes():
         value = attribute.Get()
@@ -788,9 +788,7 @@ def vendors(tmp_path: Path) -> Sdf.Layer:
 def test_a_lidar_asset_is_referred_to(vendors: Sdf.Layer) -> None:
     lidar = vendors.GetPrimAtPath(LIDAR)
     assert lidar.typeName == "OmniLidar"
-    assert [prependeditem.assetPath for prependeditem in lidar.referenceList.prependedItems] == [
-        ASSET
-    ]
+    assert [item.assetPath for item in lidar.referenceList.prependedItems] == [ASSET]
 
 
 def test_over_a_lidar_asset_only_rates_and_pose_are_written(vendors: Sdf.Layer) -> None:

@@ -59,9 +59,9 @@ def _nodes(stage: Usd.Stage) -> list[Usd.Prim]:
 
 def _ports(node: Usd.Prim, start: str) -> list[Usd.Attribute]:
     return [
-        getauthoredattribute
-        for getauthoredattribute in node.GetAuthoredAttributes()
-        if getauthoredattribute.GetName().startswith(start)
+        attribute
+        for attribute in node.GetAuthoredAttributes()
+        if attribute.GetName().startswith(start)
     ]
 
 
@@ -152,9 +152,9 @@ def _set(attribute: Usd.Attribute, chance: random.Random) -> str:
 def _aim(stage: Usd.Stage, chance: random.Random) -> str:
     node = chance.choice(_nodes(stage))
     ports = [
-        getauthoredrelationship
-        for getauthoredrelationship in node.GetAuthoredRelationships()
-        if getauthoredrelationship.GetTargets()
+        relationship
+        for relationship in node.GetAuthoredRelationships()
+        if relationship.GetTargets()
     ]
     if not ports:
         return ""
@@ -211,9 +211,9 @@ def _scene(stage: Usd.Stage, chance: random.Random) -> str:
     prims = [each for each in stage.Traverse() if each.GetTypeName() != "OmniGraphNode"]
     prim = chance.choice([each for each in prims if each.GetAuthoredAttributes()])
     attributes = [
-        getauthoredattribute
-        for getauthoredattribute in prim.GetAuthoredAttributes()
-        if not getauthoredattribute.GetName().startswith(("primvars", "ui:", "inputs:"))
+        attribute
+        for attribute in prim.GetAuthoredAttributes()
+        if not attribute.GetName().startswith(("primvars", "ui:", "inputs:"))
     ]
     return _set(chance.choice(attributes), chance) if attributes else ""
 
@@ -252,11 +252,7 @@ def _name_space(stage: Usd.Stage, chance: random.Random) -> str:
 def _sample(stage: Usd.Stage, chance: random.Random) -> str:
     """Let a value be another one from the first frame on."""
     ports = [port for node in _nodes(stage) for port in _ports(node, "inputs:")]
-    ports += [
-        getauthoredattribute
-        for prim in stage.Traverse()
-        for getauthoredattribute in prim.GetAuthoredAttributes()
-    ]
+    ports += [attribute for prim in stage.Traverse() for attribute in prim.GetAuthoredAttributes()]
     attribute = chance.choice(ports)
     value = _value(attribute, chance)
     if value is None or value == attribute.Get() or attribute.GetName().startswith("primvars"):

@@ -133,7 +133,7 @@ def _target_faults(spec: GraphSpec, node: NodeSpec) -> Iterator[Fault]:
 def _target_fault(path: str, port: str, prim: str, instead: str | None, name: str) -> Fault:
     def change(stage: Usd.Stage) -> None:
         relationship = stage.GetPrimAtPath(path).GetRelationship(port)
-        kept = [gettarget for gettarget in relationship.GetTargets() if str(gettarget) != prim]
+        kept = [target for target in relationship.GetTargets() if str(target) != prim]
         relationship.SetTargets([*kept, *([] if instead is None else [Sdf.Path(instead)])])
 
     what = "removed" if instead is None else "replaced"
