@@ -195,10 +195,6 @@ def _ending(entry: Entry, files: StageFiles) -> str:
     return next((ending for ending in reversed(endings) if ending in known), "")
 
 
-def _stem(entry: Entry) -> str:
-    return PurePosixPath(entry.name).name.partition(".")[0]
-
-
 def _right(
     ordered: Sequence[Entry], number: str, name: str, home: str, files: StageFiles
 ) -> StageFile | None:
@@ -218,7 +214,7 @@ def _guesses(left: Sequence[Entry], names: Mapping[str, str]) -> Iterator[tuple[
     """Yield files and the checkpoint that each may be meant for, the likeliest first."""
     guesses = []
     for rank, entry in enumerate(left):
-        stem = _stem(entry)
+        stem = PurePosixPath(entry.name).name.partition(".")[0]
         named = nearly_named(stem, names)
         for number, name in names.items():
             alike = SequenceMatcher(None, stem.lower(), name.lower(), autojunk=False).ratio()

@@ -60,8 +60,8 @@ class Affine(NamedTuple):
 
     def rigid(self) -> Affine:
         """Return the same place without scale."""
-        columns = [column(self.rows, each) for each in range(3)]
-        lengths = [length(each) or 1.0 for each in columns]
+        columns = [column(self.rows, axis) for axis in range(3)]
+        lengths = [length(vector) or 1.0 for vector in columns]
         rows = tuple(tuple(n / k for n, k in zip(row, lengths, strict=True)) for row in self.rows)
         return Affine(rows, self.origin)  # type: ignore[arg-type]
 
